@@ -16,18 +16,20 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import ROLLING
+from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.fmi_variables import COEFFICIENTS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 COEFFICIENT_TITLES = {
-    "C_A": "Axial force $C_A$ [1]",
-    "C_N": "Normal force $C_N$ [1]",
-    "C_Y": "Side force $C_Y$ [1]",
-    "M_P": "Pitching moment $M_P$ [1]",
-    "M_Y": "Yawing moment $M_Y$ [1]",
-    "M_R": "Rolling moment $M_R$ [1]",
+    name: f"{label} ${name}$ [1]"
+    for name, label in (
+        *zip(COEFFICIENTS, (one.label for one in LOADS.values()), strict=True),
+        (ROLLING, "Rolling moment"),
+    )
 }
 
 

@@ -15,6 +15,7 @@ from builder.truth.revolution.sensors import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import THRUST
 
 PERCENT = 0.01
 
@@ -65,7 +66,7 @@ class FlownSensors:
         inside = np.array([row.follows_inside for row in rows]) * float(np.mean(built.internal_pressure))
         suction = 1.0 - entry.base_pressure_ratio + PERCENT * entry.base_pressure_percent * own["base pressure"]
         friction = entry.friction_C_A + entry.friction_C_A_std * own["friction"]
-        thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * own["thrust"]
+        thrust = 0.0 if entry.imu is None else entry.imu.thrust_std_N * own[THRUST]
         drift = [sum(std * own[name] for name, std in row.drift.items()) for row in rows]
         return BuiltSensors(
             names=tuple(row.name for row in rows),
@@ -86,7 +87,7 @@ class FlownSensors:
         return dict(zip(names, drawn.tolist(), strict=True))
 
 
-_NUISANCES = ("base pressure", "friction", "thrust")
+_NUISANCES = ("base pressure", "friction", THRUST)
 
 
 def flown_sensors(vehicle: Vehicle, surface: SurfaceGrid) -> FlownSensors | None:

@@ -55,6 +55,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.signal_names import TEMPERATURE
 
 MAP_METHOD_VERSION = 17
 """Raised whenever the same files give another map, so that maps are made again."""
@@ -150,7 +151,7 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
         include={"name", "structure", "material", "materials", "reference", "gauges", "noise", "map", "sensors"}
     )
     temperature = vehicle.temperature
-    warm = {} if temperature is None else {"temperature": temperature.model_dump()}
+    warm = {} if temperature is None else {TEMPERATURE: temperature.model_dump()}
     return {**parts, **warm, "tables": tables}
 
 

@@ -37,6 +37,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.flight_condition import FlightCondition
 
 MICRO, PER_100K, CELSIUS = 1e-6, 1e-4, 273.15
@@ -171,7 +172,7 @@ def maps_of(vehicle: Vehicle, snapshots: Snapshots) -> tuple[InverseMap, Inverse
     on = snapshots_on(snapshots, structure.surface)
     found = []
     for entry in (None, vehicle.temperature):
-        one = vehicle.model_copy(update={"temperature": entry})
+        one = vehicle.model_copy(update={TEMPERATURE: entry})
         found.append(with_manifold(build_inverse_map(one, on, structure), one, on, structure))
     return found[0], found[1]
 
@@ -226,7 +227,7 @@ def main() -> None:
     options = parser.parse_args()
     vehicle = load_vehicle(options.vehicle)
     if vehicle.temperature is None:
-        vehicle = vehicle.model_copy(update={"temperature": standard_temperature(vehicle.body().length)})
+        vehicle = vehicle.model_copy(update={TEMPERATURE: standard_temperature(vehicle.body().length)})
     table, resolution = load_flow_table(options.flows), vehicle.resolution.truth
     if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
         raise InputError(f"{options.flows}: flows of another [resolution.truth] than that of {options.vehicle}")

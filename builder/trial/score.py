@@ -15,15 +15,13 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.other_loads import ROLLING as ROLLING
 
 SIGMAS = 3.0
 """An estimate is wrong where a load is further from the truth than this many of its standard deviations."""
 
 ALARMS = (HealthState.INCONSISTENT, HealthState.SUSPECT)
 """States that good samples should be in no oftener than the stated rate."""
-
-ROLLING = "M_R"
-"""Name of the rolling moment, the sixth load of a body that is none of revolution."""
 
 CONSTANT = 1e-9
 """Range of a coefficient [1] below which it counts as constant."""

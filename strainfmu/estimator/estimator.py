@@ -38,7 +38,7 @@ from strainfmu.estimator.other_loads import number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, STRAIN
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, STRAIN, TEMPERATURE, THRUST
 from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
@@ -176,7 +176,7 @@ class Estimator:
         first_air = inputs[AIR_INPUT_NAMES[0]].start
         self._n, self._shape = n, (n,)
         self._std_places = [inputs[name].start for name in _STDS]
-        self._temperature, self._thrust = inputs["temperature"], inputs["thrust"]
+        self._temperature, self._thrust = inputs[TEMPERATURE], inputs[THRUST]
         self._parameter = inputs["parameter"]
         # What lies behind the readings of a record: air data, and what is not known of a plain sample.
         more = np.full(self.core.n_inputs, nan)
@@ -496,7 +496,7 @@ class Estimator:
         ]
         columns += [
             (self._temperature, self._temperatures(temperature, k)),
-            (self._thrust, _column("thrust", thrust, k)),
+            (self._thrust, _column(THRUST, thrust, k)),
             (self._parameter, nan if parameters is None else self.parameters.values(parameters, k)),
             (
                 layout.get("parameter_std", slice(0, 0)),
@@ -521,7 +521,7 @@ class Estimator:
         """Return the readings of the temperature sensors [K], NaN of those that give none."""
         if temperature is None:
             return nan
-        values, n_t = real_numbers("temperature", temperature), self.inverse_map.thermal.n_sensors
+        values, n_t = real_numbers(TEMPERATURE, temperature), self.inverse_map.thermal.n_sensors
         if np.size(values) and not self.inverse_map.has_temperature:
             raise InputError("temperature: expected none, the map was built without [temperature]")
         if values.shape not in ((n_t,), (samples, n_t)):

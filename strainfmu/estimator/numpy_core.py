@@ -55,6 +55,8 @@ from strainfmu.estimator.signal_names import (
     COEFFICIENT_ARRAY,
     FILTER_TIME_CONSTANT,
     STRAIN,
+    TEMPERATURE,
+    THRUST,
     VALID,
     ZERO,
     ZERO_COMMON_STD,
@@ -98,7 +100,7 @@ class NumpyCore:
         self.inputs = _layout(
             {STRAIN: n_strains, "sensor": n - n_strains}
             | dict.fromkeys(AIR_INPUT_NAMES, 1)
-            | {"temperature": n_t, "thrust": int(has_thrust), "parameter": n_p}
+            | {TEMPERATURE: n_t, THRUST: int(has_thrust), "parameter": n_p}
         )
         of_zeros = {ZERO: n_strains, ZERO_STD: n_strains, ZERO_COMMON_STD: 1, FILTER_TIME_CONSTANT: 0}
         self.settings = _layout(dict.fromkeys(SETTING_NAMES, 1) | of_zeros)
@@ -184,8 +186,8 @@ class NumpyCore:
         held, k, n = self._map, len(inputs), self.n_rows
         of = {name: inputs[:, place] for name, place in self.inputs.items()}
         readings = inputs[:, :n]
-        if of["thrust"].shape[1]:
-            readings = without_thrust(held, readings, of["thrust"][:, 0])
+        if of[THRUST].shape[1]:
+            readings = without_thrust(held, readings, of[THRUST][:, 0])
         flow = self._flow(of)
         used = self._used(readings, mask, flow)
         found = self._nothing(k, used)
@@ -194,7 +196,7 @@ class NumpyCore:
             std=self._setting(ZERO_STD),
             common_std=float(self._setting(ZERO_COMMON_STD)[0]),
         )
-        theta = of["temperature"]
+        theta = of[TEMPERATURE]
         key = np.hstack([used, known_sensors(held.thermal, theta)])
         for one in np.unique(key, axis=0):
             at = np.flatnonzero((key == one).all(axis=1))

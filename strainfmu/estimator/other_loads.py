@@ -23,6 +23,9 @@ from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import MOMENT
 
+ROLLING = "M_R"
+"""Coefficient of the rolling moment, the sixth load of a body that is none of revolution."""
+
 FIVE_LOADS, OTHER_LOADS = slice(0, 5), slice(5, None)
 """Rows of the five loads, which every map has, and of those behind them."""
 
@@ -293,7 +296,7 @@ BODY = LoadFamily(
             unit="N.m",
             shown="kN.m",
             like=LIKE_THE_WIDEST,
-            coefficient="M_R",
+            coefficient=ROLLING,
             coefficient_text="Rolling moment coefficient, positive with starboard down",
             symbol="C_l",
         ),

@@ -17,6 +17,10 @@ COEFFICIENT_ARRAY = "coefficients"
 FORCE, MOMENT = "force", "moment"
 """Loads, in FMI 3.0 as arrays."""
 
+TEMPERATURE = "temperature"
+THRUST = "thrust"
+"""Of each temperature sensor, and of the engine."""
+
 TARE = "tare"
 """Whether a tare is asked for, and what belongs to it."""
 

@@ -34,7 +34,7 @@ from strainfmu.estimator.reference.linear_filter import LinearFilterReference
 from strainfmu.estimator.reference.nonlinear import Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, rows_of
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.signal_names import VALID
+from strainfmu.estimator.signal_names import TEMPERATURE, THRUST, VALID
 from strainfmu.estimator.surface_pressure import LARGEST_USED_SCORE
 from strainfmu.estimator.tables.flight_tables import N_STATES
 
@@ -180,7 +180,7 @@ class _Records:
     def warm_of(self, record: FloatArray) -> Warm:
         """Return what the temperature sensors of a sample say of the modes."""
         thermal = self.map.thermal
-        temperature = record[self.layout["temperature"]][None]
+        temperature = record[self.layout[TEMPERATURE]][None]
         known = known_sensors(thermal, temperature)[0]
         if not known.any():
             return self.cold
@@ -198,7 +198,7 @@ class _Records:
 
     def rows(self, record: FloatArray, used: BoolArray, warm: Warm, errors: FloatArray) -> FloatArray:
         """Return rows (n_d,) at the amplitudes of ``warm`` and their ``errors`` (k,), linear about these."""
-        n, thrust = self.map.n_gauges, np.array([self.value(record, "thrust")])
+        n, thrust = self.map.n_gauges, np.array([self.value(record, THRUST)])
         readings, amplitude = np.where(used, record[:n], 0.0)[None], (warm.amplitude + errors)[None]
         found = rows_of(self.map, readings, thrust, self.zeros, amplitude)[0]
         found = found + self.map.thermal.linear_strain @ errors
@@ -465,9 +465,9 @@ class LinearSmoother(_Records):
         record, valid = found.sample, found.valid
         names = (DYNAMIC_PRESSURE, "dynamic_pressure_std")
         more: dict[str, Any] = {name: record[:, self.layout[name].start] for name in names}
-        more["temperature"] = record[:, self.layout["temperature"]]
-        if self.layout["thrust"].stop > self.layout["thrust"].start:
-            more["thrust"] = record[:, self.layout["thrust"].start]
+        more[TEMPERATURE] = record[:, self.layout[TEMPERATURE]]
+        if self.layout[THRUST].stop > self.layout[THRUST].start:
+            more[THRUST] = record[:, self.layout[THRUST].start]
         static = self.estimator.estimate(record[:, : self.map.n_gauges], valid=valid, **more)
         seconds = time_steps(time, last).tolist()
         return [

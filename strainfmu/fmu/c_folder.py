@@ -24,7 +24,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.setting_inputs import SETTING_INPUTS
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, STRAIN, OperatingSettings
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, STRAIN, TEMPERATURE, THRUST, OperatingSettings
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
@@ -45,8 +45,8 @@ _INPUTS = {
     STRAIN: "[m/m]",
     "sensor": "in the units below",
     **{one.name: f"[{one.unit}]{one.note}" for one in AIR_INPUTS},
-    "temperature": "[K]",
-    "thrust": "[N] 0 while the engine is off; not given: sensors that it moves are left out",
+    TEMPERATURE: "[K]",
+    THRUST: "[N] 0 while the engine is off; not given: sensors that it moves are left out",
     "parameter": "flow parameters",
     "parameter_std": "their standard deviations, with which the estimate follows them",
 }
@@ -127,7 +127,7 @@ def input_columns(inverse_map: InverseMap, inputs: Layout) -> dict[str, tuple[st
     arrays = {
         STRAIN: readings[:n],
         "sensor": readings[n:],
-        "temperature": temperature_names(inverse_map.thermal),
+        TEMPERATURE: temperature_names(inverse_map.thermal),
         "parameter": parameter_names(inverse_map),
         "parameter_std": parameter_std_names(inverse_map),
     }
@@ -137,7 +137,7 @@ def input_columns(inverse_map: InverseMap, inputs: Layout) -> dict[str, tuple[st
 def input_records(inverse_map: InverseMap, inputs: Layout, run: ReferenceRun) -> FloatArray:
     """Return (n, n_inputs) the samples of a reference run."""
     found = np.full((len(run.time), max(part.stop for part in inputs.values())), np.nan)
-    found[:, inputs["thrust"]] = 0.0
+    found[:, inputs[THRUST]] = 0.0
     for field, names in input_columns(inverse_map, inputs).items():
         for place, name in enumerate(names, start=inputs[field].start):
             if name in run.inputs:

@@ -14,6 +14,7 @@ from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.setting_inputs import SETTING_NAMES
+from strainfmu.estimator.signal_names import THRUST
 from strainfmu.flight_condition import with_unit
 
 NOT_GIVEN = "0 or below (or NaN)"
@@ -54,7 +55,7 @@ def _given(value: Value) -> Value:
 
 def given_thrust(inputs: Mapping[str, float]) -> dict[str, float]:
     """Return the argument ``thrust`` [N] of an estimator from ``inputs`` by name, 0 without one."""
-    return {"thrust": known_values([inputs.get("thrust", 0.0)])[0]}
+    return {THRUST: known_values([inputs.get(THRUST, 0.0)])[0]}
 
 
 def known_values(values: Sequence[float]) -> tuple[float, ...]:

@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from strainfmu.estimator.other_loads import ROLLING
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names
 
-_VALUES = (COEFFICIENT_ARRAY, FORCE, MOMENT, "M_R", "moment.roll")
+_VALUES = (COEFFICIENT_ARRAY, FORCE, MOMENT, ROLLING, "moment.roll")
 """Arrays and variables that come first, because FMI tools plot what comes first."""
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from math import atan2, degrees
 from typing import TYPE_CHECKING, Protocol
 
+from strainfmu.estimator.signal_names import THRUST as THRUST
 from strainfmu.interface.fmi_variables import Variable, strain_names
 from strainfmu.interface.input_names import NOT_KNOWN
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from strainfmu.estimator.map.sensors import SensorRows
 
 PREFIX = "sensor."
-THRUST = "thrust"
 
 _UNITS = {"m/m": "1", "N m": "N.m"}
 """Units of a map that FMI writes otherwise."""

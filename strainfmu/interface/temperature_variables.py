@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import VALID_GAUGES
 from strainfmu.interface.input_names import NOT_GIVEN
 
 TEMPERATURE_ARRAYS = {
-    "temperature": f"Temperature of each sensor; {NOT_GIVEN} where not known; names in the documentation"
+    TEMPERATURE: f"Temperature of each sensor; {NOT_GIVEN} where not known; names in the documentation"
 }
 
 
@@ -44,7 +45,7 @@ def with_temperature_inputs(interface: Sequence[Variable], thermal: ThermalMap) 
             nominal=thermal.reference_temperature,
             minimum=0.0,
             start=0.0,
-            array="temperature",
+            array=TEMPERATURE,
         )
         for name, sensor in zip(names, thermal.sensor_names, strict=True)
     )

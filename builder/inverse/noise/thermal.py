@@ -16,8 +16,9 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.structure.temperature import Temperature
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.signal_names import TEMPERATURE
 
-NAME = "temperature"
+NAME = TEMPERATURE
 """Name of the modes' noise term."""
 
 _STATIONS = 5

@@ -22,7 +22,7 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import STRAIN, SensorRows
-from strainfmu.estimator.signal_names import FORCE, MOMENT
+from strainfmu.estimator.signal_names import FORCE, MOMENT, THRUST
 
 Surface = SurfaceGrid | SurfaceMesh
 
@@ -358,7 +358,7 @@ def _nuisances(
     columns = {
         "base pressure": (of_base, True),
         "friction": (entry.friction_C_A_std * per_coefficient, True),
-        "thrust": (0.0 if entry.imu is None else entry.imu.thrust_std_N, False),
+        THRUST: (0.0 if entry.imu is None else entry.imu.thrust_std_N, False),
     }
     terms = [
         NoiseTerm(name, (std * per_force)[:, None], scales=scales, hardware=True)

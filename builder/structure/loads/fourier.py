@@ -35,6 +35,7 @@ from builder.structure.loads.temperature import TemperatureField, wall_depth
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import TEMPERATURE
 
 EDGE_POINTS = 4  # per element along a surface
 FEWEST_ROLL_POINTS = 128
@@ -143,7 +144,7 @@ class FourierStructure:
 
     def thermal_force(self, temperature: TemperatureField) -> FloatArray:
         """Return the nodal forces that hinder thermal expansion; harmonics above ``max_harmonic`` are left out."""
-        self._refuse_materials("temperature")
+        self._refuse_materials(TEMPERATURE)
         young, nu = self.material.youngs_modulus, self.material.poisson_ratio
         stress = self.properties.needed_expansion() * young / (1.0 - 2.0 * nu)
         outer = self.mesh.node[line_nodes(self.mesh.outer_edge)]

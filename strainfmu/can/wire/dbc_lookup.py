@@ -10,7 +10,7 @@ from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.dbc_signals import period
 from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, MAPPED_QUANTITIES, InputFrame
 from strainfmu.errors import InputError
-from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE, THRUST
 
 E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
 """Message attributes of a DBC file that state the end-to-end protection; 0: none."""
@@ -25,9 +25,9 @@ _TABLES = {
     STRAIN,
     *FLOW_QUANTITIES,
     *MAPPED_QUANTITIES,
-    "temperature",
+    TEMPERATURE,
     "sensors",
-    "thrust",
+    THRUST,
     "parameter",
     "units",
     "end_to_end",

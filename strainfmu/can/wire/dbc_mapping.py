@@ -29,7 +29,7 @@ from strainfmu.can.wire.frame_layout import (
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
-from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, identifier
 from strainfmu.units import STRAIN_UNITS, TIME_UNITS
@@ -38,7 +38,7 @@ _Key = TypeVar("_Key")
 """What a signal is of: the number of a gauge, or the name of a quantity."""
 
 _ABSENT = {
-    "temperature": "temperature sensors",
+    TEMPERATURE: "temperature sensors",
     "sensors": "auxiliary sensors",
     "parameter": "flow parameters",
 }
@@ -75,7 +75,7 @@ def mapped_layout(
     """
     mapper = _Mapper(database, mapping, gauge_names=gauge_names, name=name)
     numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]
-    mapper.may_hold("temperature", "sensor", dict(zip(sensor_names, numbered, strict=True)))
+    mapper.may_hold(TEMPERATURE, "sensor", dict(zip(sensor_names, numbered, strict=True)))
     mapper.readings = dict(readings or {})
     of_sensors = [one for one in mapper.readings if one != THRUST]
     mapper.may_hold("sensors", "sensor", {one.removeprefix(SENSOR_PREFIX): one for one in of_sensors})

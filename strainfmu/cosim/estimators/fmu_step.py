@@ -33,6 +33,7 @@ from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_descrip
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.other_loads import output_units
+from strainfmu.estimator.signal_names import TEMPERATURE as TEMPERATURE
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.contents import stated_contents
 from strainfmu.interface.input_names import NAVIGATION_INPUTS
@@ -41,11 +42,9 @@ from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.zero_variables import zero_names
 
-TEMPERATURE = "temperature"
-"""Name that stands for the temperatures of all sensors among the other inputs that are asked for."""
-
 SENSORS = "sensor"
-"""The same for readings of auxiliary sensors, and for thrust; without it an FMU with such inputs is refused."""
+"""Name that stands for readings of auxiliary sensors, and for thrust, among the other inputs that are asked for;
+:data:`TEMPERATURE` does for the temperatures of all sensors. Without it an FMU with such inputs is refused."""
 
 _STOP_TIME = 1e9
 """End of the experiment [s]: the bridge runs until it is stopped, and FMI 2.0 has no word for that."""

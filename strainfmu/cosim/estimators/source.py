@@ -129,7 +129,7 @@ class MapStep:
         warm = None
         if self._temperatures and others:
             warm = np.array([others.get(name, nan) for name in self._temperatures])
-        of_flow: dict[str, Any] = {MACH_NUMBER: mach_number, ALTITUDE: altitude, "temperature": warm}
+        of_flow: dict[str, Any] = {MACH_NUMBER: mach_number, ALTITUDE: altitude, TEMPERATURE: warm}
         of_flow |= given_flow({name: others[name] for name in self._flow if name in others})
         names = [name.removeprefix(PARAMETER_PREFIX) for name in self._parameters]
         if names:

@@ -21,7 +21,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.policies import RETURN_AFTER
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.readings import FAULT_STATES, Fault, Readings, reference_readings
@@ -146,7 +146,7 @@ def step_arguments(inverse_map: InverseMap, known: Mapping[str, float]) -> dict[
         if names:
             found[argument] = {name: known[one] for name, one in names.items()}
     if temperatures:
-        found["temperature"] = [known[name] for name in temperatures]
+        found[TEMPERATURE] = [known[name] for name in temperatures]
     return found
 
 

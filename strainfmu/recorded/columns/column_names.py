@@ -14,6 +14,7 @@ from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, NAVIGATION_I
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE as STATIC_PRESSURE
 from strainfmu.estimator.air_inputs import STD as STD
+from strainfmu.estimator.other_loads import ROLLING
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -35,7 +36,7 @@ DateOrder = Literal["day", "month"]
 SIGNALS = frozenset(
     {
         *COEFFICIENTS,
-        "M_R",
+        ROLLING,
         *("angle_of_attack", "sideslip_angle", "pitch_rate", "control_moment", "commanded_angle_of_attack"),
         *("estimated_angle_of_attack", "trusted", "isolated_gauges"),
     }

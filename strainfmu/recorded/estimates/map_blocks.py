@@ -19,6 +19,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import load_arrays
 from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
@@ -111,7 +112,7 @@ class MapBlocks:
         readings = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
         arguments: dict[str, Any] = {
             DYNAMIC_PRESSURE: block.dynamic_pressure,
-            "temperature": block.temperature,
+            TEMPERATURE: block.temperature,
             "parameters": dict(block.parameters),
             "parameters_std": given_flow(block.parameters_std) if self.sharpening else None,
             **given_flow(block.flow),

@@ -12,7 +12,7 @@ import numpy as np
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.recorded.columns.column_names import Wanted, columns_to_read, excluded_gauges, quantity_of
 from strainfmu.recorded.columns.columns import (
     ColumnPlan,
@@ -30,7 +30,6 @@ from strainfmu.recorded.strains.sample_blocks import BLOCK_ROWS, SampleBlocks, S
 
 _SLASH = "%2F"
 _ARRAYS = (STRAIN, "time", "gauge_names")
-_TEMPERATURE = "temperature"
 
 
 @contextmanager
@@ -65,7 +64,7 @@ def _is_column(item: Any) -> bool:
 def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     """Read ``strain`` (n, n_d), ``time`` (n,), the flow, each a number or (n,), and ``temperature`` (n, n_t)."""
     readings = [name for name in file if quantity_of(name, wanted.readings) in wanted.readings]
-    known = (*_ARRAYS, *((_TEMPERATURE,) if wanted.sensors else ()), *wanted.flow, *readings)
+    known = (*_ARRAYS, *((TEMPERATURE,) if wanted.sensors else ()), *wanted.flow, *readings)
     read, unused = columns_to_read(path, list(file), wanted, known=known)
     names = [list(file)[column] for column in read]
     fixed = wanted.fixed_pressure
@@ -83,7 +82,7 @@ def _hdf5_arrays(path: Path, file: h5py.File, wanted: Wanted) -> StrainFile:
     if "gauge_names" in names:
         _check_gauge_order(path, file, wanted.gauge_names)
     n_d, strain, time = len(wanted.gauge_names), file[STRAIN], file["time"]
-    warm = file[_TEMPERATURE] if _TEMPERATURE in names else None
+    warm = file[TEMPERATURE] if TEMPERATURE in names else None
     first = 1 + n_d + len(held)
     refuse_lone_deviations(path, held, wanted)
     excluded = excluded_gauges(path, wanted)
@@ -133,8 +132,8 @@ def _sensors(path: Path, warm: Any, first: int, n_t: int, n: int) -> tuple[Tempe
         return (None,) * n_t
     if not isinstance(warm, h5py.Dataset) or warm.shape != (n, n_t) or warm.dtype.kind not in "fiu":
         got = getattr(warm, "shape", "a group")
-        raise InputError(f"{path}: data set '{_TEMPERATURE}': expected numbers of shape {(n, n_t)}, got {got}")
-    factor, offset = kelvin(path, _TEMPERATURE, _unit(path, _TEMPERATURE, warm))
+        raise InputError(f"{path}: data set '{TEMPERATURE}': expected numbers of shape {(n, n_t)}, got {got}")
+    factor, offset = kelvin(path, TEMPERATURE, _unit(path, TEMPERATURE, warm))
     return tuple(TemperatureColumn(first + sensor, factor, offset) for sensor in range(n_t))
 
 

@@ -9,9 +9,14 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from flight_fmu import whole_map
+from flight_maps import whole_map
+from other_load_maps import with_further_tables
+from sensor_maps import with_sensors
+from thermal_maps import with_temperature
 
 import strainfmu
+from strainfmu.estimator.other_loads import ROLLING
+from strainfmu.estimator.signal_names import TEMPERATURE, THRUST
 from strainfmu.interface.contents import estimator_contents
 
 pytestmark = pytest.mark.fast
@@ -45,8 +50,10 @@ def files_by_literal() -> Counter[str]:
 def test_few_files_hold_the_name_of_a_signal() -> None:
     if not (ROOT / "pyproject.toml").is_file():
         pytest.skip("installed without its sources")  # which the count reads
-    names = [one["name"] for one in estimator_contents(whole_map())["signals"]]
-    assert len(names) > 50
+    with_sensors_and_loads = with_temperature(with_sensors(with_further_tables(whole_map())))
+    names = [one["name"] for one in estimator_contents(with_sensors_and_loads)["signals"]]
+    assert len(names) > 80
+    assert {THRUST, TEMPERATURE, ROLLING} < set(names)
     found = {name: files_by_literal()[name] for name in names}
     too_many = {name: count for name, count in found.items() if count > MOST}
     assert too_many == {}

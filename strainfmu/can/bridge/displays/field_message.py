@@ -18,6 +18,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
@@ -89,7 +90,7 @@ class FieldMessages:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
         found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in OTHER_AIR_DATA})
         if self._temperatures:
-            found["temperature"] = np.array([given.get(name, np.nan) for name in self._temperatures])
+            found[TEMPERATURE] = np.array([given.get(name, np.nan) for name in self._temperatures])
         found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}
         stds = {name: given.get(STD_PREFIX + name, np.nan) for name in self._parameters}
         found["parameters_std"] = given_flow(stds)
