@@ -75,11 +75,12 @@ def variable_table(interface: Sequence[Variable], *, arrays: bool = False) -> st
         kind = variable.declared_type or (TYPES_OF_FMI_3[variable.fmi_type] if arrays else variable.fmi_type)
         if variable.dimension is not None:
             kind += f" [{'n' if variable.dimension == 1 else variable.dimension}]"
+        symbol = f" {variable.symbol.replace('_', chr(92) + '_')}" if variable.symbol else ""
         causality = variable.causality
         if causality == "parameter":
             causality = f"{variable.variability} parameter"
         rows.append(
-            f"| `{name}` | {causality} | {variable.unit or ''} | {variable.display_unit or ''} | {kind} | "
+            f"| `{name}`{symbol} | {causality} | {variable.unit or ''} | {variable.display_unit or ''} | {kind} | "
             f"{_description(variable)} |"
         )
     return "\n".join(rows)
