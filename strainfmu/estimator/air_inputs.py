@@ -125,18 +125,13 @@ _TOTAL_TEMPERATURE = AirInput(
 )
 
 
-def standard_deviation_of(label: str) -> str:
-    """Return the label of the standard deviation of what is called ``label``."""
-    return f"Standard deviation of {label[:1].lower()}{label[1:]}"
-
-
 def _std_of(
     quantity: AirInput, text: str, of_linear: str = "", note: str = "", aliases: tuple[str, ...] = ()
 ) -> AirInput:
     """Return the input for the standard deviation of ``quantity``."""
     return AirInput(
         name=f"{quantity.name}{STD}",
-        label=standard_deviation_of(quantity.label),
+        label=f"Standard deviation of {quantity.label[:1].lower()}{quantity.label[1:]}",
         symbol=f"sigma({quantity.symbol})",
         unit=quantity.unit,
         shown=quantity.shown,

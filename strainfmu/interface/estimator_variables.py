@@ -285,7 +285,6 @@ def _estimated_loads(inverse_map: InverseMap, gauges: tuple[str, ...]) -> list[V
             name=name,
             description=f"{one.label}, {one.sense}",
             causality="output",
-            label=one.label,
             unit=one.unit,
             display_unit=f"k{one.unit}",
             nominal=_nominal(scale * (length if one.unit == "N.m" else 1.0) * max(abs(low), abs(high))),

@@ -8,8 +8,6 @@ from itertools import groupby
 from math import pi
 from typing import Any, Literal
 
-from strainfmu.estimator.air_inputs import standard_deviation_of
-
 Kind = Literal["reading", "air data", "parameter", "output", "health"]
 """Kinds of signals: what gauges and sensors read, air data and flow, settings, loads, and what states how good."""
 
@@ -120,8 +118,6 @@ def deviation_of(value: Variable) -> Variable:
         value,
         name=f"sigma.{value.name}",
         description=f"Standard deviation of {value.name}",
-        label=value.label and standard_deviation_of(value.label),
-        symbol=value.symbol and f"sigma({value.symbol})",
         nominal=None,
         minimum=0.0,
         array=None if value.array is None else f"sigma.{value.array}",
@@ -152,8 +148,6 @@ def with_arrays(interface: Sequence[Variable], descriptions: Mapping[str, str]) 
             changed |= {
                 "name": name,
                 "description": descriptions[name],
-                "label": "",
-                "symbol": "",
                 "dimension": len(elements),
                 "nominal": max(nominals, default=None),
                 "start": None if first.start is None else tuple(element.start for element in elements),
