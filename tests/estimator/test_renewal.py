@@ -209,7 +209,8 @@ def test_long_steps_make_every_fifth_part() -> None:
     same_sample = calm.inputs[CHANGED : CHANGED + 1].repeat(5 * MOST, axis=0)
     calm = replace(calm, inputs=np.concatenate([calm.inputs[:CHANGED], same_sample]))
     fits_not = calm.inputs.copy()
-    fits_not[CHANGED:, calm.core().inputs["strain"]] += np.where(np.arange(calm.inverse_map.n_gauges) % 2, 1e-4, -1e-4)
+    alternating = np.where(np.arange(calm.inverse_map.n_gauges) % 2, 1e-4, -1e-4)
+    fits_not[CHANGED:, calm.core().inputs["strain"]] += alternating
     ready = []
     for run in (calm, replace(calm, inputs=fits_not)):
         core, plain = run.core(), run.core()
