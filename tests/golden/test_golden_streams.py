@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from bus_carriers import by_bridge, by_loop
 from comparison import NEAR_THRESHOLD, differences
-from estimator_carrier import by_estimator, estimator_for
+from estimator_carrier import arguments, by_estimator, estimator_for, results_of
 from fmu_carriers import Fmi2Host, Fmi3Host, by_fmu, python_host
 from inputs import Inputs, Results, recorded
 from kinds import KINDS, STREAMS, map_of_kind, tolerance_of
@@ -204,6 +204,30 @@ def test_fmu(
     fmu.fmu.free()
     assert {"loads", "loads_std", "coefficients", "chi_square", "health", "suspect_gauge"} <= found.keys()
     assert_as_recorded(kind, mode, one.results[mode], found)
+
+
+@pytest.mark.parametrize("host", [Fmi2Host, Fmi3Host])
+@pytest.mark.parametrize("kind", ["scaled_five_gauges", "scaled_sensors", "sensors"])
+def test_a_time_constant_that_changes_in_flight(
+    kind: str, host: type[Fmi2Host] | type[Fmi3Host], resources: Callable[[str], Path]
+) -> None:
+    """The filter goes on with its state, as in Python; a last change to 0 turns it off."""
+    inputs, inverse_map = recorded(kind)["flight"].inputs.rows(slice(40)), map_of_kind(kind)
+    changes = {0: 1.0, 10: 1e-9, 20: 10.0, 30: 0.0}
+    estimator, parts = estimator_of_kind(kind), list[Results]()
+    for first, seconds in changes.items():
+        estimator, rows = estimator.filter(seconds), inputs.rows(slice(first, first + 10))
+        parts.append(results_of(estimator.track(rows.strain, time=rows.time, **arguments(estimator, rows))))
+    whole = {name for name in parts[0] if all(len(one[name]) == 10 for one in parts)}
+    expected = {name: np.concatenate([one[name] for one in parts]) for name in whole} | {
+        NEAR_THRESHOLD: np.zeros(40)
+    }
+    fmu = host(inverse_map, resources(kind))
+    found = by_fmu(fmu, inverse_map, inputs, "filter", 1.0, changes)
+    fmu.fmu.free()
+    assert_as_recorded(kind, "filter", expected, found)
+    fixed = recorded(kind)["flight"].results["filter"]["loads_std"][10:40]
+    assert np.nanmax(np.abs(found["loads_std"][10:40] / fixed - 1.0)) > 0.01
 
 
 @pytest.mark.parametrize(("kind", "title", "mode"), BY_PYTHON)
