@@ -1,4 +1,4 @@
-"""The mean of normalised innovations, which widens the discrepancy, against its closed form: when, and by how much."""
+"""The mean of normalised innovations, which widens the discrepancy, against its closed form."""
 
 from __future__ import annotations
 
