@@ -87,7 +87,9 @@ def test_a_foreign_log_ends_with_exit_code_1(synthetic: SyntheticFiles, tmp_path
         assert errors.count("\n") == 1
 
 
-@pytest.mark.parametrize(("name", "content"), [("run.blf", b"no log" * 99), ("run.log", b"(x) can0 1#0\n")])
+@pytest.mark.parametrize(
+    ("name", "content"), [("run.blf", b"no log" * 99), ("run.log", b"(x) can0 1#0\n")], ids=["blf", "log"]
+)
 def test_a_file_without_a_whole_frame_is_no_log(
     name: str, content: bytes, synthetic: SyntheticFiles, tmp_path: Path, run: Run
 ) -> None:
