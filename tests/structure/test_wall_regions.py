@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ pytestmark = pytest.mark.fast
 def test_a_taper_runs_from_minus_one_to_one_over_its_region() -> None:
     end = np.array([0.1, 1.1, 1.6, 3.1])
     regions, blend = WallRegions(end=end), BLEND * 3.0
-    for k, (fore, aft) in enumerate(zip(end[:-1], end[1:], strict=True)):
+    for k, (fore, aft) in enumerate(pairwise(end)):
         x = np.linspace(fore + blend, aft - blend, 7)
         expected = np.zeros((7, 3))
         expected[:, k] = 2.0 * (x - fore) / (aft - fore) - 1.0
