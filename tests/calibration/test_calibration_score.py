@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from coarse_vehicle import COARSE
 from builder.calibration.as_built.outside_errors import OUTSIDE
 from builder.calibration.estimate.outside_terms import NOISE
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.score.setup import SetupOptions, rows_of_test, setup_of
+from builder.calibration.score.setup import SetupOptions, flights_of, rows_of_test, setup_of
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary
 from builder.calibration.score.summary import table as as_text
 from builder.calibration.score.vehicles import OUTSIDE_KINDS, Score, rows_of
@@ -20,6 +21,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
+from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 
@@ -65,6 +67,28 @@ def test_a_score_goes_on_with_its_own_settings_only(tmp_path: Path) -> None:
 @pytest.mark.fast
 def test_smaller_tests_begin_with_the_same_pads() -> None:
     assert list(rows_of_test(2, 4, 6)) == [0, 1, 4, 5]
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, ratio: float) -> None:
+    """The same pressure all over the surface acts on its base alone: C_A q S = (p - p_inf) A."""
+    body, knots = vehicle.body(), np.radians([2.0, 5.0, 8.0, 11.0])
+    grid = surface_grid(body, 40, 24)
+    harmonic = np.zeros((4, 4, 40, 3))
+    harmonic[..., 0] = ratio
+    mach = np.linspace(4.0, 8.0, 4)
+    table = FlowTable(vehicle="even", mach_knots=mach, incidence_knots=knots, harmonic=harmonic, provenance={})
+    found = flights_of(vehicle, table, SimpleNamespace(surface=grid), 5)  # type: ignore[arg-type]
+    ambient, dynamic = (
+        np.array([getattr(one, name) for one in found.conditions])
+        for name in ("ambient_pressure", "dynamic_pressure")
+    )
+    np.testing.assert_allclose(found.pressure, np.tile((ratio - 1.0) * ambient[:, None], 40 * 24), atol=1e-9)
+    base = np.pi * body.radius(np.array([body.length]))[0] ** 2
+    expected = (ratio - 1.0) * ambient * base / (dynamic * vehicle.reference_quantities().area)
+    np.testing.assert_allclose(found.coefficients[:, 0], expected, rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(found.coefficients[:, 1:], 0.0, atol=1e-9)
 
 
 @pytest.mark.slow

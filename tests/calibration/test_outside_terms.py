@@ -50,6 +50,15 @@ def kinds_of(found: Estimate) -> dict[str, OutsideKind]:
     return {one.kind: one for one in outside_model(found).kinds}
 
 
+def test_a_larger_load_shows_more_of_what_is_taken_for_zero(blank: ReadingsModel) -> None:
+    vector = np.zeros(len(blank.std))
+    stated, end = blank.held_derivatives(vector), blank.cell_entries.start
+    vector[end - len(blank.loads) : end] = 0.1
+    assert stated
+    for key, found in blank.held_derivatives(vector).items():
+        np.testing.assert_allclose(found, 1.1 * stated[key], rtol=1e-12, err_msg=str(key))
+
+
 def test_sound_vehicles_are_said_to_be_sound(blank: ReadingsModel) -> None:
     chance = []
     for seed in (0, 1, 2):

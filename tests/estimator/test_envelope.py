@@ -15,6 +15,7 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.envelope import FlightRanges
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.numpy_core import NumpyCore
 
 pytestmark = pytest.mark.fast
 
@@ -36,6 +37,13 @@ def enclosed(**changes: Any) -> InverseMap:
         "altitude_range": RANGES.altitude,
     }
     return scaled_map(1, seed=3, **(fields | changes))
+
+
+class ByNumpy(Estimator):
+    """An estimator on a machine without a compiled core."""
+
+    def _new_core(self, resource: bytes) -> NumpyCore:
+        return NumpyCore(self.inverse_map, resource)
 
 
 WIDE = Estimator(enclosed(envelope_limit=np.array([1e6])))
@@ -65,6 +73,15 @@ def test_the_score_is_the_largest_distance_in_its_own_sigma() -> None:
         expected = max(0.0, float(np.max((direction @ found.coefficients[k] - limit) / sigma)))
         assert found.envelope_score[k] == pytest.approx(expected, rel=1e-9)
     assert 0 < np.count_nonzero(found.envelope_score) < 200
+
+
+@pytest.mark.parametrize("of", [Estimator, ByNumpy])
+def test_a_mach_number_may_be_beyond_its_range_by_one_per_cent(of: type[Estimator]) -> None:
+    mach = np.array([0.99 * 5.0, 1.01 * 7.0]) + 1e-9 * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    estimator, q = of(WIDE.inverse_map), np.full(4, 100e3)
+    strain = q[:, None] / NOMINAL * WIDE.inverse_map.mean_strain
+    found = estimator.estimate(strain, q, mach_number=mach.ravel())
+    assert found.health.tolist() == [HealthState.OK] * 2 + [HealthState.OUTSIDE] * 2
 
 
 @pytest.mark.parametrize("mach", [np.nan, 6.0])

@@ -121,8 +121,12 @@ class Fmi2Host:
         if self._began:
             assert self.fmu.call("Reset") == OK
         self._began = True
-        assert self.fmu.set_reals(self._parameters, parameters) == OK, self.fmu.messages
+        self.set_parameters(parameters)
         self.fmu.start()
+
+    def set_parameters(self, parameters: np.ndarray) -> None:
+        """Set all parameters, also between two steps."""
+        assert self.fmu.set_reals(self._parameters, parameters) == OK, self.fmu.messages
 
     def step(self, reals: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
         """Return all outputs after a step of ``size`` from ``time`` [s] with the values of all inputs."""
@@ -171,8 +175,12 @@ class Fmi3Host:
         if self._began:
             assert self.fmu.call("Reset") == OK
         self._began = True
-        assert self.fmu.set("Float64", c_double, self._parameters, parameters) == OK, self.fmu.messages
+        self.set_parameters(parameters)
         self.fmu.start()
+
+    def set_parameters(self, parameters: np.ndarray) -> None:
+        """As :meth:`Fmi2Host.set_parameters`."""
+        assert self.fmu.set("Float64", c_double, self._parameters, parameters) == OK, self.fmu.messages
 
     def step(self, reals: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
         """As :meth:`Fmi2Host.step`."""
@@ -198,10 +206,19 @@ def python_host(inverse_map: InverseMap, fmu: Path, folder: Path) -> Fmi2Host:
 
 
 def by_fmu(
-    host: Fmi2Host | Fmi3Host, inverse_map: InverseMap, inputs: Inputs, mode: str, seconds: float
+    host: Fmi2Host | Fmi3Host,
+    inverse_map: InverseMap,
+    inputs: Inputs,
+    mode: str,
+    seconds: float,
+    changes: Mapping[int, float] | None = None,
 ) -> Results:
-    """Return what an FMU gives; in mode ``each`` one with memory begins again for every sample."""
+    """Return what an FMU gives; in mode ``each`` one with memory begins again for every sample.
+
+    ``changes`` are other time constants of the filter from a sample on [s].
+    """
     parameters = _parameters(host.places, inverse_map, inputs, seconds if mode == "filter" else 0.0)
+    changed = {k: _parameters(host.places, inverse_map, inputs, one) for k, one in (changes or {}).items()}
     reals = _inputs(host.places, inverse_map, inputs)
     sizes = np.append(np.diff(inputs.time), LAST_STEP)
     begins_again = mode == "each" and inverse_map.manifold is not None
@@ -210,6 +227,8 @@ def by_fmu(
     for k, valid in enumerate(inputs.valid):
         if begins_again and k > 0:
             host.restart(parameters)
+        if k in changed:
+            host.set_parameters(changed[k])
         time = 0.0 if begins_again else float(inputs.time[k])
         rows.append(host.step(reals[k], valid, time, float(sizes[k])))
     return fields_of(host.places, dict(zip(host.places.outputs, np.array(rows).T, strict=True)))

@@ -47,7 +47,7 @@ from flight_maps import whole_map
 from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_errors_of_parameters, with_parameter_tables, with_parameters
 from random_map import map_of, random_map, random_model
-from scaled_maps import whole_scaled_map, with_envelope
+from scaled_maps import scaled_map, whole_scaled_map, with_envelope
 from sensor_maps import with_sensors
 from shape_case import shape_map
 from thermal_maps import with_temperature
@@ -163,6 +163,7 @@ KINDS: dict[str, Kind] = {
     # Pressure per unit of q_inf.
     "scaled_case_1": _linear(lambda: whole_scaled_map(1, seed=4, n=24, n_states=5)),
     "scaled_case_2": _linear(lambda: whole_scaled_map(2, seed=4, n=24, n_states=30)),
+    "scaled_five_gauges": _linear(lambda: scaled_map(2, seed=4, n=5, n_states=6)),
     "scaled_temperature": _linear(lambda: _warm(whole_scaled_map(2, seed=4, n=20, n_states=25))),
     "scaled_sensors": _linear(lambda: with_sensors(_warm(whole_scaled_map(1, seed=5, n=24, n_states=3)))),
     "scaled_sections": _linear(lambda: with_own_further(whole_scaled_map(2, seed=6, n=20, n_states=25))),

@@ -8,16 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bus_carriers import by_bridge, by_loop
 from comparison import NEAR_THRESHOLD, differences
-from estimator_carrier import by_estimator, estimator_for
+from estimator_carrier import arguments, by_estimator, estimator_for, results_of
 from fmu_carriers import Fmi2Host, Fmi3Host, by_fmu, python_host
-from inputs import Results, recorded
+from inputs import Inputs, Results, recorded
 from kinds import KINDS, STREAMS, map_of_kind, tolerance_of
 from other_carriers import by_recording, by_step
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inverse_map import save_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 CASES = [(kind, title, mode) for kind in KINDS for title in STREAMS[kind] for mode in STREAMS[kind][title].modes]
@@ -32,9 +33,22 @@ BY_PYTHON = {
 }
 """Samples of the Python FMU, whose steps are slow."""
 
-OTHER_SAMPLES = 60
+Carrier = Callable[[Path, InverseMap, Inputs], Results]
+OTHERS: dict[str, tuple[Carrier, str]] = {
+    "step of a map": (by_step, "map.h5"),
+    "step of an FMU": (by_step, "native.fmu"),
+    "step of a Python FMU": (by_step, "python.fmu"),
+    "recording by a map": (by_recording, "map.h5"),
+    "recording by an FMU": (by_recording, "native.fmu"),
+    "recording by a Python FMU": (by_recording, "python.fmu"),
+    "bridge": (by_bridge, "native.fmu"),
+    "closed loop": (by_loop, "native.fmu"),
+}
+"""Carriers that are given files, and the file."""
+
+OTHER_SAMPLES = {"map.h5": 60, "native.fmu": 60, "python.fmu": 8}
 BY_OTHERS = ("scaled_sections", "scaled_sensors", "scaled_parameters", "sensors", "parameters")
-"""Kinds whose flights the steps of bridges are given, and recordings."""
+"""Kinds whose flights they are given."""
 
 SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
     ("revolution", "air_data_dropped", "track"): lambda r: all(
@@ -126,6 +140,26 @@ def resources(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     return cache(write)
 
 
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Path]:
+    """Return a function that returns a map of a kind, or an FMU of it, which names the kind of FMU."""
+
+    @cache
+    def folder_of(kind: str) -> Path:
+        folder = tmp_path_factory.mktemp(kind)
+        save_inverse_map(map_of_kind(kind), folder / "map.h5")
+        return folder
+
+    def source(kind: str, name: str) -> Path:
+        file = folder_of(kind) / name
+        if not file.exists():
+            options = ExportOptions(kind=file.stem, zero_inputs=file.stem == "native")
+            export_estimator(file.with_name("map.h5"), file, options)
+        return file
+
+    return source
+
+
 @pytest.mark.fast
 def test_files_hold_all_streams() -> None:
     for kind in KINDS:
@@ -172,31 +206,54 @@ def test_fmu(
     assert_as_recorded(kind, mode, one.results[mode], found)
 
 
+@pytest.mark.parametrize("host", [Fmi2Host, Fmi3Host])
+@pytest.mark.parametrize("kind", ["scaled_five_gauges", "scaled_sensors", "sensors"])
+def test_a_time_constant_that_changes_in_flight(
+    kind: str, host: type[Fmi2Host] | type[Fmi3Host], resources: Callable[[str], Path]
+) -> None:
+    """The filter goes on with its state, as in Python; a last change to 0 turns it off."""
+    inputs, inverse_map = recorded(kind)["flight"].inputs.rows(slice(40)), map_of_kind(kind)
+    changes = {0: 1.0, 10: 1e-9, 20: 10.0, 30: 0.0}
+    estimator, parts = estimator_of_kind(kind), list[Results]()
+    for first, seconds in changes.items():
+        estimator, rows = estimator.filter(seconds), inputs.rows(slice(first, first + 10))
+        parts.append(results_of(estimator.track(rows.strain, time=rows.time, **arguments(estimator, rows))))
+    whole = {name for name in parts[0] if all(len(one[name]) == 10 for one in parts)}
+    expected = {name: np.concatenate([one[name] for one in parts]) for name in whole} | {
+        NEAR_THRESHOLD: np.zeros(40)
+    }
+    fmu = host(inverse_map, resources(kind))
+    found = by_fmu(fmu, inverse_map, inputs, "filter", 1.0, changes)
+    fmu.fmu.free()
+    assert_as_recorded(kind, "filter", expected, found)
+    fixed = recorded(kind)["flight"].results["filter"]["loads_std"][10:40]
+    assert np.nanmax(np.abs(found["loads_std"][10:40] / fixed - 1.0)) > 0.01
+
+
 @pytest.mark.parametrize(("kind", "title", "mode"), BY_PYTHON)
-def test_python_fmu(kind: str, title: str, mode: str, tmp_path: Path) -> None:
+def test_python_fmu(kind: str, title: str, mode: str, sources: Callable[[str, str], Path], tmp_path: Path) -> None:
     one, inverse_map = recorded(kind)[title], map_of_kind(kind)
-    save_inverse_map(inverse_map, tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "python.fmu", ExportOptions(kind="python"))
-    fmu = python_host(inverse_map, tmp_path / "python.fmu", tmp_path / "unzipped")
+    fmu = python_host(inverse_map, sources(kind, "python.fmu"), tmp_path / "unzipped")
     inputs = one.inputs.rows(slice(BY_PYTHON[kind, title, mode]))
     found = by_fmu(fmu, inverse_map, inputs, mode, STREAMS[kind][title].seconds)
     fmu.fmu.free()
     assert_as_recorded(kind, mode, one.results[mode], found)
 
 
-@pytest.mark.parametrize("source", ["map.h5", "estimator.fmu"])
+@pytest.mark.parametrize(("carrier", "source"), OTHERS.values(), ids=OTHERS)
 @pytest.mark.parametrize("kind", BY_OTHERS)
-def test_steps_and_recordings(kind: str, source: str, tmp_path: Path) -> None:
+def test_others(kind: str, carrier: Carrier, source: str, sources: Callable[[str, str], Path]) -> None:
+    """A bridge gives no scores of parameters, which need no gauge, of a cycle without any gauge."""
     one, inverse_map = recorded(kind)["flight"], map_of_kind(kind)
     mode = "track" if KINDS[kind].is_nonlinear else "each"
-    save_inverse_map(inverse_map, tmp_path / "map.h5")
-    if source == "estimator.fmu":
-        export_estimator(tmp_path / "map.h5", tmp_path / source, ExportOptions(zero_inputs=True))
-    inputs = one.inputs.rows(slice(OTHER_SAMPLES))
-    for carrier in (by_step, by_recording):
-        found = carrier(tmp_path / source, inverse_map, inputs)
-        assert {"coefficients", "coefficients_std", "chi_square", "health", "envelope_score"} <= found.keys()
-        assert_as_recorded(kind, mode, one.results[mode], found)
+    inputs = one.inputs.rows(slice(OTHER_SAMPLES[source]))
+    expected, found = one.results[mode], carrier(sources(kind, source), inverse_map, inputs)
+    assert {"coefficients", "coefficients_std", "chi_square", "health", "envelope_score"} <= found.keys()
+    if carrier is by_bridge and "parameter_score" in found:
+        lost = ~inputs.valid.any(axis=1)
+        assert lost.sum() < 4
+        found["parameter_score"][lost] = expected["parameter_score"][: len(inputs)][lost]
+    assert_as_recorded(kind, mode, expected, found)
 
 
 @pytest.mark.parametrize("kind", ["scaled_sensors", "sensors"])

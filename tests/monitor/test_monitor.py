@@ -24,6 +24,7 @@ from strainfmu.can.bridge.displays.publisher import Publisher, parsed_address
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
+from strainfmu.monitor.state import MonitorState
 
 
 def get(monitor: Monitor, path: str, host: str | None = None) -> tuple[int, bytes]:
@@ -154,6 +155,16 @@ def test_garbage_is_counted_and_changes_nothing(monitor: Monitor) -> None:
 def answer_of(mouth: Publisher) -> dict[str, Any]:
     answer: dict[str, Any] = json.loads(json.dumps(mouth._message(result(), Cause.NONE, time.time())))
     return answer
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(("digits", "good"), [(0, True), (20, True), (True, False), (21, False), (1.0, False)])
+def test_decimals_of_a_table_are_whole_numbers_to_20(digits: Any, good: bool) -> None:
+    state = MonitorState()
+    column = {"text": "M", "unit": "N m", "factor": 1.0, "digits": digits}
+    table = {"title": "x", "place": "y", "rows": [], "columns": [column]}
+    state.take(json.dumps({"layout": {"gauges": [], "load_tables": [table]}}).encode(), 0.0)
+    assert (state.datagrams, state.refused) == ((1, 0) if good else (0, 1))
 
 
 @pytest.mark.fast

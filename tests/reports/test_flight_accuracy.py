@@ -9,7 +9,7 @@ from scaled_maps import scaled_map
 
 from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps
 from builder.reports.build_report.sections import flight_accuracy as accuracy_section
-from builder.reports.findings.envelope_states import ALL, INCIDENCES, MACHS, NAVIGATION, ROLLS
+from builder.reports.findings.envelope_states import ALL, NAVIGATION, ROLLS
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
 from builder.reports.page.html import Page, page_html
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
@@ -50,7 +50,7 @@ def test_deviations_are_those_of_estimates_there(
     whole_map: InverseMap, accuracy: FlightAccuracy, known: str
 ) -> None:
     """A search of the tables, from the strain of the closed form that they were made of."""
-    i, m, n = 7, 4, NAVIGATION.index(known)
+    i, m, n = 2, 1, NAVIGATION.index(known)
     mach, incidence = float(accuracy.mach_number[m]), float(accuracy.total_incidence[i])
     roll, pressure = 2.0 * np.pi * np.arange(ROLLS) / ROLLS, accuracy.static_pressure
     strain = [
@@ -73,7 +73,7 @@ def test_the_roll_angle_is_not_identified_near_zero_incidence(accuracy: FlightAc
 
 def test_the_table_holds_every_state(accuracy: FlightAccuracy) -> None:
     table = flight_accuracy_table(accuracy)
-    assert len(table.rows) == len(NAVIGATION) * INCIDENCES * MACHS
+    assert len(table.rows) == len(NAVIGATION) * len(accuracy.total_incidence) * len(accuracy.mach_number)
     row = table.rows[-1]
     assert row[0] == NAVIGATION[-1]
     assert row[3] == accuracy.coefficient_std[-1, -1, -1, 0]

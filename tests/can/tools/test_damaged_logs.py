@@ -87,6 +87,18 @@ def test_a_foreign_log_ends_with_exit_code_1(synthetic: SyntheticFiles, tmp_path
         assert errors.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "content"), [("run.blf", b"no log" * 99), ("run.log", b"(x) can0 1#0\n")], ids=["blf", "log"]
+)
+def test_a_file_without_a_whole_frame_is_no_log(
+    name: str, content: bytes, synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    log = tmp_path / name
+    log.write_bytes(content)
+    code, _, errors = run("replay", log, synthetic.map_1, "-o", tmp_path / "o.csv")
+    assert (code, errors) == (2, f"strainfmu: {log}: damaged, or no log of this format\n")
+
+
 def test_an_object_without_a_size_ends_the_log(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
     """Of an unknown version besides: python-can would read it for ever."""
     log = write_log(tmp_path / "run.blf", 40)

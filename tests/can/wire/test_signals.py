@@ -8,7 +8,7 @@ from dataclasses import replace
 import cantools
 import numpy as np
 import pytest
-from can_case import layout_of
+from can_case import CYCLE, KEY, gauge_names, layout_of
 from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from strainfmu.can.cycle.frames.decoder import StrainDecoder
 from strainfmu.can.wire.dbc_signals import signal_layout
 from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, UNSIGNED, FrameLayout, SignalLayout
-from strainfmu.can.wire.profiles import PROFILES
+from strainfmu.can.wire.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.errors import InputError
@@ -210,3 +210,18 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     # 0.125 um/m of 16 bits; float32 keeps 24 bits of 8191 um/m.
     tolerance = 0.126e-6 if profile != "float2" else 5e-10
     np.testing.assert_allclose(np.delete(cycle.strain, 5), np.delete(strain, 5), atol=tolerance)
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_no_frame_of_a_profile_passes_the_check_of_another(profile: str) -> None:
+    """Each protected frame has a data ID of its own, which its CRC covers."""
+    layout = profile_layout(
+        profile,
+        gauge_names(60),
+        cycle_time=CYCLE,
+        key=KEY if profile == SECURED_PROFILE else None,
+        has_tare=True,
+        readings={f"sensor.s{k}": "m/m" for k in range(30)},
+    )
+    found = [one.layout.protection.data_id for one in layout.frames if one.layout.protection is not None]
+    assert len(set(found)) == len(found) > 4

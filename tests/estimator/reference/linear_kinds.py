@@ -66,6 +66,7 @@ KINDS = {
     "case_1": Kind(make=lambda: whole_scaled_map(1, seed=4, n=24, n_states=5)),
     "case_2": Kind(make=lambda: whole_scaled_map(2, seed=4, n=24, n_states=30)),
     "case_2_fixed_errors": Kind(make=lambda: scaled_map(2, seed=9, n=24, n_states=30)),
+    "five_gauges": Kind(make=lambda: scaled_map(2, seed=4, n=5, n_states=6)),
     "absolute_case_1": Kind(make=lambda: absolute(0.0)),
     "absolute_gamma_1": Kind(make=lambda: absolute(1.0)),
     "absolute_gamma_1e-3": Kind(make=lambda: absolute(1e-3)),

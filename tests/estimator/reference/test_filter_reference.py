@@ -125,6 +125,10 @@ def test_linear_filter_agrees(kind: str, file: str, samples: slice, seconds: flo
     check_linear(inverse_map, flight(file, samples), seconds, zeros_of(inverse_map, *ZEROS[deviations]))
 
 
+def test_linear_filter_with_more_states_than_gauges_agrees() -> None:
+    check_linear(linear_kinds.KINDS["five_gauges"].make(), flight("scaled_five_gauges", slice(0, 80)), 5.0, None)
+
+
 @pytest.mark.parametrize("seconds", [0.5, 5.0])
 @pytest.mark.parametrize("kind", ["absolute_case_1", "absolute_gamma_1"])
 def test_linear_filter_of_absolute_maps_agrees(kind: str, seconds: float) -> None:

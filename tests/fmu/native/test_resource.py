@@ -15,6 +15,7 @@ from native_case import NativeCase
 from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.resource.container import NAME_SIZE, sealed
 from strainfmu.estimator.resource.map_file import native_resource
 
 pytestmark = pytest.mark.fast
@@ -103,6 +104,18 @@ def test_value_that_is_not_finite(small: NativeCase, tmp_path: Path, value: floa
             last = tuple(length - 1 for length in array.shape)
             text = refused(tmp_path, changed(arrays_of(small.inverse_map), {name: put(last, value)}), small.n)
             assert text.endswith(f"'{name}': holds a value that is not finite (number {array.size - 1})")
+
+
+@pytest.mark.parametrize(("place", "name"), [(1, 0), (3, 2), (2, 4)])
+def test_names_twice_or_out_of_order(small: NativeCase, tmp_path: Path, place: int, name: int) -> None:
+    """Array ``place`` is called as array ``name`` is."""
+    content = (small.resources / "map.bin").read_bytes()
+    names = sorted(arrays_of(small.inverse_map))
+    first = content.index(names[0].encode())
+    size = content.index(names[1].encode()) - first
+    text, at = names[name].encode().ljust(NAME_SIZE, b"\0"), first + size * place
+    damaged = sealed(content[:at] + text + content[at + NAME_SIZE :])
+    assert "stands twice or out of order" in refused(tmp_path, damaged, small.n)
 
 
 def test_wrong_guid(small: NativeCase) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from ctypes import byref, c_size_t, create_string_buffer
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.integrate import solve_ivp
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model
 
 from strainfmu.atmosphere import speed_of_sound
-from strainfmu.cosim.models.flight_model import evaluate
+from strainfmu.cosim.models.flight_model import evaluate, save_flight_model
 from strainfmu.cosim.models.gauge_noise import gauge_noise, quantile_table
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.flight_condition import FlightCondition
@@ -23,7 +24,7 @@ from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 pytestmark = pytest.mark.fast
 
-MODEL = synthetic_flight_model()
+MODEL = replace(synthetic_flight_model(), apparent_strain=1e-6 * np.linspace(-3.0, 5.0, N_GAUGES))
 START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.08, mass=2e4, pitch_inertia=3e5)
 COEFFICIENTS = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
 STRAINS = [f"strain[{i + 1}]" for i in range(N_GAUGES)]
@@ -35,11 +36,12 @@ STEP = 0.01
 def fmus(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFactory) -> dict[Motion, Path]:
     """The plant of each motion."""
     folder = tmp_path_factory.mktemp("plants")
+    save_flight_model(MODEL, folder / "flight_model.h5")
     made = {motion: folder / f"{motion.name}.fmu" for motion in Motion}
     for motion, path in made.items():
         trajectory = synthetic.trajectory if motion is Motion.TRAJECTORY else None
         export_native_plant(
-            flight_model_path=synthetic.flight_model,
+            flight_model_path=folder / "flight_model.h5",
             fmu_path=path,
             motion=motion,
             start=START,

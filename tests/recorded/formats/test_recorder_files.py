@@ -125,6 +125,10 @@ WRONG_LVM = {
     "two units": ("mm/m".join(LVM.rsplit("um/m", 1)), "channel 'G1': unit: expected one, got 'um/m' and 'mm/m'"),
     "no time": (LVM.replace("Dimension\tTime", "Dimension\tFrequency"), "channel of time: expected one, got none"),
     "rows": (LVM[: LVM.rindex("\r\n0.24")], "line 83: expected 25 samples in the segment, got 24"),
+    "no time of a value": (
+        LVM.replace("\r\n0.010000000\t", "\r\n\t", 1),
+        "channel 'G0', sample 2: expected finite times that increase, got nan s",
+    ),
     "cells": (LVM[: LVM.rindex("\t-5.49")], "line 84: expected a cell of 'G1', got 3 cells"),
     "times": (
         LVM.replace("12:00:00.15", "12:00:00.13"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.free_flight import total_mass
-from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.shell_mesh import _wall_surfaces, shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response
 from builder.structure.wall import FlightMasses, Material, RingFrame, Wall, WallRegion
 from builder.vehicle.shape.geometry import chain_segments
@@ -46,6 +46,21 @@ def tube_strain(thickness: float, material: Material, axial_force: float = -np.p
     axial = axial_force / (np.pi * (RADIUS**2 - inner**2))
     nu, young = material.poisson_ratio, material.youngs_modulus
     return np.array([axial - nu * hoop, hoop - nu * axial]) / young
+
+
+@pytest.mark.parametrize("angles", [(12.0, 2.0), (2.0, 12.0)])
+def test_the_inner_surface_is_a_wall_thickness_from_the_outer_one(angles: tuple[float, float]) -> None:
+    """Two cones: inside a corner the surfaces go on along their tangents until they meet."""
+    body = chain_segments([(end, *np.radians([one, one])) for end, one in zip((1.0, 2.0), angles, strict=True)])
+    wall = Wall(0.02, 0.3, STEEL)
+    _, inner = _wall_surfaces(body, wall, 0.3, 0.05)
+    corner = np.array([1.0, float(body.radius(np.array([1.0]))[0])])
+    slope = np.radians(angles)
+    distance = np.stack([(inner - corner) @ [-np.sin(one), np.cos(one)] for one in slope])
+    at = np.argmin(np.abs(distance + 0.02).sum(axis=0))  # on both
+    np.testing.assert_allclose(distance[:, at], -0.02, atol=1e-12)
+    np.testing.assert_allclose(distance[0, : at + 1], -0.02, atol=1e-12)
+    np.testing.assert_allclose(distance[1, at:], -0.02, atol=1e-12)
 
 
 def test_a_stepped_tube_of_two_metals_has_the_strain_of_each_of_its_parts() -> None:
