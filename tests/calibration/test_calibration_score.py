@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,7 +78,7 @@ def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, rat
     harmonic[..., 0] = ratio
     mach = np.linspace(4.0, 8.0, 4)
     table = FlowTable(vehicle="even", mach_knots=mach, incidence_knots=knots, harmonic=harmonic, provenance={})
-    found = flights_of(vehicle, table, SimpleNamespace(surface=grid), 5)  # type: ignore[arg-type]
+    found = flights_of(vehicle, table, grid, 5)
     ambient, dynamic = (
         np.array([getattr(one, name) for one in found.conditions])
         for name in ("ambient_pressure", "dynamic_pressure")

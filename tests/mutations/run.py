@@ -42,6 +42,9 @@ for name in sys.argv[1:]:
     library_file(platform, name).write_bytes(build_library(platform, name))
 """
 
+NO_TESTS = (4, 5)
+"""Exit codes of pytest where a path has no tests."""
+
 SHIPPED = ("test_build_from_sources.py", "test_library.py", "*platforms.py", "test_sanitizers.py")
 """Tests of the shipped libraries, which any change of the sources fails, or that build libraries of their own."""
 
@@ -98,7 +101,9 @@ def found_by(mutation: Mutation, clone: Path) -> str:
             failed = re.findall(r"^(?:FAILED|ERROR) tests/(.*?)(?: - .*)?$", tested.stdout, re.MULTILINE)
             if failed:
                 return str(failed[0])
-            if tested.returncode:
+            if tested.returncode in NO_TESTS:
+                print(f"tests/{path}: no test there: correct {SEEDED.name}", flush=True)
+            elif tested.returncode:
                 return f"pytest: {tested.stdout.strip().splitlines()[-1]}"
         return ""
     finally:
@@ -114,11 +119,12 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     unknown = set(given.names) - every.keys()
     if unknown:
-        parser.error(f"NAME: expected those of seeded.toml, got {', '.join(sorted(unknown))}")
+        parser.error(f"NAME: expected a name in {SEEDED.name}, got {', '.join(sorted(unknown))}")
     chosen = {name: every[name] for name in given.names or every}
     gone = [name for name, one in chosen.items() if one.text not in (ROOT / one.file).read_text("utf-8")]
     for name in gone:
-        print(f"{name}: {chosen[name].file}: '{chosen[name].text}' expected, not there: state it anew in {SEEDED}")
+        file, text = chosen[name].file, chosen[name].text
+        print(f"{name}: {file}: expected the text '{text}', not found: correct {SEEDED.name}")
     if given.check:
         return int(bool(gone))
     missed = 0

@@ -22,6 +22,7 @@ from builder.structure.loads.loaded_structure import LoadProperties
 from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
@@ -123,7 +124,7 @@ def setup_of(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, options: 
         vehicle=vehicle,
         snapshots=snapshots_on(snapshots, structure.surface),
         structure=structure,
-        flights=flights_of(vehicle, table, truth, options.flights),
+        flights=flights_of(vehicle, table, truth.surface, options.flights),
         truth=truth,
         solve_walls=options.solve_walls,
         outside=outside_structures(vehicle, properties, HARMONICS) if options.with_outside else None,
@@ -143,13 +144,12 @@ def properties_of(vehicle: Vehicle) -> LoadProperties:
     return LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
 
 
-def flights_of(vehicle: Vehicle, table: FlowTable, structure: AsBuiltStructure, count: int) -> Flights:
-    """Return ``count`` held-out flights on the nodes of ``structure``."""
+def flights_of(vehicle: Vehicle, table: FlowTable, grid: SurfaceGrid, count: int) -> Flights:
+    """Return ``count`` held-out flights, with the pressure [Pa] on the nodes of ``grid``."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
     mach, incidence, wind = flow_states(conditions)
     ambient = np.array([one.ambient_pressure for one in conditions])
     dynamic = np.array([one.dynamic_pressure for one in conditions])
-    grid = structure.surface
     ratio = ratio_on(harmonics_at(table, mach, incidence), wind, grid.roll_angle)
     net = ambient[:, None] * (ratio - 1.0)
     reference = vehicle.reference_quantities()

@@ -21,7 +21,7 @@ from strainfmu.units import STRAIN_UNITS
 
 UNIT_COLUMN = "strain_unit"
 FIRST_COLUMNS = ("case", "load_id", *CONDITION_COLUMNS, UNIT_COLUMN)
-"""Conditions are for the reader of the table; cases are told apart by ``load_id``."""
+"""Conditions are for the reader of the table; ``load_id`` distinguishes the cases."""
 NEEDED_COLUMNS = ("case", "load_id")
 SUBCASE_COLUMN = "subcase"
 """In place of strains and their unit, where those stand in the results of Nastran."""
