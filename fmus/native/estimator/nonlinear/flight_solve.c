@@ -332,15 +332,20 @@ double flight_iterate_start(FlightSolver *solver, double *state) {
     return flight_deviance(solver);
 }
 
+/* Weights follow the state in every second iteration, as in those of the starts, and in the last one. */
 void flight_solve_from(FlightSolver *solver, const double *state) {
     const size_t iterations = (size_t)solver->map->cold_iterations;
     double next[N_STATES];
     solver->has_before = 0;
     flight_linearise_anew(solver, state);
-    for (size_t k = 0; k < iterations; k++) {
+    for (size_t left = iterations; left-- > 0;) {
         solver->iterations++;
         next_state(solver, next);
-        flight_linearise_anew(solver, next);
+        evaluate(solver, next);
+        if (left % 2 == 0) {
+            set_factor(solver);
+        }
+        linearise(solver);
     }
     flight_settle(solver);
 }
