@@ -56,6 +56,7 @@ class Problem:
         counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
         None for none.
+    flow_models : difference of newtonian flow, see :mod:`builder.inverse.noise.flow_models`; None for none.
     """
 
     ensemble: Ensemble
@@ -72,6 +73,7 @@ class Problem:
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
+    flow_models: Ensemble | None = None
 
     @property
     def offset(self) -> FloatArray:

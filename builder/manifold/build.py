@@ -97,6 +97,7 @@ def manifold_map(
         pressure_range=np.array([pressure_and_temperature(high)[0], pressure_and_temperature(low)[0]]),
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
+        considered_response=found.considered,
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
