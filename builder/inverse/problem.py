@@ -13,7 +13,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.flow_models import difference_term, newtonian_difference
+from builder.inverse.noise.flow_models import newtonian_difference
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
@@ -167,9 +167,6 @@ def inverse_problem(
     for name, fields in ((BETWEEN, off), (LEEWARD_PRESSURE, leeward)):
         if fields is not None:
             terms.append(pressure_errors(name, fields, z_p, loads))
-    difference = newtonian_difference(vehicle, snapshots, ensemble)
-    if difference is not None:
-        terms.append(difference_term(difference, z_p, loads))
     return Problem(
         ensemble=ensemble,
         strain_operator=z_p,
@@ -185,7 +182,7 @@ def inverse_problem(
         between=between,
         off_the_snapshots=off,
         leeward=leeward,
-        flow_models=difference,
+        flow_models=newtonian_difference(vehicle, snapshots, ensemble),
     )
 
 

@@ -125,7 +125,7 @@ def _of_any_shape(
 def _difference_of_any_shape(
     vehicle: Vehicle, snapshots: Snapshots, operator: FloatArray, coefficients: FloatArray
 ) -> FloatArray | None:
-    """Return the tables of newtonian flow less ``coefficients``, those of ``snapshots``; one standard deviation."""
+    """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None
@@ -168,7 +168,7 @@ def _of_revolution(
 def _difference_of_revolution(
     vehicle: Vehicle, snapshots: Snapshots, response: FloatArray, coefficients: FloatArray
 ) -> FloatArray | None:
-    """Return the tables of newtonian flow less ``coefficients``, those of ``snapshots``; one standard deviation."""
+    """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None
