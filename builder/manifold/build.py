@@ -43,7 +43,7 @@ def with_manifold(
     """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
 
     ``nuisance`` holds the other noise terms of the map, ``problem`` what it was solved from where it is known.
-    The linear map, which stands in where strain does not fit the tables, expects the difference of flow models, too.
+    The linear map stands in where strain does not fit the tables: it expects the difference of flow models, too.
 
     Raises
     ------

@@ -124,7 +124,7 @@ class MapEntry(Section):
     sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
     difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
     map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of
-    its difference from newtonian flow is expected in both.
+    its difference from newtonian flow is expected by the nonlinear estimator, and by the linear map beside it.
     """
 
     form: Form = PER_PRESSURE
