@@ -15,9 +15,7 @@ def study(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-def test_every_flow_has_a_score_of_each_estimator(
-    ogive_demo: Path, ogive_vehicle_file: Path, tmp_path: Path
-) -> None:
+def test_every_flow_has_a_score_of_each_estimator(ic3x_demo: Path, tmp_path: Path) -> None:
     """Of few flights: names and figures as the file has them, and 3 sigma that hold."""
     out = tmp_path / "uncertainty.json"
     files = (str(IC3X), str(ic3x_demo / "map.h5"), str(ic3x_demo / "independent_flows.h5"))
