@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -21,6 +21,7 @@ from builder.inverse.modes.mode_choice import (
 )
 from builder.inverse.modes.phase import turned_to_gauges
 from builder.inverse.modes.pod import PressureModes, area_weights, proper_orthogonal_decomposition
+from builder.inverse.noise.flow_models import difference_term
 from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.mesh_error import MeshError
@@ -56,6 +57,8 @@ class Problem:
         counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
         None for none.
+    flow_models : difference of newtonian flow, see :mod:`builder.inverse.noise.flow_models`; None for none. It is
+        not among ``noise``: see :func:`with_flow_models`.
     """
 
     ensemble: Ensemble
@@ -72,6 +75,7 @@ class Problem:
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
+    flow_models: Ensemble | None = None
 
     @property
     def offset(self) -> FloatArray:
@@ -80,6 +84,18 @@ class Problem:
         if self.sensors is not None:
             offset[-len(self.sensors.rows) :] = self.sensors.offset
         return offset
+
+
+def with_flow_models(problem: Problem) -> Problem:
+    """Return ``problem`` with the difference of flow models among its noise; as it is where there is none.
+
+    For linear maps that stand in for tables which strain does not fit. A linear map alone would tell single gauges
+    that err less well, and its loads on flows as the snapshots' would err by up to a quarter more.
+    """
+    if problem.flow_models is None:
+        return problem
+    term = difference_term(problem.flow_models, problem.strain_operator, problem.load_operator)
+    return replace(problem, noise=(*problem.noise, term))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
-from builder.inverse.solution import Problem
+from builder.inverse.solution import Problem, with_flow_models
 from builder.manifold.discrepancy import level_error, process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
 from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed
@@ -42,6 +43,7 @@ def with_manifold(
     """Return ``inverse_map`` with the tables of the nonlinear estimator, made from the same inputs.
 
     ``nuisance`` holds the other noise terms of the map, ``problem`` what it was solved from where it is known.
+    The linear map stands in where strain does not fit the tables: it expects the difference of flow models, too.
 
     Raises
     ------
@@ -49,6 +51,9 @@ def with_manifold(
         The flows do not suffice for tables, or the gauges do not tell the sides of the wind apart.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
+    if problem.flow_models is not None:
+        whole = with_flow_models(problem)
+        inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, whole)
     manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
@@ -97,6 +102,7 @@ def manifold_map(
         pressure_range=np.array([pressure_and_temperature(high)[0], pressure_and_temperature(low)[0]]),
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
+        considered_response=found.considered,
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,

@@ -8,6 +8,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.noise.flow_models import newtonian_snapshots
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between
 from builder.inverse.problem import AnyStructure
 from builder.inverse.solution import Problem
@@ -28,6 +29,7 @@ from builder.manifold.tables import (
     spline_rows,
 )
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -51,6 +53,7 @@ class StateTables:
     overpressure : (n_p,) p / p_inf - 1 at the least incidence, the mean over the Mach numbers.
     incidence_limit : largest total incidence of the flows [rad].
     crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
+    considered : as ``coefficients``, of the difference of flow models at one standard deviation; None for none.
     field : pressure on the surface, of either kind; None where the map does not hold it.
     slopes : by flow parameters; None for none.
     """
@@ -63,6 +66,7 @@ class StateTables:
     overpressure: FloatArray
     incidence_limit: float
     crossflow_range: FloatArray | None
+    considered: FloatArray | None
     field: FlightField | ShapeField | None
     slopes: ParameterSlopes | None = None
 
@@ -112,9 +116,21 @@ def _of_any_shape(
         overpressure=found.overpressure,
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
+        considered=_difference_of_any_shape(vehicle, snapshots, operator, found.coefficients),
         field=field,
         slopes=found.slopes,
     )
+
+
+def _difference_of_any_shape(
+    vehicle: Vehicle, snapshots: Snapshots, operator: FloatArray, coefficients: FloatArray
+) -> FloatArray | None:
+    """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
+    newtonian = newtonian_snapshots(vehicle, snapshots)
+    if newtonian is None:
+        return None
+    tables = condition_tables(newtonian, operator, _is_vented(vehicle)).coefficients
+    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables - coefficients)
 
 
 def _of_revolution(
@@ -144,8 +160,21 @@ def _of_revolution(
         overpressure=overpressure,
         incidence_limit=float(flows.incidence[-1]),
         crossflow_range=None,
+        considered=_difference_of_revolution(vehicle, snapshots, response, coefficients),
         field=flight_field(vehicle, snapshots, problem, grid, of_grid) if entry.keep_field else None,
     )
+
+
+def _difference_of_revolution(
+    vehicle: Vehicle, snapshots: Snapshots, response: FloatArray, coefficients: FloatArray
+) -> FloatArray | None:
+    """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
+    newtonian = newtonian_snapshots(vehicle, snapshots)
+    if newtonian is None:
+        return None
+    flows = flow_amplitudes(newtonian)
+    _, tables = _tables(flows.less_ambient() if _is_vented(vehicle) else flows, response)
+    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables - coefficients)
 
 
 def _check_flows(flows: FlowAmplitudes) -> None:

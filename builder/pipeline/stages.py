@@ -302,19 +302,19 @@ def _by_auto(
         linear = build_inverse_map(vehicle, chosen, structure, problem=smaller)
         return with_manifold(linear, vehicle, chosen, structure, problem=smaller)
 
-    choice = None if (why := why_linear(vehicle)) is None else linear_because(why)
+    with_tables, choice = inverse_map, None if (why := why_linear(vehicle)) is None else linear_because(why)
     if choice is None:
         try:
-            inverse_map = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
+            with_tables = with_manifold(inverse_map, vehicle, snapshots, structure, problem=problem)
         except InputError as error:
             choice = linear_because(f"no tables can be made ({str(error).removeprefix('map.estimator: ')})")
     if choice is None:
         if not compares:
-            return inverse_map
+            return with_tables
         with reporter.stage("Both estimators: a map made without some snapshots"):
             choice = compared_on_left_out(vehicle, snapshots, problem, build)
     reporter.note(choice.line)
-    return as_chosen(inverse_map, choice)
+    return as_chosen(inverse_map if choice.used == "linear" else with_tables, choice)
 
 
 def _with_sources(

@@ -114,3 +114,12 @@ def whole_map() -> InverseMap:
         gauge_covariance=manifold.gauge_covariance + 1e-14 * np.ones((N_D, N_D)),
     )
     return replace(scaled_map(2, 1, N_D), manifold=manifold)
+
+
+def with_considered_error(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with a considered error: every row's table times a factor of its own."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    factor = 0.03 * np.random.default_rng(5).standard_normal(manifold.response.shape[2])
+    error = manifold.response * factor[:, None, None]
+    return replace(inverse_map, manifold=replace(manifold, considered_response=error))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.reports.findings.coefficient_sources import CoefficientSources
 from builder.reports.findings.envelope_states import ALL, air_data_at, envelope, estimated_at, strain_at
 from builder.reports.findings.gauge_value import GaugeValue
@@ -33,7 +34,8 @@ HARDWARE = (
     "other errors of all gauges, as of clocking and wall",
 )
 NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
-"""The sources of the nonlinear estimator's variance, with :data:`NOISE` and :data:`OFF_TABLES`."""
+"""The sources of the nonlinear estimator's variance, with :data:`NOISE`, :data:`OFF_TABLES` and
+:data:`~builder.inverse.noise.flow_models.FLOW_MODELS`."""
 
 FEW = (2, 2)
 """Mach numbers and total incidences at which gauges are lost, and pressure is estimated."""
@@ -150,7 +152,8 @@ def _sources_of(
     manifold, n_d = reference.manifold, reference.n_d
     found = reference.posterior(state, sample, reference.strain_covariance(state))
     pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
-    joint = found.covariance[0]
+    considered = reference.considered(state, sample, found)
+    joint = found.covariance[0] + np.outer(considered, considered)
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
@@ -163,6 +166,7 @@ def _sources_of(
     parts = {
         NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
         OFF_TABLES: pressure**2 * np.sum(off_tables**2, axis=1),
+        FLOW_MODELS: (slopes @ considered)[FIVE_LOADS] ** 2,
         HARDWARE[0]: np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1),
         HARDWARE[1]: pressure**2 * of_strain**2 @ of_gauge,
         HARDWARE[2]: (of_strain @ (manifold.common_gain * strain)) ** 2,

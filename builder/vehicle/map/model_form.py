@@ -23,6 +23,9 @@ another flow.
 LEEWARD = 2.5
 """Fraction of the leeward difference over ``model_form_percent``."""
 
+NEWTONIAN = 10.0
+"""Fraction of the difference of newtonian flow over ``model_form_percent``."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ModelForm:
@@ -33,6 +36,7 @@ class ModelForm:
     of_prior : of the deviation of the snapshots from their mean.
     of_overpressure : of the overpressure without incidence.
     of_leeward : of the difference between two leeward sides of newtonian flow.
+    of_newtonian : of the difference between newtonian flow and the snapshots.
     process : of the Gaussian process over p_inf; None where it follows q_inf.
     scale : of the process that follows q_inf, over its default.
     """
@@ -40,6 +44,7 @@ class ModelForm:
     of_prior: float
     of_overpressure: float
     of_leeward: float
+    of_newtonian: float
     process: float | None
     scale: float
 
@@ -65,6 +70,7 @@ def model_form(entry: MapEntry, noise: Noise) -> ModelForm:
         of_prior=size(entry.discrepancy_of_prior_percent),
         of_overpressure=size(entry.discrepancy_of_overpressure_percent),
         of_leeward=min(1.0, size(entry.discrepancy_of_leeward_percent, LEEWARD)),
+        of_newtonian=size(entry.discrepancy_of_newtonian_percent, NEWTONIAN),
         process=None if process is None else 0.01 * process,
         scale=percent / MODEL_FORM_PERCENT,
     )
@@ -81,6 +87,7 @@ SIZES = (
     "discrepancy_of_prior_percent",
     "discrepancy_of_overpressure_percent",
     "discrepancy_of_leeward_percent",
+    "discrepancy_of_newtonian_percent",
 )
 """Entries of [map] that state a size of the model-form error."""
 

@@ -123,7 +123,8 @@ class MapEntry(Section):
     are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round
     sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
     difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
-    map too.
+    map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of
+    its difference from newtonian flow is expected by the nonlinear estimator, and by the linear map beside it.
     """
 
     form: Form = PER_PRESSURE
@@ -148,6 +149,7 @@ class MapEntry(Section):
     discrepancy_of_prior_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_of_overpressure_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_of_leeward_percent: float | None = Field(default=None, ge=0.0, le=100.0)
+    discrepancy_of_newtonian_percent: float | None = Field(default=None, ge=0.0, le=300.0)
     level_by_strain: bool = False
 
     @property

@@ -264,11 +264,37 @@ class NonlinearReference:
         pressure = np.exp(joined)
         return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
 
+    def considered(self, state: FloatArray, sample: Sample, found: Posterior) -> FloatArray:
+        """Return (4 + m,) what state and loads err by where strain and loads do as the considered error.
+
+        Its amplitude is standard normal; the residual r leaves it the variance 1 / (1 + h' P h) about
+        h' P r / (1 + h' P h), and the sum of the squares counts.
+
+        Source: Schmidt, Advances in Control Systems 3 (1966) 293.
+        """
+        tables, m = self.manifold.considered_tables, self.manifold.n_loads
+        if tables is None:
+            return np.zeros(N_STATES + m)
+        error = evaluate(tables, state[None]).value[0]
+        seen = found.precision[0, : self.n_d] @ self.residual(state, sample)
+        precision = 1.0 + error[: self.n_d] @ found.precision[0, : self.n_d, : self.n_d] @ error[: self.n_d]
+        mean = error[: self.n_d] @ seen / precision
+        own = np.concatenate([np.zeros(N_STATES), error[self.n_d :]])
+        turned = found.gain[0, :, : self.n_d] @ error[: self.n_d] - own
+        return np.asarray(np.sqrt(1.0 / precision + mean**2) * turned)
+
+    def residual(self, state: FloatArray, sample: Sample) -> FloatArray:
+        """Return (n,) rows of ``sample`` less those at ``state``, 0 of what is not known."""
+        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior_mean])
+        there = np.concatenate([self.at(state)[0][: self.n_d], air_rows(state)[0], state])
+        return np.where(np.isfinite(rows), rows - there, 0.0)
+
     def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
         """Return the estimate at the solved ``state``."""
         covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
         found = self.posterior(state, sample, covariance)
-        whole = found.covariance[0]
+        considered = self.considered(state, sample, found)
+        whole = found.covariance[0] + np.outer(considered, considered)
         air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
         return NonlinearEstimate(
             **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),

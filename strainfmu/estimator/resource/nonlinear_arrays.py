@@ -49,7 +49,7 @@ from strainfmu.estimator.resource.container import Values
 from strainfmu.estimator.resource.filter_law import errors_of_others, flight_law
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.tables.channel_tables import channel_tables
-from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
+from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE, FlightTables
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_factors import error_products, factors
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
@@ -69,6 +69,8 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
         },
         "filter": _filter(inverse_map, manifold),
     }
+    if manifold.considered_tables is not None:
+        parts["considered"] = _considered(inverse_map, manifold.considered_tables)
     if inverse_map.has_other_loads:
         parts["flight_loads"] = _other_loads(manifold)
     if manifold.parameters is not None:
@@ -86,6 +88,14 @@ def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
         "incidence_knots": manifold.incidence_knots,
         **vars(channel_tables(manifold.tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
         "fixed_response": manifold.tables.fixed_response,
+    }
+
+
+def _considered(inverse_map: InverseMap, tables: FlightTables) -> Values:
+    """Return the tables of strain and all loads of the considered error."""
+    return {
+        **vars(channel_tables(tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
+        "fixed_response": tables.fixed_response,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -68,6 +68,8 @@ class ManifoldMap:
         largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
     discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
         none.
+    considered_response : as ``response``, of an error that widens the deviations of the estimates and corrects
+        nothing (Schmidt's considered parameter), at one standard deviation; None for none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     parameters : what flow parameters change; None where the map holds none.
@@ -97,6 +99,7 @@ class ManifoldMap:
     outlier_scale: float = 1.0
     shape_scale: float = 1.0
     discrepancy_shapes: FloatArray | None = None
+    considered_response: FloatArray | None = None
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
@@ -121,6 +124,8 @@ class ManifoldMap:
         }
         if self.discrepancy_shapes is not None:
             shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
+        if self.considered_response is not None:
+            shapes["considered_response"] = self.response.shape
         if self.crossflow_range is not None:
             shapes["crossflow_range"] = (2, 2)
         if self.sensor_gain_std is not None or self.sensor_common_gain_std is not None:
@@ -202,6 +207,16 @@ class ManifoldMap:
         )
 
     @cached_property
+    def considered_tables(self) -> FlightTables | None:
+        """Strain and all loads of the considered error over the flight state; None for none."""
+        if self.considered_response is None:
+            return None
+        tables = self.tables_of(self.n_loads)
+        return replace(
+            tables, response=self.considered_response, fixed_response=np.zeros_like(tables.fixed_response)
+        )
+
+    @cached_property
     def crossflow(self) -> Crossflow:
         """Middle and half width of the ranges of u and w."""
         if self.crossflow_range is None:
@@ -253,6 +268,7 @@ class ManifoldMap:
 UNITS = {
     "incidence_knots": "rad",
     "response": "1/Pa, m2, m3",
+    "considered_response": "1/Pa, m2, m3",
     "fixed_response": "m/m, N, N.m",
     "gauge_covariance": "(m/m)^2",
     "error_strain": "1/Pa",

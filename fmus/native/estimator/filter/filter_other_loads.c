@@ -91,7 +91,8 @@ void filter_other_loads(Filter *filter, FlightOtherLoads *other_loads, const Inp
     double *remaining = out->value[OTHER_LOADS_STD]; /* each until its load is written */
     flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     set_turned(filter, solver->response.pressure * solver->response.pressure, remaining);
-    const PressureErrors pressure = flight_pressure_errors(solver);
+    static const double NONE[N_STATES] = {0.0};
+    const PressureErrors pressure = flight_pressure_errors(solver, NONE);
     const double *left = filter_left(filter, &filter->found);
     for (size_t j = 0; j < m; j++) {
         const FilteredLoad found = load_of(filter, &other_loads->response, j, left, remaining[j]);

@@ -140,6 +140,11 @@ static void take_errors(MapFile *file, FlightMap *map, size_t n) {
     }
 }
 
+int considered_parse(MapFile *file, size_t n_rows, FlightMap *map) {
+    map->considered = map->tables; /* for the knots */
+    return tables_parse(file, "considered", n_rows, &map->considered);
+}
+
 int flight_map_parse(MapFile *file, size_t n_gauges, FlightMap *map) {
     TableMap *tables = &map->tables;
     map->reference_area = map_positive(file, "flight.reference_area");

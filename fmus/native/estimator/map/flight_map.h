@@ -30,6 +30,7 @@ typedef struct {
 /* Quantities and units: strainfmu/estimator/tables/manifold_map.py. */
 typedef struct {
     TableMap tables;            /* of strains, then loads */
+    TableMap considered;        /* of strains, then all loads, of the considered error; no rows in maps without */
     size_t n_common;            /* errors that all gauges have in common */
     size_t n_shapes;            /* of pressure off the tables that are tested, at most MAX_SHAPES */
     double reference_area, reference_length;
@@ -63,6 +64,9 @@ typedef struct {
 
 /* Read tables of n_rows rows of a part, whose knots are known. 1; 0 with a text. */
 int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables);
+
+/* Read the part of the considered error, of strains and loads, after that of the tables. 1; 0 with a text. */
+int considered_parse(MapFile *file, size_t n_rows, FlightMap *map);
 
 /* Read the part for n_gauges gauges. 1; 0 with a text that states what is wrong. */
 int flight_map_parse(MapFile *file, size_t n_gauges, FlightMap *map);

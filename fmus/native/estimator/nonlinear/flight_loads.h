@@ -14,7 +14,14 @@ typedef struct {
     double dynamic, by_state[N_STATES], wider;
 } PressureErrors;
 
-PressureErrors flight_pressure_errors(const FlightSolver *solver);
+/* Where the state errs by `shift` besides, (N_STATES). */
+PressureErrors flight_pressure_errors(const FlightSolver *solver, const double *shift);
+
+/* The product of derivatives by the state and a change of the state. */
+double flight_along(const double *by_state, const double *shift);
+
+/* What a load errs by where strain and that load do as the considered error at a fixed state; `turned` as below. */
+double flight_considered(const FlightSolver *solver, size_t load, const double *turned);
 
 /* L^-1 of `count` covariances with strain (count, n_gauges), per p_inf^2, in turned (count, n). */
 void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned);

@@ -51,6 +51,7 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
         scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
     const double square = solver->factor_pressure * solver->factor_pressure;
     double by_state[N_STATES], of_coefficient[N_STATES];
+    const double *shift = solver->considered.shift, own_error = flight_considered(solver, N_LOADS + j, turned);
     const double load = flight_corrected(solver, &other_loads->response, j, turned, by_state);
     const double left = square * other_loads->map.variance[j] - lane_dot(solver->n, turned, turned);
     const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
@@ -58,8 +59,11 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     for (size_t k = 0; k < N_STATES; k++) {
         of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];
     }
-    const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
-    const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
+    const double load_error = flight_along(by_state, shift) + own_error;
+    const double coefficient_error = flight_along(of_coefficient, shift) + scale * own_error;
+    const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining + load_error * load_error;
+    const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining
+                         + coefficient_error * coefficient_error;
     const double *widening = solver->solution.widening + N_STATES;
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;
@@ -74,7 +78,7 @@ void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *so
     const size_t m = other_loads->map.tables.n_rows;
     flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     flight_turn(solver, other_loads->map.strain_covariance, m, other_loads->turned);
-    const PressureErrors pressure = flight_pressure_errors(solver);
+    const PressureErrors pressure = flight_pressure_errors(solver, solver->considered.shift);
     for (size_t j = 0; j < m; j++) {
         set_load(other_loads, solver, inputs, j, &pressure, out);
     }

@@ -266,6 +266,12 @@ void flight_settle(FlightSolver *solver) {
     found->chi_square = solver->cost;
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
+    const double *shift = solver->considered.shift;
+    for (size_t i = 0; i < N_STATES; i++) {
+        for (size_t j = 0; j < N_STATES; j++) {
+            found->widened_covariance[i * N_STATES + j] += shift[i] * shift[j];
+        }
+    }
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }

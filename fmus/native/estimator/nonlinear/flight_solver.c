@@ -5,7 +5,10 @@
 
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges);
-    return flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
+    const size_t considered = map->considered.n_rows == 0
+                                ? 0
+                                : flight_tables_doubles(&map->considered) + response_doubles(&map->considered) + n;
+    return considered + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
          + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
 }
 
@@ -38,6 +41,11 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->turned = taken(doubles, N_RIGHT * n);
     solver->columns = taken(doubles, (map->n_common + 1) * n);
     solver->shapes = taken(doubles, map->n_shapes * n);
+    if (map->considered.n_rows > 0) {
+        flight_tables_arrays(&map->considered, &solver->considered.tables, doubles);
+        response_arrays(&map->considered, &solver->considered.response, doubles);
+        solver->considered.strain = taken(doubles, n);
+    }
     solver->sample.used = *bytes;
     *bytes += n_gauges;
     widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);

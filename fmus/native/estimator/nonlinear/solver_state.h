@@ -50,6 +50,15 @@ typedef struct {
 
 #define KEPT_SEARCHES 2 /* with all of navigation, and without what is inconsistent */
 
+/* The considered error at the state of the problem, see strainfmu/estimator/tables/manifold_map.py; of maps without, 0. */
+typedef struct {
+    FlightTables tables;
+    Response response;
+    double *strain;         /* (n) L^-1 of its strain */
+    double size;            /* of it, in its standard deviations */
+    double shift[N_STATES]; /* of the state */
+} Considered;
+
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */
 typedef struct {
     const FlightMap *map;
@@ -63,6 +72,7 @@ typedef struct {
     double *search_weight;                        /* (n) 1 over the deviation of each gauge */
     Sample sample;
     Solution solution;
+    Considered considered;
     /* Scratch: the problem about a state. */
     double state[N_STATES];
     Response response;
