@@ -14,10 +14,11 @@ from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.fmi_variables import Variable, deviation_of
-from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, VALID_GAUGES
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, STATE, USABLE, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
+    from strainfmu.estimator.map.inverse_map import InverseMap
     from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _AIR_DATA_TEXT = (
@@ -56,23 +57,55 @@ def with_later_inputs(interface: tuple[Variable, ...], manifold: ManifoldMap | N
     return interface if manifold is None else (*interface, *_navigation_inputs(manifold, are_later=True))
 
 
+def with_last_variables(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the last inputs of air data behind it, and whether the loads are usable."""
+    manifold = inverse_map.manifold
+    inputs = [
+        _air_input(
+            one,
+            one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN)
+            if manifold is None
+            else _text(one, manifold),
+        )
+        for one in AIR_INPUTS
+        if one.is_last
+    ]
+    names = tuple(one.name for one in inputs)
+    state = next(one for one in interface if one.name == STATE)
+    follows = FLOW_INPUTS[0] if manifold is None else NAVIGATION_INPUTS[0]
+    before = (
+        replace(one, depends_on=(*one.depends_on, *names))
+        if one.causality == "output" and (one.name == STATE or follows in one.depends_on)
+        else one
+        for one in interface
+    )
+    usable = replace(
+        _flag(USABLE, "Whether loads may be used with their standard deviations: health is OK or DEGRADED"),
+        depends_on=(*state.depends_on, *names),
+        initially_depends_on=state.initially_depends_on,
+    )
+    return (*before, *inputs, usable)
+
+
+def _air_input(one: AirInput, text: str) -> Variable:
+    return Variable(
+        name=one.name,
+        description=text,
+        causality="input",
+        kind="air data",
+        label=one.label,
+        symbol=one.symbol,
+        unit=one.unit,
+        display_unit=one.shown,
+        minimum=None if one.is_signed else 0.0,
+        start=one.start,
+    )
+
+
 def _navigation_inputs(manifold: ManifoldMap, are_later: bool = False) -> list[Variable]:
     """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
     return [
-        Variable(
-            name=one.name,
-            description=_text(one, manifold),
-            causality="input",
-            kind="air data",
-            label=one.label,
-            symbol=one.symbol,
-            unit=one.unit,
-            display_unit=one.shown,
-            minimum=0.0,
-            start=0.0,
-        )
-        for one in AIR_INPUTS
-        if one.of_tables and one.is_later == are_later
+        _air_input(one, _text(one, manifold)) for one in AIR_INPUTS if one.of_tables and one.is_later == are_later
     ]
 
 
