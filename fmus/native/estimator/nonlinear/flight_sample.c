@@ -91,7 +91,10 @@ static void take_out_computed(const FlightMap *map, const Inputs *inputs, Naviga
     const double stated = known_input(inputs, STATIC_PRESSURE_STD);
     const double error = source == MACH_AND_ALTITUDE ? larger(map->altitude_error, DAY_OF_ALTITUDE)
                        : isnan(stated) || by_altitude ? larger(map->error[1], DAY_OF_PRESSURE) : stated / value[1];
-    if (isnan(known_input(inputs, MACH_NUMBER_STD)) && is_value(value[0])) {
+    const double stated_mach = known_input(inputs, MACH_NUMBER_STD);
+    if (!is_value(value[0])) {
+        std[0] = isnan(stated_mach) ? map->error[0] : stated_mach;
+    } else if (isnan(stated_mach)) {
         const double of_day = DAY_OF_MACH * value[0];
         std[0] = sqrt(std[0] * std[0] + of_day * of_day);
     }
