@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, AirInput
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, Q_SOURCE, AirInput
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
@@ -72,16 +72,19 @@ def with_last_variables(interface: tuple[Variable, ...], inverse_map: InverseMap
     ]
     names = tuple(one.name for one in inputs)
     state = next(one for one in interface if one.name == STATE)
-    follows = FLOW_INPUTS[0] if manifold is None else NAVIGATION_INPUTS[0]
-    before = (
-        replace(one, depends_on=(*one.depends_on, *names))
-        if one.causality == "output" and (one.name == STATE or follows in one.depends_on)
-        else one
-        for one in interface
-    )
+    # With a linear map the source of q_inf moves its deviation alone.
+    of_pressure = names if manifold is not None else (*FLOW_INPUTS[2:], Q_SOURCE)
+
+    def depending(one: Variable) -> Variable:
+        if one.causality != "output" or FLOW_INPUTS[1] not in one.depends_on:
+            return one
+        more = names if one.name == STATE else of_pressure
+        return replace(one, depends_on=tuple(dict.fromkeys((*one.depends_on, *more))))
+
+    before = map(depending, interface)
     usable = replace(
         _flag(USABLE, "Whether loads may be used with their standard deviations: health is OK or DEGRADED"),
-        depends_on=(*state.depends_on, *names),
+        depends_on=tuple(dict.fromkeys((*state.depends_on, *names))),
         initially_depends_on=state.initially_depends_on,
     )
     return (*before, *inputs, usable)

@@ -12,8 +12,6 @@ from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
 
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.air_inputs import QSource
-from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
 FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
@@ -22,8 +20,6 @@ FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS
 N_INPUTS, N_REALS, N_FLAGS = 3, 14, 11
 FILTER = FIRST + N_INPUTS + N_REALS + N_FLAGS + 2 * N_D + 1
 """Value reference of the filter's time constant, behind the zeros; temperatures stand before it."""
-LAST = [one.name for one in estimator_interface(whole_map())].index("q_source")
-"""Value reference of the source of the dynamic pressure, where the map has no other parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +50,6 @@ def random_flight(inverse_map: InverseMap, steps: int, seed: int) -> list[Flight
             "mach_number": state[0] + 0.05 * random.normal(),
             "static_pressure": pressure * (1.0 + 0.02 * random.normal()),
             "dynamic_pressure": 0.7 * state[0] ** 2 * pressure * (1.0 + 0.01 * random.normal()),
-            "q_source": float(QSource.INDEPENDENT),
         }
         samples.append(FlightSample(strain=strain, valid=np.ones(N_D, dtype=bool), flow=flow))
     return samples
@@ -74,7 +69,6 @@ class FlightFmu(Fmu2):
         assert self.set_scalars(0, *flow) == OK
         further = [sample.flow.get(name, 0.0) for name in NAVIGATION_INPUTS[:N_INPUTS]]
         assert self.set_reals(range(FIRST, FIRST + N_INPUTS), further) == OK
-        assert self.set_reals([LAST + self.n_t], [sample.flow.get("q_source", 0.0)]) == OK
         if sample.temperature is not None:
             assert self.set_reals(range(FILTER, FILTER + self.n_t), sample.temperature) == OK
 
