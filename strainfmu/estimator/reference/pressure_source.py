@@ -81,7 +81,8 @@ def pressure_source(
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
         deviation = np.hypot(computed_pressure_error(mach, mach_std, std), dynamic_std)
         allowed = np.minimum(PART_OF_DEVIATION * deviation, LARGEST_DIFFERENCE)
-        return np.asarray(np.abs(given[DYNAMIC_PRESSURE] - expected) <= allowed * expected)
+        apart = np.abs(given[DYNAMIC_PRESSURE] - expected)
+        return np.isfinite(expected) & (apart <= allowed * expected)
 
     by_altitude = is_computed(static_pressure_at(altitude), altitude_std) | is_computed(geometric, altitude_std)
     found = np.where(by_altitude, QSource.MACH_AND_ALTITUDE, QSource.INDEPENDENT)

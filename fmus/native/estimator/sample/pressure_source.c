@@ -27,7 +27,7 @@ static int is_computed(const Inputs *inputs, double pressure, double mach_std, d
     const double of_computed = computed_pressure_error(mach, mach_std, pressure_std);
     const double part = PART_OF_DEVIATION * sqrt(of_computed * of_computed + dynamic_std * dynamic_std);
     const double allowed = part < LARGEST_DIFFERENCE ? part : LARGEST_DIFFERENCE;
-    return fabs(dynamic - expected) <= allowed * expected; /* false where one is not known */
+    return expected < INFINITY && fabs(dynamic - expected) <= allowed * expected; /* false where one is not known */
 }
 
 PressureSource pressure_source(const Inputs *inputs, double mach_std, double pressure_std, double altitude_std,
