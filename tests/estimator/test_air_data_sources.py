@@ -63,8 +63,8 @@ GIVEN = [
     {"dynamic_pressure": Q, "q_source": 3.0},
     {"dynamic_pressure": Q, "q_source": 2.0, "dynamic_pressure_std": 0.01 * Q},
     {
-        **{"dynamic_pressure": Q, "mach_number": MACH, "static_pressure": PRESSURE},
-        **{"mach_number_std": 0.02, "static_pressure_std": 0.01 * PRESSURE, "q_source": 2.0},
+        "dynamic_pressure": Q, "mach_number": MACH, "static_pressure": PRESSURE,
+        "mach_number_std": 0.02, "static_pressure_std": 0.01 * PRESSURE, "q_source": 2.0,
     },
     {"dynamic_pressure": Q, "mach_number": MACH, "static_pressure": 0.93 * PRESSURE, "altitude": ALTITUDE},
 ]
@@ -111,7 +111,9 @@ def test_nothing_confirms_what_it_is_computed_from() -> None:
     assert joined(dynamic_pressure=Q, mach_number=MACH, static_pressure=PRESSURE, mach_number_std=0.01).std[0] == (
         pytest.approx(0.01)
     )
-    assert of_linear(dynamic_pressure=Q, mach_number=MACH, altitude=ALTITUDE) == pytest.approx(np.hypot(0.05, 0.07))
+    assert of_linear(dynamic_pressure=Q, mach_number=MACH, altitude=ALTITUDE) == pytest.approx(
+        np.hypot(0.05, 0.07)
+    )
 
 
 def test_sources_by_name_and_number() -> None:

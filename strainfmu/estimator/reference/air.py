@@ -9,7 +9,13 @@ from math import log
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import DEVIATION_OF_AIR, HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature, static_pressure_at
+from strainfmu.atmosphere import (
+    DEVIATION_OF_AIR,
+    HEAT_CAPACITY_RATIO,
+    LAYERS,
+    pressure_and_temperature,
+    static_pressure_at,
+)
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import (
     ALTITUDE,

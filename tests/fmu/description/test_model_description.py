@@ -13,6 +13,7 @@ from fmpy.validation import validate_fmu
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description.fmi2 import model_description
@@ -20,7 +21,6 @@ from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.reference_run.run import array_elements
-from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, TARE_ITEMS
 from strainfmu.interface.estimator_variables import (
     FLOW_INPUTS,
