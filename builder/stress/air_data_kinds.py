@@ -1,5 +1,4 @@
-"""Kinds of error of air data: quantities that are computed from others, consistent errors, and rows that angles tell
-apart."""
+"""Kinds of error of air data: computed quantities, consistent errors, and exchanged rows that angles detect."""
 
 from __future__ import annotations
 

@@ -228,7 +228,7 @@ class Estimate(NamedLoads):
 
     @property
     def usable(self) -> Any:
-        """Whether loads may be used with their standard deviations: health is OK or DEGRADED; bool, or (k,) of it."""
+        """Whether loads may be used with their standard deviations: OK and DEGRADED; of k samples (k,)."""
         found = self._one("usable")
         return found != 0.0 if self.is_series else bool(found)
 

@@ -43,7 +43,7 @@ class HealthState(IntEnum):
 
 
 USABLE_STATES = (HealthState.OK, HealthState.DEGRADED)
-"""States in which loads may be used with their standard deviations; in all others they may be wrong, or are none."""
+"""States in which loads may be used with their standard deviations; in others they may be wrong, or are none."""
 
 _MOST_STEPS, _SMALLEST_STEP = 50, 1e-14
 """Of Newton's method: their number, and the last one relative to the value."""

@@ -29,7 +29,7 @@ PARAMETERS = SETTING_NAMES
 
 
 OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS, *LAST_INPUTS)
-"""Deviations of q_inf and navigation, p_inf, angles: what not every sender knows, and not every estimator takes."""
+"""Deviations, p_inf, sources and angles: what not every sender knows, and not every estimator takes."""
 
 _SIGNED = {one.name for one in AIR_INPUTS if one.is_signed}
 

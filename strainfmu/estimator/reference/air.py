@@ -189,7 +189,7 @@ def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
 
 
 def doubted(air: AirInputs, z: FloatArray) -> AirInputs | None:
-    """Return ``air`` with a static pressure that nothing confirms and strain makes unlikely doubted, None for none."""
+    """Return ``air`` with a doubted static pressure, which nothing confirms and strain makes unlikely; None if not."""
     size = abs(z[1])
     if not air.is_computed or not size > UNLIKELY_PRESSURE:
         return None

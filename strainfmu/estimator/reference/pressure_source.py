@@ -25,7 +25,7 @@ from strainfmu.estimator.arguments import given as positive
 from strainfmu.estimator.signal_names import NOT_KNOWN
 
 LARGEST_DIFFERENCE = 1.5e-3
-"""Largest relative difference of a computed dynamic pressure from what it is computed from, by the rounding of both."""
+"""Largest relative difference of a computed dynamic pressure from what it is computed from, by rounding."""
 
 PART_OF_DEVIATION = 0.05
 """The same over the standard deviation of the difference of independent values: one in 25 of these is as near."""
@@ -116,7 +116,8 @@ def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error:
     mach_std = np.where(no_mach, DAY_OF_MACH * mach, stated_mach)
     relative = given[f"{STATIC_PRESSURE}{STD}"] / given[STATIC_PRESSURE]
     pressure_std = np.where(np.isnan(relative), DAY_OF_PRESSURE, relative)
-    source = pressure_source(given, mach_std, pressure_std, DEVIATION_OF_AIR, std / q)
+    with np.errstate(invalid="ignore"):  # q may be infinite
+        source = pressure_source(given, mach_std, pressure_std, DEVIATION_OF_AIR, std / q)
     of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
     own = q * computed_pressure_error(mach, mach_std, of_pressure)
     return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(given, own))
