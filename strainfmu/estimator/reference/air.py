@@ -57,13 +57,15 @@ DISCERNED = 16.0
 class AirInputs:
     """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown.
 
-    ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``direction`` and
+    ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``of_loads`` are that q_inf
+    and its standard deviation [Pa], for loads of the linear map; ``direction`` and
     ``direction_std`` (2,) are u and w [rad] by measured angles, of infinite deviation where not known.
     """
 
     value: FloatArray
     std: FloatArray
     is_computed: bool = False
+    of_loads: tuple[float, float] = (np.nan, np.nan)
     direction: FloatArray = field(default_factory=lambda: np.zeros(2))
     direction_std: FloatArray = field(default_factory=lambda: np.full(2, np.inf))
 
@@ -150,16 +152,18 @@ def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[st
         mach_std = std[0] = np.hypot(std[0], DAY_OF_MACH * value[0])
     if np.isfinite(value[1]) and not stated > 0.0:
         std[1] = value[1] * max(std[1] / value[1], of_day if by_altitude else of_port)
+    mach = value[0] if np.isfinite(value[0]) else manifold.mach_range.mean()
+    own = value[2] * computed_pressure_error(np.array(mach), np.array(mach_std), error)
+    of_loads = float(value[2]), float(computed_pressure_std(records, own)[0])
     if np.isnan(value[:2]).all():
-        own = value[2] * computed_pressure_error(np.array(manifold.mach_range.mean()), np.array(mach_std), error)
-        return replace(air, std=np.append(std[:2], computed_pressure_std(records, own)), is_computed=True)
+        return replace(air, std=np.append(std[:2], of_loads[1]), is_computed=True, of_loads=of_loads)
     if np.isnan(value[1]):
         value[1] = value[2] / (half * value[0] ** 2)
         std[1] = value[1] * error
     elif np.isnan(value[0]):
         value[0], std[0] = np.sqrt(value[2] / (half * value[1])), mach_std
     value[2] = std[2] = np.nan
-    return AirInputs(value=value, std=std, is_computed=True)
+    return AirInputs(value=value, std=std, is_computed=True, of_loads=of_loads)
 
 
 def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[float, float]:
