@@ -29,6 +29,9 @@ TIME_UNITS = {"ns": 1e-9, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ms": 1e-3, "s":
 LENGTH_UNITS = {"m": 1.0, "km": 1e3, "ft": 0.3048}
 """Factor to m."""
 
+ANGLE_UNITS = {"rad": 1.0, "mrad": 1e-3, **dict.fromkeys(("deg", "°"), pi / 180.0)}
+"""Factor to rad."""
+
 READING_UNITS = {
     "Pa": PRESSURE_UNITS,
     "m/s2": {"m/s2": 1.0, "m/s^2": 1.0, "g": 9.80665},
@@ -64,6 +67,7 @@ UNITS_OF: dict[str, dict[str, float]] = {
     "1": NUMBER_UNITS,
     "m": LENGTH_UNITS,
     "K": {"K": 1.0},
+    "rad": ANGLE_UNITS,
 }
 """Units of flow and navigation, by the SI unit of each; factor to it."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.truth.as_built import drawn
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
+from strainfmu.flight_condition import FlightCondition
 
 KindClass = Literal["within", "outside", "unobservable"]
 """``within``
@@ -111,6 +112,16 @@ class KnownParameters:
     off: float = 0.0
 
 
+class AirData(Protocol):
+    """Air data that the estimator is given, otherwise than the exact M, altitude or p_inf and q_inf."""
+
+    def known(
+        self, conditions: Sequence[FlightCondition], noise: Noise, random: np.random.Generator
+    ) -> dict[str, Any]:
+        """Return arguments of the estimator; with M or q_inf among them nothing else is given."""
+        ...
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kind:
     """One kind of error.
@@ -125,6 +136,7 @@ class Kind:
     build : the vehicle of one draw.
     readings, sensor_readings : what becomes of the strains, and of what auxiliary sensors read.
     parameters : flow parameters that are given; None for none.
+    air_data : air data that are given otherwise; None for none.
     navigation : whether Mach number and altitude are given; the nonlinear estimator takes p_inf in its place.
     filtered : the filter over time that estimates; None for none.
     draws : vehicles and noise of the run, times this.
@@ -141,6 +153,7 @@ class Kind:
     readings: Readings = as_read
     sensor_readings: Readings = as_read
     parameters: KnownParameters | None = None
+    air_data: AirData | None = None
     navigation: bool = True
     filtered: Filtered | None = None
     draws: float = 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from builder.stress.air_data_kinds import computed_kinds, row_kinds
 from builder.stress.flight_kinds import envelope_kinds, flow_kinds
 from builder.stress.gauge_kinds import gauge_kinds
 from builder.stress.hardware_kinds import beyond_kinds, filter_kinds, fixed_kinds, nominal_kinds, stated_kinds
@@ -19,6 +20,8 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *beyond_kinds(vehicle.noise),
         *(filter_kinds() if vehicle.map.follows_pressure else []),
         *gauge_kinds(vehicle.noise),
+        *row_kinds(vehicle),
+        *(computed_kinds() if vehicle.map.follows_pressure else []),
         *sensor_kinds(vehicle),
         *parameter_kinds(vehicle),
         *envelope_kinds(vehicle),

@@ -156,8 +156,9 @@ class Range:
         return KindScore(kind=kind, conditions=len(flights.conditions), score=found)
 
     def _bound(self, kind: Kind, flights: Flights) -> FloatArray | None:
-        """Return (k, 5) the Cramer-Rao bound of a reading in each flight; None for filters, and without tables."""
-        if kind.filtered is not None:
+        """Return (k, 5) the Cramer-Rao bound of a reading in each flight; None for filters, other air data, and
+        without tables."""
+        if kind.filtered is not None or kind.air_data is not None:
             return None
         conditions = tuple(flights.conditions)
         key = conditions, kind.navigation
@@ -191,6 +192,9 @@ class Range:
         known |= self._parameters(kind.parameters, flights.conditions, random)
         stated = 1.0 + np.asarray(built.dynamic_pressure, dtype=float)
         known[DYNAMIC_PRESSURE] = flights.dynamic_pressure * stated
+        if kind.air_data is not None:
+            other = kind.air_data.known(flights.conditions, self.hardware.noise, random)
+            known = other if DYNAMIC_PRESSURE in other else known | other
         n, how = self.hardware.n_gauges, kind.filtered
         if how is not None:
             std, common = self._zeros(how)

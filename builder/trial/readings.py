@@ -16,7 +16,14 @@ from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    MACH_NUMBER,
+    Q_SOURCE,
+    STATIC_PRESSURE,
+    QSource,
+)
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -68,10 +75,14 @@ def joined(parts: Sequence[Readings]) -> Readings:
 
 
 def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, Any]:
-    """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one."""
+    """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one.
+
+    Each is a measurement of its own, and so is the dynamic pressure that is given with them.
+    """
     last = (STATIC_PRESSURE, "ambient_pressure") if is_nonlinear else (ALTITUDE, ALTITUDE)
     named = ((MACH_NUMBER, MACH_NUMBER), last)
-    return {name: np.array([getattr(one, of) for one in conditions]) for name, of in named}
+    found: dict[str, Any] = {name: np.array([getattr(one, of) for one in conditions]) for name, of in named}
+    return {**found, Q_SOURCE: float(QSource.INDEPENDENT)}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -140,7 +151,12 @@ def readings(
     with ThreadPoolExecutor(processors()) as pool:
         found = list(pool.map(of_flight, range(len(flown.conditions))))
     strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
-    known = {DYNAMIC_PRESSURE: dynamic, MACH_NUMBER: mach, STATIC_PRESSURE: static}
+    known = {
+        DYNAMIC_PRESSURE: dynamic,
+        MACH_NUMBER: mach,
+        STATIC_PRESSURE: static,
+        Q_SOURCE: np.full(len(mach), float(QSource.INDEPENDENT)),
+    }
     return ReadFlights(
         conditions=tuple(flown.conditions), coefficients=flown.coefficients, strain=strain, known=known
     )

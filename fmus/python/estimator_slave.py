@@ -36,7 +36,7 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, given_flow, known_values
+from strainfmu.interface.input_names import FLOW_INPUTS, LAST_INPUTS, NAVIGATION_INPUTS, given_flow, known_values
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
@@ -85,7 +85,8 @@ class EstimatorSlave(Fmi2Slave):
         self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
         self._flow_parameters = [references[name] for name in parameter_names(inverse_map)]
         self._parameter_stds = [references[name] for name in parameter_std_names(inverse_map)]
-        self._flow = {name: references[name] for name in FLOW_INPUTS + NAVIGATION_INPUTS if name in references}
+        of_air = (*FLOW_INPUTS, *NAVIGATION_INPUTS, *LAST_INPUTS)
+        self._flow = {name: references[name] for name in of_air if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Start values are no readings: a gauge whose input was never set is left out.
         self._is_set = np.zeros(self._valid - self._first_input, dtype=bool)

@@ -7,12 +7,29 @@ their units follow :data:`AIR_INPUTS`. The core's own list is fmus/native/estima
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
+from math import radians
 
+from strainfmu.estimator.signal_names import NOT_KNOWN
 from strainfmu.flight_condition import ALTITUDE as ALTITUDE
 from strainfmu.flight_condition import MACH_NUMBER as MACH_NUMBER
 
 STD = "_std"
 """Ends the name of the input for a standard deviation."""
+
+
+class QSource(IntEnum):
+    """What a dynamic pressure is computed from, the input ``q_source``."""
+
+    AUTO = 0
+    """Decided in each sample: computed where it is equal to what Mach number and static pressure, or Mach number
+    and altitude, give; otherwise measured."""
+    INDEPENDENT = 1
+    """Measured, or computed from neither Mach number nor static pressure."""
+    MACH_AND_PRESSURE = 2
+    """Computed from Mach number and static pressure."""
+    MACH_AND_ALTITUDE = 3
+    """Computed from Mach number and the standard atmosphere, or that of the day, at the altitude."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +45,7 @@ class AirInput:
     text_of_linear : the same of a linear map, with ``of`` the map; "" of an input that tables alone take.
     note : what a C program reads of it.
     aliases : names that others give to it, in small letters and digits alone: for suggestions.
+    is_signed : whether it may be 0 and has either sign; it is :data:`NOT_KNOWN` where it is not given.
     is_later : whether it stands behind all other variables of an FMU, whose numbers stay as they were without it.
     largest, smallest : values that may be used, in ``unit``; a bus takes others for errors.
     """
@@ -44,6 +62,17 @@ class AirInput:
     smallest: float = 0.0
     largest: float = 1e8
     is_later: bool = False
+    is_signed: bool = False
+
+    @property
+    def is_last(self) -> bool:
+        """Whether every map takes it, and it stands behind those that tables alone take."""
+        return self.is_later and not self.of_tables
+
+    @property
+    def start(self) -> float:
+        """Value that stands for one that is not given."""
+        return NOT_KNOWN if self.is_signed else 0.0
 
     @property
     def of_tables(self) -> bool:
@@ -124,6 +153,55 @@ _TOTAL_TEMPERATURE = AirInput(
     is_later=True,
 )
 
+ANGLE_ERROR = radians(1.0)
+"""Standard deviation of measured angles without their own [rad]."""
+
+LARGEST_ANGLE = 1.5
+"""Size from which a measured angle is no value [rad]."""
+
+_Q_SOURCE_TEXT = "Source of the dynamic pressure: " + ", ".join(f"{one.value} {one.name}" for one in QSource)
+_Q_SOURCE = AirInput(
+    name="q_source",
+    label="Source of the dynamic pressure",
+    symbol="source(q_inf)",
+    unit="1",
+    shown=None,
+    text=f"{_Q_SOURCE_TEXT}; a computed one counts as no measurement",
+    text_of_linear=f"{_Q_SOURCE_TEXT}; a computed one has the deviation of what it is computed from",
+    note=" " + ", ".join(f"{one.value} {one.name}" for one in QSource),
+    aliases=("qsource", "dynamicpressuresource", "pressuresource"),
+    largest=float(max(QSource)),
+    is_later=True,
+)
+
+
+def _measured(name: str, label: str, symbol: str, aliases: tuple[str, ...]) -> AirInput:
+    """Return the input for an angle by an inertial system, vanes or flush ports."""
+    text = f"{label} by an inertial system, vanes or flush ports"
+    return AirInput(
+        name=name,
+        label=label,
+        symbol=symbol,
+        unit="rad",
+        shown="deg",
+        text=f"{text}; {NOT_KNOWN:g} or NaN where not given",
+        text_of_linear=f"{text}, for health alone; {NOT_KNOWN:g} or NaN where not given",
+        note=f" measured; {NOT_KNOWN:g} or NaN where not given",
+        aliases=aliases,
+        smallest=-LARGEST_ANGLE,
+        largest=LARGEST_ANGLE,
+        is_later=True,
+        is_signed=True,
+    )
+
+
+_MEASURED_ATTACK = _measured(
+    "measured_angle_of_attack", "Measured angle of attack", "alpha", ("alphameasured", "measuredalpha", "aoavane")
+)
+_MEASURED_SIDESLIP = _measured(
+    "measured_sideslip_angle", "Measured sideslip angle", "beta", ("betameasured", "measuredbeta", "aosvane")
+)
+
 
 def _std_of(
     quantity: AirInput, text: str, of_linear: str = "", note: str = "", aliases: tuple[str, ...] = ()
@@ -159,21 +237,32 @@ AIR_INPUTS = (
     _std_of(_STATIC_PRESSURE, "{of.static_pressure_error:g} of it, {of.altitude_error:g} of that at altitude"),
     _TOTAL_TEMPERATURE,
     _std_of(_TOTAL_TEMPERATURE, f"{TOTAL_TEMPERATURE_ERROR:g} of it"),
+    _Q_SOURCE,
+    _MEASURED_ATTACK,
+    _std_of(_MEASURED_ATTACK, "1 deg", "{not_given} takes 1 deg"),
+    _MEASURED_SIDESLIP,
+    _std_of(_MEASURED_SIDESLIP, "1 deg", "{not_given} takes 1 deg"),
 )
 """All there is, in their order in a record of the core."""
 
 AIR_INPUT_NAMES = tuple(one.name for one in AIR_INPUTS)
 
-FLOW_INPUTS = tuple(one.name for one in AIR_INPUTS if not one.of_tables)
+FLOW_INPUTS = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_last)
 """Inputs of every map."""
 
 NAVIGATION_INPUTS = tuple(one.name for one in AIR_INPUTS if one.of_tables)
 """Inputs of maps with tables besides."""
 
-FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_std)
+LAST_INPUTS = tuple(one.name for one in AIR_INPUTS if one.is_last)
+"""Inputs of every map that stand behind all others."""
+
+FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if one.name in FLOW_INPUTS and not one.is_std)
 """Quantities of every map, without standard deviations."""
 
 DYNAMIC_PRESSURE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
     one.name for one in (_DYNAMIC_PRESSURE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
 )
 """Those that something is computed from, besides :data:`MACH_NUMBER` and :data:`ALTITUDE`."""
+
+Q_SOURCE = _Q_SOURCE.name
+MEASURED_ANGLES = (_MEASURED_ATTACK.name, _MEASURED_SIDESLIP.name)

@@ -7,15 +7,8 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.signal_names import STRAIN
-
-NOT_KNOWN = -9999.0
-"""Start value of flow parameters, in the unit of each: they may be 0, and have either sign.
-
-The same of thrust where it is not known. NaN means the same.
-
-NaN alone would do, were there no importers that take it for an error (OMSimulator).
-"""
 
 
 def real_numbers(name: str, values: ArrayLike) -> FloatArray:

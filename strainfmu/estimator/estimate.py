@@ -227,6 +227,12 @@ class Estimate(NamedLoads):
         return found.astype(np.int64) if self.is_series else HealthState(int(found))
 
     @property
+    def usable(self) -> Any:
+        """Whether loads may be used with their standard deviations: OK and DEGRADED; of k samples (k,)."""
+        found = self._one("usable")
+        return found != 0.0 if self.is_series else bool(found)
+
+    @property
     def chi_square(self) -> Any:
         """Chi-square of the residual of the valid gauges and, of nonlinear maps, of the air data used [1]."""
         return self._one("chi_square")

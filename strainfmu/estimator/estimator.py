@@ -26,7 +26,9 @@ from strainfmu.estimator.air_inputs import (
     AIR_INPUTS,
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    Q_SOURCE,
     TOTAL_TEMPERATURE,
+    QSource,
 )
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
 from strainfmu.estimator.core import Core, NoCoreError, Series
@@ -53,6 +55,9 @@ _NO_THRUST = 0.0
 _EACH, _TRACK = Series.EACH, Series.TRACK
 
 _STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
+_SOURCES = {member: float(member) for member in QSource}
+"""Their numbers; a look-up takes a fraction of a conversion's time."""
+
 _TOTAL_PLACE = AIR_INPUT_NAMES.index(TOTAL_TEMPERATURE)
 _STD_PLACES = tuple(place for place, one in enumerate(AIR_INPUTS) if one.is_std)
 
@@ -94,6 +99,26 @@ class _Samples:
             of_each = isinstance(value, np.ndarray) and value.ndim == 2 and len(value) == len(self.inputs)
             found[:, place] = value[rows] if of_each else value
         return found
+
+
+def _source_number(source: QSource | str | ArrayLike) -> Any:
+    """Return the number of a source of the dynamic pressure, or the numbers of those of each sample.
+
+    Raises
+    ------
+    InputError
+        It is none.
+    """
+    if type(source) is QSource:
+        return _SOURCES[source]
+    if isinstance(source, str):
+        if source.upper() not in QSource.__members__:
+            raise InputError(f"{Q_SOURCE}: expected one of {', '.join(QSource.__members__)}, got '{source}'")
+        return _SOURCES[QSource[source.upper()]]
+    numbers = np.nan_to_num(real_numbers(Q_SOURCE, source))
+    if not np.isin(numbers, list(_SOURCES.values())).all():
+        raise InputError(f"{Q_SOURCE}: expected 0 to {max(QSource).value}, got {str(source)[:60]}")
+    return float(numbers) if numbers.ndim == 0 else numbers
 
 
 def load(
@@ -281,6 +306,11 @@ class Estimator:
         static_pressure_std: ArrayLike = nan,
         total_temperature: ArrayLike = nan,
         total_temperature_std: ArrayLike = nan,
+        q_source: QSource | str | ArrayLike = QSource.AUTO,
+        measured_angle_of_attack: ArrayLike = nan,
+        measured_angle_of_attack_std: ArrayLike = nan,
+        measured_sideslip_angle: ArrayLike = nan,
+        measured_sideslip_angle_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -302,6 +332,11 @@ class Estimator:
         total_temperature, total_temperature_std : T0 [K] of a perfect gas and its standard deviation, NaN takes
             1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
             needs, and 3 % of T. It is joined with ``mach_number``. Maps with tables alone take it.
+        q_source : what ``dynamic_pressure`` is computed from: a :class:`QSource`, its name or its number, one for
+            all samples or numbers (k,). A computed one counts as no measurement; the default decides by the values.
+        measured_angle_of_attack, measured_sideslip_angle : [rad] by an inertial system, vanes or flush ports, NaN
+            where not known; a linear estimate uses them for health alone.
+        measured_angle_of_attack_std, measured_sideslip_angle_std : their standard deviations; NaN takes 1 deg.
         temperature : (n_t,) or (k, n_t) readings of the map's temperature sensors [K], NaN where one gives none;
             None for none.
         thrust : [N], of a map with sensors that respond to it.
@@ -329,6 +364,11 @@ class Estimator:
             static_pressure_std,
             total_temperature,
             total_temperature_std,
+            _source_number(q_source),
+            measured_angle_of_attack,
+            measured_angle_of_attack_std,
+            measured_sideslip_angle,
+            measured_sideslip_angle_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
         if total_temperature is not nan:
@@ -362,6 +402,11 @@ class Estimator:
         static_pressure_std: ArrayLike = nan,
         total_temperature: ArrayLike = nan,
         total_temperature_std: ArrayLike = nan,
+        q_source: QSource | str | ArrayLike = QSource.AUTO,
+        measured_angle_of_attack: ArrayLike = nan,
+        measured_angle_of_attack_std: ArrayLike = nan,
+        measured_sideslip_angle: ArrayLike = nan,
+        measured_sideslip_angle_std: ArrayLike = nan,
         temperature: ArrayLike | None = None,
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -384,6 +429,11 @@ class Estimator:
             static_pressure_std,
             total_temperature,
             total_temperature_std,
+            _source_number(q_source),
+            measured_angle_of_attack,
+            measured_angle_of_attack_std,
+            measured_sideslip_angle,
+            measured_sideslip_angle_std,
         )
         more = (temperature, thrust, parameters, parameters_std)
         core = self._tracks or self._new_track()

@@ -36,6 +36,14 @@ class HealthState(IntEnum):
     """Dynamic pressure, navigation or the estimated coefficients leave what the snapshots of the map cover, or
     navigation contradicts the dynamic pressure: the stated deviations need not hold."""
 
+    @property
+    def usable(self) -> bool:
+        """Whether loads may be used with their standard deviations."""
+        return self in USABLE_STATES
+
+
+USABLE_STATES = (HealthState.OK, HealthState.DEGRADED)
+"""States in which loads may be used with their standard deviations; in others they may be wrong, or are none."""
 
 _MOST_STEPS, _SMALLEST_STEP = 50, 1e-14
 """Of Newton's method: their number, and the last one relative to the value."""

@@ -15,11 +15,10 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, FLOW_QUANTITIES, STD
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES
 from strainfmu.estimator.alarm_limits import outlier_threshold
-from strainfmu.estimator.arguments import given
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, chi_square_limit
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
 from strainfmu.estimator.map.envelope import (
     MACH_TOLERANCE,
     MAX_DYNAMIC_PRESSURE,
@@ -37,10 +36,12 @@ from strainfmu.estimator.map.flow_parameters import (
     flow_parameters,
 )
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.lateral_slope import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.map.offers import has_other_outputs
 from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
+from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.setting_inputs import (
     OF_ALARMS,
@@ -69,13 +70,14 @@ from strainfmu.estimator.zeros.tare_edge import TareState
 
 class _Flow(NamedTuple):
     """Dynamic pressure and its deviation [Pa], whether they give coefficients, whether the flow is outside of the
-    map (k,) each, and the part of its range by which each parameter leaves it (k, n_p)."""
+    map (k,) each, the part of its range by which each parameter leaves it (k, n_p), and all air data by name."""
 
     pressure: FloatArray
     std: FloatArray
     known: BoolArray
     is_outside: BoolArray
     score: FloatArray
+    air: Mapping[str, FloatArray]
 
 
 class NumpyCore:
@@ -112,7 +114,7 @@ class NumpyCore:
             | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom", "iterations"), 1)
             | dict.fromkeys(("air_data", "air_data_std", "is_identified", "air_data_used", "is_linear"), 0)
             | dict.fromkeys(more, m)
-            | {"parameter_score": n_p}
+            | {"parameter_score": n_p, "usable": 1}
         )
         self.n_inputs, self.n_outputs = _size(self.inputs), _size(self.outputs)
         self.fit = _layout(
@@ -207,14 +209,15 @@ class NumpyCore:
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
             noise = row_noise(held, held.gauge_covariance, zeros, left)
             self._fill(found, at, rows, one[:n], noise=noise, flow=flow)
+        found["usable"][:, 0] = np.isin(found["health"][:, 0], USABLE_STATES)
         return found
 
     def _flow(self, of: Mapping[str, FloatArray]) -> _Flow:
         """Return what is given of the flow."""
-        q, mach, altitude = (given(of[name][:, 0]) for name in FLOW_QUANTITIES)
-        std = of[f"{DYNAMIC_PRESSURE}{STD}"][:, 0]
+        air = air_of(of)
+        q, mach, altitude = (air[name] for name in FLOW_QUANTITIES)
+        std = linear_pressure_std(air, self._map.dynamic_pressure_error)
         usable = (q >= MIN_DYNAMIC_PRESSURE) & (q <= MAX_DYNAMIC_PRESSURE)
-        std = np.where(np.isnan(std), self._map.dynamic_pressure_error * np.where(usable, q, 0.0), std)
         known = usable & (std >= 0.0) & (std < np.inf)
         std = np.where(known, std, 0.0)
         is_outside = _outside_by_navigation(
@@ -227,7 +230,7 @@ class NumpyCore:
         parameters = flow_parameters(self._map)
         score = _parameter_score(parameters, of["parameter"]) if parameters.names else np.zeros((len(q), 0))
         is_outside |= np.any(score > PARAMETER_TOLERANCE, axis=1)
-        return _Flow(q, std, known, is_outside, score)
+        return _Flow(q, std, known, is_outside, score, air)
 
     def _used(self, readings: FloatArray, mask: BoolArray | None, flow: _Flow) -> BoolArray:
         """Return (k, n_d) the sensors in use: in range, in ``mask``, and not all exactly 0 in a flow."""
@@ -283,6 +286,17 @@ class NumpyCore:
         # The later takes the place of the earlier.
         health[score > held.envelope_score_limit] = HealthState.OUTSIDE
         health[suspicious] = HealthState.SUSPECT
+        of_force = slice(1, 3)
+        found_std = np.sqrt(np.diagonal(of_map.coefficient_covariance, axis1=1, axis2=2))
+        health[
+            angles_contradict(
+                {name: values[at] for name, values in flow.air.items()},
+                slope=LEAST_PART_OF_SLOPE * incidence_per_force(held),
+                force=of_map.coefficients[:, of_force],
+                force_std=found_std[:, of_force],
+                limit=float(self._setting(OF_ALARMS)[0]) * chi_square_limit(1),
+            )
+        ] = HealthState.INCONSISTENT
         health[chi_square > limit] = HealthState.INCONSISTENT
         health[flow.is_outside[at]] = HealthState.OUTSIDE
         health[~known] = HealthState.NO_COEFFICIENTS

@@ -39,3 +39,9 @@ class OperatingSettings:
 
 
 ZERO, ZERO_STD, ZERO_COMMON_STD, FILTER_TIME_CONSTANT = (one.name for one in fields(OperatingSettings))
+
+NOT_KNOWN = -9999.0
+"""Start value of what may be 0 and has either sign, in its unit, where it is not known. NaN means the same.
+
+NaN alone would do, were there no importers that take it for an error (OMSimulator).
+"""

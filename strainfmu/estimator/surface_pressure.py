@@ -93,6 +93,7 @@ def surface_pressure(
     else:
         air = air_inputs_of(held, sample.air)
         (_, p, q), (_, p_std, q_std) = air.value, air.std
+        q, q_std = air.of_loads if air.is_computed else (q, q_std)
     inputs = FieldInputs(
         inverse_map=held,
         strain=strain,

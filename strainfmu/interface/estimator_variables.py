@@ -25,7 +25,12 @@ from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, sett
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, STRAIN, VALID
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter
-from strainfmu.interface.flight_variables import flight_interface, flight_outputs, with_later_inputs
+from strainfmu.interface.flight_variables import (
+    flight_interface,
+    flight_outputs,
+    with_last_variables,
+    with_later_inputs,
+)
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, deviation_of, with_arrays
 from strainfmu.interface.health_names import (
     CHI_SQUARE,
@@ -96,7 +101,8 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
     whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
-    return with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
+    whole = with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
+    return with_last_variables(whole, inverse_map)
 
 
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
@@ -107,7 +113,13 @@ def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[fl
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
     others = other_load_values(estimate) if with_other_loads else ()
-    return [*_linear_outputs(estimate), *of_flight, *others, *estimate.parameter_score.tolist()]
+    return [
+        *_linear_outputs(estimate),
+        *of_flight,
+        *others,
+        *estimate.parameter_score.tolist(),
+        float(estimate.usable),
+    ]
 
 
 def _linear_outputs(estimate: Estimate) -> list[float]:
@@ -217,7 +229,7 @@ def _flow_inputs(inverse_map: InverseMap) -> list[Variable]:
             start=nominal if one.name == DYNAMIC_PRESSURE else 0.0,
         )
         for one in AIR_INPUTS
-        if not one.of_tables
+        if one.name in FLOW_INPUTS
     ]
 
 

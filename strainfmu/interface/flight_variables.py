@@ -9,15 +9,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, AirInput
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, Q_SOURCE, AirInput
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.fmi_variables import Variable, deviation_of
-from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, VALID_GAUGES
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, STATE, USABLE, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
 
 if TYPE_CHECKING:
+    from strainfmu.estimator.map.inverse_map import InverseMap
     from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _AIR_DATA_TEXT = (
@@ -56,23 +57,58 @@ def with_later_inputs(interface: tuple[Variable, ...], manifold: ManifoldMap | N
     return interface if manifold is None else (*interface, *_navigation_inputs(manifold, are_later=True))
 
 
+def with_last_variables(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with the last inputs of air data behind it, and whether the loads are usable."""
+    manifold = inverse_map.manifold
+    inputs = [
+        _air_input(
+            one,
+            one.text_of_linear.format(of=inverse_map, not_given=NOT_GIVEN)
+            if manifold is None
+            else _text(one, manifold),
+        )
+        for one in AIR_INPUTS
+        if one.is_last
+    ]
+    names = tuple(one.name for one in inputs)
+    state = next(one for one in interface if one.name == STATE)
+    # With a linear map the source of q_inf moves its deviation alone.
+    of_pressure = names if manifold is not None else (*FLOW_INPUTS[2:], Q_SOURCE)
+
+    def depending(one: Variable) -> Variable:
+        if one.causality != "output" or FLOW_INPUTS[1] not in one.depends_on:
+            return one
+        more = names if one.name == STATE else of_pressure
+        return replace(one, depends_on=tuple(dict.fromkeys((*one.depends_on, *more))))
+
+    before = map(depending, interface)
+    usable = replace(
+        _flag(USABLE, "Whether loads may be used with their standard deviations: health is OK or DEGRADED"),
+        depends_on=tuple(dict.fromkeys((*state.depends_on, *names))),
+        initially_depends_on=state.initially_depends_on,
+    )
+    return (*before, *inputs, usable)
+
+
+def _air_input(one: AirInput, text: str) -> Variable:
+    return Variable(
+        name=one.name,
+        description=text,
+        causality="input",
+        kind="air data",
+        label=one.label,
+        symbol=one.symbol,
+        unit=one.unit,
+        display_unit=one.shown,
+        minimum=None if one.is_signed else 0.0,
+        start=one.start,
+    )
+
+
 def _navigation_inputs(manifold: ManifoldMap, are_later: bool = False) -> list[Variable]:
     """Return what the tables take of navigation besides :data:`FLOW_INPUTS`."""
     return [
-        Variable(
-            name=one.name,
-            description=_text(one, manifold),
-            causality="input",
-            kind="air data",
-            label=one.label,
-            symbol=one.symbol,
-            unit=one.unit,
-            display_unit=one.shown,
-            minimum=0.0,
-            start=0.0,
-        )
-        for one in AIR_INPUTS
-        if one.of_tables and one.is_later == are_later
+        _air_input(one, _text(one, manifold)) for one in AIR_INPUTS if one.of_tables and one.is_later == are_later
     ]
 
 

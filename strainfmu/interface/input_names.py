@@ -11,6 +11,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_QUANTITIES, STD
 from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
+from strainfmu.estimator.air_inputs import LAST_INPUTS as LAST_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
 from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.setting_inputs import SETTING_NAMES
@@ -27,8 +28,10 @@ PARAMETERS = SETTING_NAMES
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
 
 
-OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS)
-"""Deviations of q_inf and navigation, and p_inf: what not every sender knows, and not every estimator takes."""
+OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS, *LAST_INPUTS)
+"""Deviations, p_inf, sources and angles: what not every sender knows, and not every estimator takes."""
+
+_SIGNED = {one.name for one in AIR_INPUTS if one.is_signed}
 
 
 FLOW_KEYS = {one.name: with_unit(one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES}
@@ -39,15 +42,19 @@ Value = TypeVar("Value", float, FloatArray)
 
 
 def given_flow(flow: Mapping[str, Value]) -> dict[str, Value]:
-    """Return ``flow``, values of :data:`FLOW_INPUTS` and :data:`NAVIGATION_INPUTS` by name, NaN where not given.
+    """Return ``flow``, values of :data:`AIR_INPUTS` by name, NaN where not given.
 
     What comes over a wire, from a file or from a host has no other word for that than 0. So a standard deviation
-    of 0 takes the map's own.
+    of 0 takes the map's own. Angles may be 0: they are not given where they are :data:`NOT_KNOWN`.
     """
-    return {name: _given(value) for name, value in flow.items()}
+    return {name: _given(value, name in _SIGNED) for name, value in flow.items()}
 
 
-def _given(value: Value) -> Value:
+def _given(value: Value, is_signed: bool) -> Value:
+    if is_signed:
+        if isinstance(value, float):
+            return nan if value == NOT_KNOWN else value
+        return np.where(value == NOT_KNOWN, nan, value)
     if isinstance(value, float):
         return value if value > 0.0 else nan
     return np.where(value > 0.0, value, nan)

@@ -36,6 +36,7 @@ UNITS = {
     "age_ms": "ms",
     "age_uncertainty_ms": "ms",
     "health": "code",
+    "usable": "1 or 0",
     "chi_square": "1",
     "chi_square_limit": "1",
     "envelope_score": "standard deviations",
@@ -55,7 +56,7 @@ _TEXTS = ("quality_name", "health_name", "bus_state")
 _LATER_NUMBERS = (
     *("sequence", "uptime_s"),
     *(key for name, key in FLOW_KEYS.items() if name != DYNAMIC_PRESSURE),
-    *("envelope_score", "envelope_score_limit"),
+    *("usable", "envelope_score", "envelope_score_limit"),
     *("chi_square_limit", "gauges_used", "suspects", "age_uncertainty_ms"),
 )
 _LATER_TEXTS = ("health_text", "suspect_gauge", "period_text")

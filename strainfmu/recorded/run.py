@@ -16,8 +16,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import AIR_INPUTS
+from strainfmu.estimator.health import USABLE_STATES
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS
+from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS, USABLE
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
     NAVIGATION_NAMES,
@@ -48,6 +49,7 @@ HEALTH_COLUMNS = (
     (SUSPECTS, "1"),
     (ENVELOPE_SCORE, "1"),
     ("health.envelope_score_limit", "1"),
+    (USABLE, "1"),
 )
 SUSPECTS_COLUMN = "suspect_gauges"
 """Column of text: the names of the suspects, with a semicolon between them."""
@@ -297,6 +299,7 @@ def _rows(block: StrainBlock, *, found: BlockEstimates, estimator: BlockEstimato
         found.suspect_count,
         found.envelope_score,
         np.full(len(block.time), estimator.envelope_score_limit),
+        np.where(np.isnan(found.health), np.nan, np.isin(found.health, USABLE_STATES)),
         *(block.flow[name] for name in _FLOW_UNITS if name in block.flow),
     ]
     if found.other_values is not None:

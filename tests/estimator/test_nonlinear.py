@@ -12,6 +12,7 @@ import strainfmu
 from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
@@ -39,6 +40,7 @@ def navigation(condition: FlightCondition) -> dict[str, float]:
         "dynamic_pressure": condition.dynamic_pressure,
         "mach_number": condition.mach_number,
         "static_pressure": condition.ambient_pressure,
+        "q_source": float(QSource.INDEPENDENT),
     }
 
 

@@ -16,7 +16,7 @@ from recorded_case import read_csv, write_csv
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, LAST_INPUTS
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
@@ -98,7 +98,8 @@ def test_what_could_not_act_is_refused() -> None:
 def test_by_fmu_and_recording(tmp_path: Path) -> None:
     inverse_map = whole_map()
     interface = [one.name for one in estimator_interface(inverse_map)]
-    assert interface[-2:] == ["total_temperature", "total_temperature_std"], "behind all other variables"
+    place = interface.index("total_temperature")
+    assert interface[place:] == ["total_temperature", "total_temperature_std", *LAST_INPUTS, "health.usable"]
     fmu = Fmu2(write_resource(inverse_map, tmp_path).as_uri(), N_D).start()
     fmu.set_strain(STRAIN)
     flow = {"altitude": ALTITUDE, "total_temperature": TOTAL, "total_temperature_std": 20.0}

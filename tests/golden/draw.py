@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from inputs import Inputs
 
-from strainfmu.atmosphere import pressure_and_temperature
+from strainfmu.atmosphere import pressure_and_temperature, static_pressure_at
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
@@ -401,3 +401,20 @@ def with_settings(m: InverseMap, seed: int, of: str, settings: dict[str, float],
     """Return what ``of`` does, with other ``settings`` of the estimator."""
     found: Inputs = globals()[of](m, seed, **options)
     return replace(found, settings=settings)
+
+
+def with_sources(m: InverseMap, seed: int, of: str, **options: Any) -> Inputs:
+    """Return what ``of`` does, where q_inf is often computed from other air data, or stated to be, and angles are
+    measured now and then."""
+    found: Inputs = globals()[of](m, seed, **options)
+    random, flow, k = np.random.default_rng(seed + 1000), dict(found.flow), len(found)
+    none = np.full(k, np.nan)
+    by_altitude, stated = static_pressure_at(flow.get("altitude", none)), flow.get("static_pressure", none)
+    of_others = 0.7 * flow.get("mach_number", none) ** 2 * np.where(np.isfinite(stated), stated, by_altitude)
+    computed = (random.random(k) < 0.6) & np.isfinite(of_others)
+    flow["dynamic_pressure"] = np.where(computed, of_others, flow["dynamic_pressure"])
+    flow["q_source"] = random.choice([0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0], k)
+    for name in ("measured_angle_of_attack", "measured_sideslip_angle"):
+        flow[name] = np.where(random.random(k) < 0.5, random.normal(0.0, 0.05, k), np.nan)
+        flow[f"{name}_std"] = np.where(random.random(k) < 0.5, 0.05, np.nan)
+    return replace(found, flow=flow)

@@ -169,7 +169,9 @@ KINDS: dict[str, Kind] = {
     "scaled_sections": _linear(lambda: with_own_further(whole_scaled_map(2, seed=6, n=20, n_states=25))),
     "scaled_parameters": _linear(lambda: with_parameters(whole_scaled_map(1, seed=7, n=18, n_states=4))),
     "scaled_calibrated": _linear(lambda: calibrated("linear"), digits=1e-9),
+    "scaled_air_sources": _linear(lambda: whole_scaled_map(2, seed=9, n=18, n_states=4)),
     # Tables over the flight state.
+    "air_sources": _nonlinear(whole_map),
     "revolution": _nonlinear(whole_map),
     "sections": _nonlinear(lambda: with_further_tables(whole_map())),
     "surface": _nonlinear(shape_map),
@@ -255,6 +257,20 @@ _OF_SOME_KINDS: tuple[tuple[tuple[str, ...], dict[str, Stream]], ...] = (
             "air_data_dropped": _flight("air_data_dropped", 24),
             "return_after_misfit": _flight("return_after_misfit", 25, size=0.2),
             "without_air_data": _flight("without_air_data", 26, pressure=3e3),
+        },
+    ),
+    (
+        ("scaled_air_sources",),
+        {
+            "samples": _samples("with_sources", 27, of="linear_samples", n=200),
+            "flight": _flight("with_sources", 28, "each", of="linear_flight", steps=60),
+        },
+    ),
+    (
+        ("air_sources",),
+        {
+            "samples": _samples("with_sources", 29, of="table_samples", n=200),
+            "flight": _flight("with_sources", 30, *MODES, of="table_flight", steps=80),
         },
     ),
 )

@@ -47,7 +47,10 @@ OTHERS: dict[str, tuple[Carrier, str]] = {
 """Carriers that are given files, and the file."""
 
 OTHER_SAMPLES = {"map.h5": 60, "native.fmu": 60, "python.fmu": 8}
-BY_OTHERS = ("scaled_sections", "scaled_sensors", "scaled_parameters", "sensors", "parameters")
+BY_OTHERS = (
+    *("scaled_sections", "scaled_sensors", "scaled_parameters", "scaled_air_sources"),
+    *("sensors", "parameters", "air_sources"),
+)
 """Kinds whose flights they are given."""
 
 SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {

@@ -218,7 +218,7 @@ class Fmu3:
     """
 
     FLOATS: ClassVar = {0: 5, 1: 5, 2: 3, 3: 2, 4: 3, 5: 2, 7: 1, 8: 1, 12: 1}
-    STRAIN, VALID, FIRST_SCALAR, ZERO, TARE, TIME = 13, 14, 15, 24, 27, 32
+    STRAIN, VALID, FIRST_SCALAR, ZERO, TARE, TIME = 13, 14, 15, 24, 27, 38
     SCALARS: ClassVar = range(15, 24)
 
     def __init__(

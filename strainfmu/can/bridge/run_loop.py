@@ -261,6 +261,7 @@ class Bridge:
             causes=Cause.NONE if last is None else last.causes,
             age_uncertainty=nan if last is None else last.age_uncertainty,
             counter=None if last is None else last.counter,
+            usable=last is not None and last.usable,
         )
         self._transmitter.send(self._frames.of_status(status))
         # Without catching up: a late status is useless.

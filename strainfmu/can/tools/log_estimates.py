@@ -16,7 +16,7 @@ from strainfmu.cosim.estimators.step import load_groups_of
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, FLOW_QUANTITIES
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import output_units
-from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE
+from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE, USABLE
 from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
 from strainfmu.recorded.output.estimate_files import (
     ESTIMATE_COLUMNS,
@@ -35,6 +35,7 @@ LOG_COLUMNS = (
     *((one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES and one.name != DYNAMIC_PRESSURE),
     (ENVELOPE_SCORE, "1"),
     ("age_uncertainty", "s"),
+    (USABLE, "1"),
 )
 """Columns of a replay's output; loads behind the five follow where the estimator gives them."""
 
@@ -119,6 +120,7 @@ def _row(result: CycleResult) -> list[float]:
         "sample_time": result.sample_time,
         ENVELOPE_SCORE: result.envelope_score,
         "age_uncertainty": result.age_uncertainty,
+        USABLE: None if result.health is None else float(result.usable),
     }
     found = (values[name] for name, _ in LOG_COLUMNS)
     return [float("nan") if value is None else value for value in found]

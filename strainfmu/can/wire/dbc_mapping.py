@@ -29,6 +29,7 @@ from strainfmu.can.wire.frame_layout import (
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, identifier
@@ -220,9 +221,20 @@ class _Mapper:
                 raise InputError(f"{self._name}: {quantity}: expected none, the estimator does not take it")
             if quantity == ALTITUDE and set(table) != {"signal"}:
                 raise InputError(f"{self._name}: {quantity}: expected 'signal', got {', '.join(table)}")
+            if quantity == Q_SOURCE and "value" in table:
+                self._constants[quantity] = self._source(table)
+                continue
             found[quantity], deviation = self._signal_and_std(quantity, quantity, table)
             found |= deviation
         return list(found.items())
+
+    def _source(self, table: Mapping[str, Any]) -> float:
+        """Return the number of the source of the dynamic pressure that ``table`` names for the whole run."""
+        name = table["value"]
+        if name not in QSource.__members__ or len(table) > 1:
+            known = ", ".join(QSource.__members__)
+            raise InputError(f"{self._name}: {Q_SOURCE}: expected 'value' of {known}, got {str(dict(table))[:60]}")
+        return float(QSource[name])
 
     def _other_paths(self, table: str) -> list[tuple[str, Any]]:
         """Return the inputs of the estimator that ``table`` maps, and "Message.Signal" of each."""

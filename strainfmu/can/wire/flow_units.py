@@ -19,6 +19,7 @@ _OF_UNIT = {
     "1": (UNITS_OF["1"] | {"Mach": 1.0, "Ma": 1.0}, "a number", "1"),
     "m": (UNITS_OF["m"], "a unit of length", ""),
     "K": (UNITS_OF["K"], "K", ""),
+    "rad": (UNITS_OF["rad"], "a unit of angle", ""),
 }
 _UNITS_OF = {one.name: _OF_UNIT[one.unit] for one in AIR_INPUTS}
 """Units of a quantity of the flow, what they are, and that of a signal without one."""

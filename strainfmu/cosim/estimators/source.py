@@ -23,7 +23,7 @@ from strainfmu.estimator.map.offers import groups_of_outputs
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
-from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
+from strainfmu.interface.input_names import NAVIGATION_INPUTS, OTHER_AIR_DATA, given_flow, given_thrust
 from strainfmu.interface.other_load_variables import other_load_values
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
@@ -97,7 +97,9 @@ class MapStep:
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        self._flow = OTHER_AIR_DATA[:1] if self.needs_pressure else OTHER_AIR_DATA
+        self._flow = tuple(
+            name for name in OTHER_AIR_DATA if not (self.needs_pressure and name in NAVIGATION_INPUTS)
+        )
         of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
         self.other_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]

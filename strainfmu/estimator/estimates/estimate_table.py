@@ -40,5 +40,6 @@ def dataframe_of(estimate: ShownEstimate, health: Any) -> DataFrame:
         columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
     columns["chi_square"] = np.atleast_1d(estimate.chi_square)
     columns["health"] = health
+    columns["usable"] = np.atleast_1d(estimate.usable)
     columns["valid_gauges"] = np.atleast_1d(np.sum(estimate.valid, axis=-1))
     return DataFrame(columns)

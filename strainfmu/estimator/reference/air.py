@@ -3,24 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import log
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature, static_pressure_at
+from strainfmu.atmosphere import (
+    DEVIATION_OF_AIR,
+    HEAT_CAPACITY_RATIO,
+    LAYERS,
+    pressure_and_temperature,
+    static_pressure_at,
+)
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import (
     ALTITUDE,
+    MACH_NUMBER,
+    STATIC_PRESSURE,
     STATIC_TEMPERATURE_ERROR,
     STD,
     TOTAL_TEMPERATURE,
     TOTAL_TEMPERATURE_ERROR,
+    QSource,
 )
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
+from strainfmu.estimator.reference.pressure_source import (
+    DAY_OF_MACH,
+    DAY_OF_PRESSURE,
+    computed_pressure_error,
+    computed_pressure_std,
+    measured_directions,
+    pressure_source,
+)
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
@@ -29,16 +46,28 @@ N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 DROPPED = np.array([outlier_threshold(1, rate) for rate in FALSE_ALARMS])
 """|z| of M, p_inf and q_inf from which they are dropped."""
 
+UNLIKELY_PRESSURE = 1.5
+"""|z| from which a static pressure that no other measurement confirms is doubted."""
+
 DISCERNED = 16.0
 """Difference of z squared up to which another one is doubted; any is where the dropped one is no alarm."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AirInputs:
-    """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown."""
+    """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown.
+
+    ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``of_loads`` are that q_inf
+    and its standard deviation [Pa], for loads of the linear map; ``direction`` and
+    ``direction_std`` (2,) are u and w [rad] by measured angles, of infinite deviation where not known.
+    """
 
     value: FloatArray
     std: FloatArray
+    is_computed: bool = False
+    of_loads: tuple[float, float] = (np.nan, np.nan)
+    direction: FloatArray = field(default_factory=lambda: np.zeros(2))
+    direction_std: FloatArray = field(default_factory=lambda: np.full(2, np.inf))
 
     @property
     def log_std(self) -> FloatArray:
@@ -72,6 +101,10 @@ def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInp
     """Return what is known of a sample of inputs by name, NaN where not given: see :func:`air_inputs`."""
     value, std = (np.array([given[name + end] for name in NAVIGATION]) for end in ("", STD))
     found = air_inputs(inverse_map, value, std, given[ALTITUDE])
+    found = _without_computed(inverse_map, found, given)
+    as_records = {name: np.array([value]) for name, value in given.items()}
+    direction, direction_std = measured_directions(as_records)
+    found = replace(found, direction=direction[0], direction_std=direction_std[0])
     total, total_std = (given[TOTAL_TEMPERATURE + end] for end in ("", STD))
     other, other_std = mach_by_temperature(total, total_std, given[ALTITUDE])
     mach, mach_std = found.value[0], found.std[0]
@@ -83,7 +116,54 @@ def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInp
         weight = np.array([mach_std**-2, other_std**-2])
         apart = abs(other - mach) / np.hypot(mach_std, other_std)
         joined = weight @ [mach, other] / weight.sum(), max(1.0, apart) / np.sqrt(weight.sum())
-    return AirInputs(value=np.append(joined[0], found.value[1:]), std=np.append(joined[1], found.std[1:]))
+    return replace(found, value=np.append(joined[0], found.value[1:]), std=np.append(joined[1], found.std[1:]))
+
+
+def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[str, float]) -> AirInputs:
+    """Return ``air`` without a q_inf that is computed from M and a pressure: no measurement of its own.
+
+    It stands for the one of both that is not given. What it is computed from has the deviations of the day, which
+    no measurement confirms.
+    """
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    records = {name: np.array([value]) for name, value in given.items()}
+    pressure_std = air.log_std[1] if np.isfinite(air.value[1]) else manifold.static_pressure_error
+    source = pressure_source(
+        records,
+        np.array([air.std[0] if np.isfinite(air.std[0]) else manifold.mach_number_error]),
+        np.array([pressure_std]),
+        manifold.altitude_error,
+        np.array([air.log_std[2]]),
+    )[0]
+    if source == QSource.INDEPENDENT or not np.isfinite(air.value[2]):
+        return air
+    value, std = air.value.copy(), air.std.copy()
+    half, by_altitude = 0.5 * HEAT_CAPACITY_RATIO, not given[STATIC_PRESSURE] > 0.0
+    stated = given[f"{STATIC_PRESSURE}{STD}"]
+    of_port = max(manifold.static_pressure_error, DAY_OF_PRESSURE)
+    of_day = max(manifold.altitude_error, DEVIATION_OF_AIR)
+    error = of_day if source == QSource.MACH_AND_ALTITUDE else of_port
+    if stated > 0.0 and not by_altitude and source == QSource.MACH_AND_PRESSURE:
+        error = stated / value[1]
+    of_mach = given[f"{MACH_NUMBER}{STD}"]
+    mach_std = of_mach if of_mach > 0.0 else manifold.mach_number_error
+    if np.isfinite(value[0]) and not of_mach > 0.0:
+        mach_std = std[0] = np.hypot(std[0], DAY_OF_MACH * value[0])
+    if np.isfinite(value[1]) and not stated > 0.0:
+        std[1] = value[1] * max(std[1] / value[1], of_day if by_altitude else of_port)
+    mach = value[0] if np.isfinite(value[0]) else manifold.mach_range.mean()
+    own = value[2] * computed_pressure_error(np.array(mach), np.array(mach_std), error)
+    of_loads = float(value[2]), float(computed_pressure_std(records, own)[0])
+    if np.isnan(value[:2]).all():
+        return replace(air, std=np.append(std[:2], of_loads[1]), is_computed=True, of_loads=of_loads)
+    if np.isnan(value[1]):
+        value[1] = value[2] / (half * value[0] ** 2)
+        std[1] = value[1] * error
+    elif np.isnan(value[0]):
+        value[0], std[0] = np.sqrt(value[2] / (half * value[1])), mach_std
+    value[2] = std[2] = np.nan
+    return AirInputs(value=value, std=std, is_computed=True, of_loads=of_loads)
 
 
 def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[float, float]:
@@ -109,7 +189,15 @@ def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
     size, gone = abs(z[dropped]), np.arange(N_AIR) == dropped
     doubted = (size <= NAVIGATION_ALARM) | (size**2 - z**2 < DISCERNED)
     std = air.std * np.where(doubted, size + 1.0, 1.0)
-    return AirInputs(value=np.where(gone, np.nan, air.value), std=np.where(gone, np.nan, std))
+    return replace(air, value=np.where(gone, np.nan, air.value), std=np.where(gone, np.nan, std))
+
+
+def doubted(air: AirInputs, z: FloatArray) -> AirInputs | None:
+    """Return ``air`` with a doubted static pressure, which nothing confirms and strain makes unlikely; None if not."""
+    size = abs(z[1])
+    if not air.is_computed or not size > UNLIKELY_PRESSURE:
+        return None
+    return replace(air, std=air.std * np.array([1.0, size + 1.0, 1.0]))
 
 
 def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,16 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import LARGEST_STEP
-from strainfmu.estimator.reference.air import DROPPED, N_AIR, AirInputs, air_data, air_rows, lognormal_std, without
+from strainfmu.estimator.reference.air import (
+    DROPPED,
+    N_AIR,
+    AirInputs,
+    air_data,
+    air_rows,
+    doubted,
+    lognormal_std,
+    without,
+)
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -125,13 +134,23 @@ class NonlinearReference:
         """Return S (n_d, n_d) at ``state`` (4,)."""
         return strain_covariance(self.manifold, self.noise, state[None])[0]
 
+    def prior(self, air: AirInputs) -> tuple[FloatArray, FloatArray]:
+        """Return (4,) mean and standard deviation of the state by the ranges of the map and measured angles."""
+        mean, std = self.prior_mean.copy(), self.prior_std.copy()
+        known = np.isfinite(air.direction_std)
+        at = np.flatnonzero(known) + 1  # u and w stand behind M
+        precision = std[at] ** -2, air.direction_std[known] ** -2
+        mean[at] = (precision[0] * mean[at] + precision[1] * air.direction[known]) / (precision[0] + precision[1])
+        std[at] = (precision[0] + precision[1]) ** -0.5
+        return mean, std
+
     def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
         """Return the model about ``state``, whose strain errs by ``covariance``; outputs: state, then loads."""
         n_d, (value, jacobian), pressure = self.n_d, self.at(state), np.exp(state[LOG_PRESSURE])
         m, n = len(value) - n_d, n_d + N_AIR + N_STATES
         of_air, by_state = air_rows(state)
         variance = np.where(np.isnan(air.std), 1.0, air.log_std) ** 2
-        noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior_std**2]))
+        noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior(air)[1] ** 2]))
         noise[:n_d, :n_d] = covariance
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
         cross[:n_d, N_STATES:] = pressure**2 * self.manifold.load_strain_covariance.T
@@ -150,7 +169,7 @@ class NonlinearReference:
 
     def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray) -> Posterior:
         """Return the posterior of ``sample`` about ``state``, whose strain errs by ``covariance``."""
-        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior_mean])
+        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior(sample.air)[0]])
         used = np.concatenate([sample.used, np.isfinite(sample.air.value), np.ones(N_STATES, dtype=bool)])
         return condition(prepare(self.model(state, sample.air, covariance), used), rows[None], np.ones(1))
 
@@ -204,8 +223,10 @@ class NonlinearReference:
         The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
         """
         found = self.solved(sample, start)
-        doubted = without_worst(sample, found.air_standardised)
-        return found if doubted is None else self.solved(doubted, start)
+        other = without_worst(sample, found.air_standardised)
+        if other is None and (air := doubted(sample.air, found.air_standardised)) is not None:
+            other = replace(sample, air=air)
+        return found if other is None else self.solved(other, start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
@@ -238,6 +259,8 @@ class NonlinearReference:
         best = []
         for state, strain in zip(states, unit, strict=True):
             cost, log_pressure = self._joined(state[:, MACH], strain * weight, data, sample.air)
+            apart = (sample.air.direction - state[:, 1:3]) / sample.air.direction_std
+            cost = cost + np.sum(apart**2, axis=1)
             one = np.argmin(cost)
             best.append(np.append(state[one, :LOG_PRESSURE], log_pressure[one]))
         return np.array(best)

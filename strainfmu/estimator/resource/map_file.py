@@ -38,6 +38,7 @@ from strainfmu.estimator.map.flow_parameters import (
     flow_parameters,
 )
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.lateral_slope import incidence_per_force
 from strainfmu.estimator.map.offers import has_filter, has_other_outputs
 from strainfmu.estimator.map.proportional_errors import error_model
 from strainfmu.estimator.map.sensors import SensorRows
@@ -105,6 +106,8 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)
+    if slope := incidence_per_force(inverse_map):
+        parts["angles"] = {"incidence_per_force": slope}
     if inverse_map.has_auxiliary_sensors:
         parts["sensors"] = _sensors(inverse_map.sensors)
     return {

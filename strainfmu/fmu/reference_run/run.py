@@ -31,6 +31,7 @@ from strainfmu.interface.health_names import CHI_SQUARE, STATE, SUSPECT_GAUGE
 from strainfmu.interface.input_names import FLOW_INPUTS
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import reading_names
+from strainfmu.interface.tare_variables import TARE_STATE
 from strainfmu.interface.temperature_variables import temperature_names
 
 STEP_SIZE = 0.25
@@ -108,8 +109,9 @@ def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun
             for one in _estimates(inverse_map, rows, readings.known)
         ]
     )
-    outputs = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
-    signals = dict(zip(outputs, held(values).T, strict=True))
+    names = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
+    estimated = [name for name in names if name != TARE_STATE]
+    signals = dict(zip([*estimated, TARE_STATE], held(values).T, strict=True))
     # As many states as gauges leave no residual: then chi-square is round-off, whose digits follow the processor.
     signals[CHI_SQUARE] = np.round(signals[CHI_SQUARE], CHI_SQUARE_DECIMALS)
     return ReferenceRun(

@@ -86,7 +86,8 @@ function writeTiles(layout, latest) {
   const total = Object.keys(latest.strain_um_per_m).length;
   const used = latest.gauges_used ?? total - Object.keys(latest.not_used).length;
   const health = latest.health_text || constant.words.health[latest.health_name] || "";
-  tile("health", latest.health_name || "-", latest.health_name && latest.health_name !== "OK", { id: "health_text", text: health });
+  const usable = latest.usable === 1 ? "usable" : latest.usable === 0 ? "not usable" : "";
+  tile("health", latest.health_name || "-", latest.health_name && latest.health_name !== "OK", { id: "health_text", text: usable ? `${usable}: ${health}` : health });
   const suspect = latest.suspect_gauge ? `suspect: ${latest.suspect_gauge}` : latest.health_name ? "none suspect" : "";
   tile("used", `${used} of ${total}`, used < total || latest.suspect_gauge, { id: "suspect", text: suspect });
   const chiLimit = latest.chi_square_limit, chi = latest.chi_square;

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, NAVIGATION_INPUTS
+from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, LAST_INPUTS, NAVIGATION_INPUTS
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE as STATIC_PRESSURE
 from strainfmu.estimator.air_inputs import STD as STD
@@ -23,7 +23,7 @@ from strainfmu.units import ALL_UNITS
 
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
-FLOW_NAMES = FLOW_INPUTS
+FLOW_NAMES = (*FLOW_INPUTS, *LAST_INPUTS)
 """Quantities beside the strains; all but the first may be missing."""
 
 NAVIGATION_NAMES = NAVIGATION_INPUTS

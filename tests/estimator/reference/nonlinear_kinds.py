@@ -70,7 +70,7 @@ class Samples:
 
     def arguments(self) -> dict[str, Any]:
         """Return the arguments of the core's estimator by name, but the readings."""
-        found: dict[str, Any] = {"valid": self.valid, "altitude": self.altitude}
+        found: dict[str, Any] = {"valid": self.valid, "altitude": self.altitude, "q_source": 1}
         for name, value, std in zip(AIR, self.air.T, self.air_std.T, strict=True):
             found |= {name: value, f"{name}_std": std}
         if self.temperature is not None:

@@ -180,7 +180,8 @@ class Deflected:
         names = estimator.parameters.names
         known = {"parameters": self.value, "parameters_std": self.std}
         of_each = {name: dict(zip(names, values[part].T, strict=True)) for name, values in known.items()}
-        return estimator.track(**{name: values[part] for name, values in self.samples.items()}, **of_each)
+        samples = {name: values[part] for name, values in self.samples.items()}
+        return estimator.track(q_source="independent", **samples, **of_each)
 
 
 def deflected_flight(inverse_map: InverseMap, n: int, seed: int) -> Deflected:
@@ -242,7 +243,8 @@ def check_flight(kind: str, samples: slice, seconds: float, deviations: str | No
     zeros = None if deviations is None else zeros_of(inverse_map, *ZEROS[deviations])
     strain, time = given["strain"], given["time"]
     air, readings = {name: given[name] for name in nonlinear_kinds.AIR}, read(inverse_map, strain, zeros)
-    core = with_zeros(inverse_map, zeros).filter(seconds).track(readings, valid=given["valid"], time=time, **air)
+    filtered = with_zeros(inverse_map, zeros).filter(seconds)
+    core = filtered.track(readings, valid=given["valid"], time=time, q_source="independent", **air)
     reference, apart = FlightFilterReference(inverse_map, seconds, zeros), []
     for k, step in enumerate(np.diff(time, prepend=time[0])):
         value = air_inputs(inverse_map, np.array([one[k] for one in air.values()]), np.full(3, np.nan))

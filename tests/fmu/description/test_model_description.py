@@ -13,6 +13,7 @@ from fmpy.validation import validate_fmu
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description.fmi2 import model_description
@@ -44,7 +45,7 @@ def variables(path: Path) -> dict[str, Any]:
 def test_coefficients_come_first_and_all_is_there(synthetic: SyntheticFiles) -> None:
     estimator, plant = variables(synthetic.estimator_1), variables(synthetic.plant)
     assert list(estimator)[:5] == list(plant)[:5] == ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
-    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1 + 1 + 2 + 2 * N_GAUGES + 1
+    assert len(estimator) == 27 + 2 * N_GAUGES + 4 + 5 + 2 * N_GAUGES + 1 + 1 + 2 + 2 * N_GAUGES + 1 + 6
     assert estimator["valid[1]"].type == "Boolean"
     assert estimator["valid[1]"].start == "true"
     for name in PARAMETERS:
@@ -78,11 +79,12 @@ def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
     description = read_model_description(str(synthetic.estimator_1))
     known = {u.variable.name: ({v.name for v in u.dependencies}, u.dependenciesKind) for u in description.outputs}
     gauges = {f"{name}[{i + 1}]" for name in ("strain", "valid") for i in range(N_GAUGES)}
-    flow = {"dynamic_pressure", "dynamic_pressure_std"}
-    assert known["C_A"] == (gauges | flow, ["dependent"] * (2 * N_GAUGES + 2))
+    flow = {*FLOW_INPUTS, "q_source"}
+    assert known["C_A"] == (gauges | flow, ["dependent"] * (2 * N_GAUGES + 5))
     assert known["force.side"] == (gauges, ["dependent"] * 2 * N_GAUGES)
     assert known["sigma.C_N"][0] == known["health.envelope_score"][0] == gauges | flow
-    assert known["health.state"][0] == gauges | {*FLOW_INPUTS}
+    assert known["health.state"][0] == gauges | {*FLOW_INPUTS, *LAST_INPUTS}
+    assert known["health.usable"][0] == known["health.state"][0]
     assert known["sigma.force.axial"][0] == known["health.valid_gauges"][0] == gauges
     first = {u.variable.name: {v.name for v in u.dependencies} for u in description.initialUnknowns}
     zeros = {*zero_names(N_GAUGES)}
@@ -116,7 +118,7 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         ("moment", 2),
         *((name, None) for name in scalars if name.startswith("health.")),
         ("strain", N_GAUGES),
-        *((name, None) for name in FLOW_INPUTS),
+        *((name, None) for name in (*FLOW_INPUTS, *LAST_INPUTS)),
         ("sigma.coefficients", 5),
         ("sigma.force", 3),
         ("sigma.moment", 2),

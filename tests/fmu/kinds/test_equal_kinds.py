@@ -53,7 +53,7 @@ def hosts(
 
 
 def outputs_of(host: Host) -> np.ndarray:
-    """(27,) outputs in the order of value references."""
+    """(27,) outputs in the order of value references; golden streams compare those behind all inputs."""
     names = list(host.references)[:27]
     values = np.empty(27)
     is_integer = np.isin(names, INTEGERS)
@@ -86,7 +86,7 @@ def test_native_and_python_kind_equal_the_estimator(hosts: Hosts) -> None:
         valid, flow = random.random(N_GAUGES) < 0.8, [float(random.choice(values)) for values in of_flow]
         chosen = replace(default, **{name: float(random.choice(values)) for name, values in choices.items()})
         known = given_flow(dict(zip(FLOW, flow, strict=True)))
-        expected = output_values(hosts.estimator.with_settings(chosen).step(strain, valid=valid, **known))
+        expected = output_values(hosts.estimator.with_settings(chosen).step(strain, valid=valid, **known))[:27]
         for host in (hosts.native, hosts.python):
             host.set(PARAMETERS, [getattr(chosen, name) for name in PARAMETERS])
             host.set([*STRAINS, *FLOW], [*strain, *flow])
@@ -111,7 +111,7 @@ def test_maps_do_not_mix_in_one_process(
             for host, _ in opened:
                 host.set([*STRAINS, "dynamic_pressure"], [*strain, 9e4])
             for host, number in reversed(opened):
-                expected = output_values(estimators[number].estimate(strain, 9e4))
+                expected = output_values(estimators[number].estimate(strain, 9e4))[:27]
                 np.testing.assert_array_equal(outputs_of(host), expected)
 
 

@@ -24,6 +24,7 @@ from raw_fmu import (
     write_resource,
 )
 
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.fmu.description.fmi3 import FIRST_SCALAR
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import value_references
@@ -96,7 +97,7 @@ def test_derivatives_by_scalars_are_those_by_arrays(pair: tuple[Fmu2, Fmu3], sma
 def test_what_is_no_scalar_of_a_type_is_refused(pair: tuple[Fmu2, Fmu3], small: NativeCase) -> None:
     _, third = pair
     tare = first_zero(small.n) + 2 * small.n + 1 + of_filter(small.inverse_map)
-    end = tare + 2 + 2 * small.n + 1
+    end = tare + 2 + 2 * small.n + 1 + len(LAST_INPUTS) + 1
     largest = 2**32 - 1 - FIRST_SCALAR
     for name, c_type, wrong in (
         ("Float64", c_double, [20, 23, N_OUTPUTS + small.n, tare, tare + 1, end, largest]),

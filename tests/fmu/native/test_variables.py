@@ -12,6 +12,7 @@ from agreement import Sample, assert_same, estimated
 from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, N_SCALARS, OK, SETTINGS, Fmu2, Fmu3, first_zero, of_filter
 
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 
@@ -159,7 +160,7 @@ def test_settings_that_cannot_be(small: NativeCase, setting: int, value: float, 
 def test_wrong_value_references(small: NativeCase) -> None:
     fmu = Fmu2(small.uri, small.n).start()
     tare = first_zero(small.n) + 2 * small.n + 1 + of_filter(small.inverse_map)
-    end = tare + 2 + 2 * small.n + 1
+    end = tare + 2 + 2 * small.n + 1 + len(LAST_INPUTS) + 1
     value, whole, count = c_double(0.0), c_int(0), c_size_t(1)
     for name, wrong, memory in (
         ("GetReal", [20, 23, N_OUTPUTS + small.n, tare, tare + 1, end, 2**32 - 1], value),

@@ -38,10 +38,10 @@ def states() -> list[tuple[float, float, float, float]]:
 
 @pytest.fixture
 def data(tmp_path: Path) -> Path:
-    header = ["time [s]", "dynamic_pressure [Pa]", "mach_number [1]", "altitude [m]"]
+    header = ["time [s]", "dynamic_pressure [Pa]", "mach_number [1]", "altitude [m]", "q_source"]
     lines = [",".join(header + [f"g{i} [m/m]" for i in range(N_D)])]
     for i, (one, state) in enumerate(zip(flights(), states(), strict=True)):
-        row = [0.01 * i, one.dynamic_pressure, one.mach_number, one.altitude, *exact_response(*state)[:N_D]]
+        row = [0.01 * i, one.dynamic_pressure, one.mach_number, one.altitude, 1.0, *exact_response(*state)[:N_D]]
         lines.append(",".join(f"{value:.12g}" for value in row))
     (tmp_path / "flight.csv").write_text("\n".join(lines), encoding="utf-8")
     return tmp_path / "flight.csv"

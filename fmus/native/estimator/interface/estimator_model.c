@@ -197,6 +197,8 @@ static int get_booleans(Model *model, const Selection *which, int *value, char t
             value[k] = e->inputs.valid[gauge];
         } else if (e->tare.present && variable == tare_variable(e)) {
             value[k] = e->tare.up;
+        } else if (variable == usable_variable(e)) {
+            value[k] = is_usable(model->mode == CONTINUOUS_TIME ? e->settled[0] : estimator_outputs(e)[HEALTH_STATE]);
         } else if (flight_flag(e, variable) != SIZE_MAX) {
             estimator_outputs(e);
             value[k] = e->flight.flag[flight_flag(e, variable)];

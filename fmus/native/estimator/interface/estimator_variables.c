@@ -44,8 +44,13 @@ static size_t n_of_parameters(const Estimator *e) {
     return (e->flight.known.present ? 3 : 2) * e->parameters.count;
 }
 
+/* Number of variables of LATER_INPUTS; those of LAST_INPUTS and health.usable follow. */
+static size_t n_later(const Estimator *e) {
+    return e->flight.present ? N_LATER_INPUTS : 0;
+}
+
 unsigned time_reference(const Estimator *e) {
-    return parameter_reference(e) + (unsigned)(n_of_parameters(e) + (e->flight.present ? N_LATER_INPUTS : 0));
+    return parameter_reference(e) + (unsigned)(n_of_parameters(e) + n_later(e) + N_LAST_INPUTS + 1);
 }
 
 /* Number of the first of the other loads. */
@@ -65,6 +70,10 @@ size_t zero_in_use(const Estimator *e, size_t variable) {
 /* Number of the first parameter of the flow; their scores, then their deviations follow. */
 static size_t first_parameter_variable(const Estimator *e) {
     return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->sensors.n_strains) : 0);
+}
+
+size_t usable_variable(const Estimator *e) {
+    return first_parameter_variable(e) + n_of_parameters(e) + n_later(e) + N_LAST_INPUTS;
 }
 
 size_t parameter_output(const Estimator *e, size_t variable) {
@@ -114,8 +123,12 @@ size_t input_of(const Estimator *e, size_t variable) {
     if (e->flight.known.present && parameter - 2 * count < count) {
         return first_parameter_std(&e->inputs) + (parameter - 2 * count);
     }
-    if (e->flight.present && parameter - n_of_parameters(e) < N_LATER_INPUTS) {
-        return first_later(&e->inputs) + (parameter - n_of_parameters(e));
+    const size_t later = parameter - n_of_parameters(e);
+    if (later < n_later(e)) {
+        return first_later(&e->inputs) + later;
+    }
+    if (later - n_later(e) < N_LAST_INPUTS) {
+        return first_last(&e->inputs) + (later - n_later(e));
     }
     return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }
@@ -132,6 +145,9 @@ Type model_type_of(const Model *model, size_t variable) {
     }
     if (variable < N_OUTPUTS) {
         return variable == HEALTH_STATE ? ENUMERATION : INTEGER;
+    }
+    if (variable == usable_variable(e)) {
+        return BOOLEAN;
     }
     const int flag = variable - (N_OUTPUTS + e->map.n_gauges) < e->map.n_gauges || flight_flag(e, variable) != SIZE_MAX;
     return flag ? BOOLEAN : NO_VARIABLE;

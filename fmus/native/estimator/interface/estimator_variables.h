@@ -3,7 +3,7 @@
    zeros and their deviations; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
    moves; then the loads beside the five, of maps with such; then the tare; then other parameters of the flow and how
    far they leave their ranges, of maps with such, then their deviations, of maps with tables of them; then later inputs of
-   navigation, of maps with tables. */
+   navigation, of maps with tables; then the last ones, of air data, and whether the loads are usable. */
 
 #ifndef ESTIMATOR_VARIABLES_H
 #define ESTIMATOR_VARIABLES_H
@@ -35,6 +35,9 @@ size_t zero_in_use(const Estimator *e, size_t variable);
 
 /* Which parameter of the flow a variable states the score of; SIZE_MAX for any other. */
 size_t parameter_output(const Estimator *e, size_t variable);
+
+/* Number of health.usable, the last variable. */
+size_t usable_variable(const Estimator *e);
 
 /* Value reference of FMI 3.0 of the time, behind all arrays. */
 unsigned time_reference(const Estimator *e);

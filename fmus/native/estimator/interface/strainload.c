@@ -30,7 +30,7 @@ struct StrainLoad {
     Model *model;
     Estimator *estimator;
     Record record[N_RECORDS];
-    Run sample[9], setting[8]; /* that end with a run of no inputs */
+    Run sample[10], setting[8]; /* that end with a run of no inputs */
     Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is that of its FMU */
 };
 
@@ -54,7 +54,7 @@ static Run *add_run(Record *record, Run *run, size_t input, size_t each, size_t 
 /* Readings, then what is known of air, temperature and flow. */
 static void describe_inputs(StrainLoad *handle) {
     static const char *const MORE[] = {NAVIGATION_INPUTS(AIR_INPUT_NAME)};
-    static const char *const LATER[] = {LATER_INPUTS(AIR_INPUT_NAME) NULL};
+    static const char *const LATER[] = {LATER_INPUTS(AIR_INPUT_NAME) LAST_INPUTS(AIR_INPUT_NAME) NULL};
     static const char *const READINGS[] = {"strain", "sensor"};
     static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
     static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
@@ -65,7 +65,7 @@ static void describe_inputs(StrainLoad *handle) {
     run = add_run(record, run, n_strains, n - n_strains, 1, READINGS + 1);
     run = add_run(record, run, n, 1, N_FLOW_INPUTS, SCALAR_NAMES);
     run = add_run(record, run, n + N_SCALAR_INPUTS, 1, N_NAVIGATION_INPUTS, MORE);
-    run = add_run(record, run, first_later(&e->inputs), 1, N_LATER_INPUTS, LATER);
+    run = add_run(record, run, first_later(&e->inputs), 1, N_LATER_INPUTS + N_LAST_INPUTS, LATER);
     run = add_run(record, run, first_temperature(&e->inputs), e->inputs.n_temperatures, 1, TEMPERATURE);
     run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
     run = add_run(record, run, first_parameter(&e->inputs), e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
@@ -112,6 +112,7 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "other_coefficients", n_other);
     add_field(record, "other_coefficients_std", n_other);
     add_field(record, "parameter_score", e->parameters.count);
+    add_field(record, "usable", 1);
 }
 
 static void describe_fit(StrainLoad *handle) {
@@ -326,6 +327,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
         const double given = e->inputs.value[first_parameter(&e->inputs) + k];
         output[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, k, given);
     }
+    output[e->parameters.count] = (double)is_usable(e->output[HEALTH_STATE]);
     if (fit != NULL) {
         write_fit(e, fit);
     }

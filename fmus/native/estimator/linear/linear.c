@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "../sample/measured_angles.h"
+#include "../sample/pressure_source.h"
 #include "../update/scaled_form.h"
 #include "linear_outputs.h"
 
@@ -42,6 +44,28 @@ void linear_renewed(Linear *linear) {
     scaled_prepare(&linear->scaled);
 }
 
+/* Of the smallest incidence per lateral force over that at the largest incidence: curves over Mach number and roll angle
+   differ. */
+#define LEAST_PART_OF_SLOPE 0.8
+
+/* The deviation of the dynamic pressure: the stated one or the map's, where it is computed that of its sources. */
+static double pressure_deviation(const Linear *linear, double pressure) {
+    const Inputs *inputs = linear->inputs;
+    const double given = known_input(inputs, DYNAMIC_PRESSURE_STD), stated_mach = known_input(inputs, MACH_NUMBER_STD);
+    const double deviation = isnan(given) ? linear->map->dynamic_pressure_error * pressure : given;
+    const double mach = known_input(inputs, MACH_NUMBER), known = isnan(mach) ? 1.0 : mach;
+    const double mach_std = isnan(stated_mach) || isnan(mach) ? DAY_OF_MACH * known : stated_mach;
+    const double relative = known_input(inputs, STATIC_PRESSURE_STD) / known_input(inputs, STATIC_PRESSURE);
+    const double pressure_std = isnan(relative) ? DAY_OF_PRESSURE : relative;
+    const PressureSource source =
+        pressure_source(inputs, mach_std, pressure_std, DAY_OF_ALTITUDE, deviation / pressure);
+    if (source == INDEPENDENT) {
+        return deviation;
+    }
+    const double of_pressure = source == MACH_AND_ALTITUDE ? DAY_OF_ALTITUDE : pressure_std;
+    return computed_pressure_std(inputs, given, pressure * computed_pressure_error(known, mach_std, of_pressure));
+}
+
 /* Flow and navigation of the inputs. */
 static Flow flow_of(const Linear *linear) {
     const double pressure = scalar_input(linear->inputs, DYNAMIC_PRESSURE);
@@ -49,11 +73,38 @@ static Flow flow_of(const Linear *linear) {
     if (!(pressure >= linear->map->min_dynamic_pressure && pressure <= linear->map->max_dynamic_pressure)) {
         return flow;
     }
-    const double given = known_input(linear->inputs, DYNAMIC_PRESSURE_STD);
-    const double deviation = isnan(given) ? linear->map->dynamic_pressure_error * pressure : given;
+    const double deviation = pressure_deviation(linear, pressure);
     flow.known = deviation >= 0.0 && deviation < INFINITY;
     flow.deviation = flow.known ? deviation : 0.0;
     return flow;
+}
+
+/* Whether the flow comes from another side by the measured angles than by the lateral forces: the incidence that these need
+   at least, as far as it is above the measured one in their direction. */
+static int angles_contradict(const Linear *linear) {
+    const Map *map = linear->map;
+    MeasuredAngles angles;
+    measured_angles(linear->inputs, &angles);
+    if (angles.count == 0 || !(map->incidence_per_force > 0.0)) {
+        return 0;
+    }
+    const double area = scalar_input(linear->inputs, REFERENCE_AREA) / map->reference_area;
+    const double slope = LEAST_PART_OF_SLOPE * map->incidence_per_force * area;
+    double square = 0.0, along = 0.0, variance = 0.0;
+    for (size_t k = 0; k < 2; k++) {
+        const double force = angles.precision[k] > 0.0 ? slope * linear->output[COEFFICIENTS + 1 + k] : 0.0;
+        square += force * force;
+        along += force * angles.value[k];
+    }
+    const double needed = sqrt(square);
+    for (size_t k = 0; k < 2 && needed > 0.0; k++) {
+        const double part = slope * linear->output[COEFFICIENTS + 1 + k] / needed;
+        const double of_force = slope * linear->output[COEFFICIENTS_STD + 1 + k];
+        variance += angles.precision[k] > 0.0 ? part * part * (1.0 / angles.precision[k] + of_force * of_force) : 0.0;
+    }
+    const double apart = needed > 0.0 ? needed - along / needed : 0.0;
+    const double limit = scalar_input(linear->inputs, ALARM_SCALE) * map->chi_square_limit[0];
+    return apart > 0.0 && apart * apart > limit * variance;
 }
 
 static int health_state(const Linear *linear) {
@@ -65,6 +116,9 @@ static int health_state(const Linear *linear) {
         return OUTSIDE;
     }
     if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {
+        return INCONSISTENT;
+    }
+    if (angles_contradict(linear)) {
         return INCONSISTENT;
     }
     if (output[SUSPECTS] > 0.0) {

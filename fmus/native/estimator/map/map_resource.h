@@ -89,6 +89,7 @@ typedef struct {
     double regularisation;           /* gamma */
     Envelope envelope;
     ScaledForm form;
+    double incidence_per_force; /* at the largest incidence, over the lateral coefficient [rad]; 0 where not known */
     int has_tables, has_filter, has_known; /* whether there are tables over the flight state, a filter, and tables over
                                               other parameters of the flow */
 } Map;

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "../../core/elementary.h"
+#include "../sample/pressure_source.h"
 #include "../sample/readings.h"
 
 /* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
@@ -25,12 +26,6 @@ size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
     }
     solver->n_kept = 0;
     return count;
-}
-
-/* p(h); NaN where the altitude is not known, 0, which no flight has, where it is above the atmosphere. */
-static double pressure_by_altitude(const Inputs *inputs) {
-    const double altitude = known_input(inputs, ALTITUDE), found = ambient_pressure(&inputs->map->envelope, altitude);
-    return isnan(found) && !isnan(altitude) ? 0.0 : found;
 }
 
 /* The deviation of a quantity of navigation without its own: of M [1], relative ones of p_inf, which the altitude tells
@@ -73,7 +68,58 @@ static void join(double *value, double *std, double other, double other_std) {
     *std *= other_std / sqrt(variance) * (apart > 1.0 ? apart : 1.0);
 }
 
-void navigation_of(const FlightMap *map, const Inputs *inputs, double *value, double *std) {
+static double larger(double a, double b) {
+    return b > a ? b : a;
+}
+
+/* Whether a value of navigation is known. */
+static int is_value(double value) {
+    return isfinite(value) && value > 0.0;
+}
+
+/* A dynamic pressure that is computed from others is no measurement: it stands for what it is computed from, where that is
+   not given, and for nothing where it is. Its deviation is that of its sources. */
+static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *found) {
+    double *value = found->value, *std = found->std;
+    const double pressure_std = is_value(value[1]) ? std[1] / value[1] : map->error[1];
+    const PressureSource source =
+        pressure_source(inputs, std[0], pressure_std, map->altitude_error, std[2] / value[2]);
+    if (source == INDEPENDENT || !is_value(value[2])) {
+        return;
+    }
+    const int by_altitude = isnan(known_input(inputs, STATIC_PRESSURE));
+    const double stated = known_input(inputs, STATIC_PRESSURE_STD);
+    const double error = source == MACH_AND_ALTITUDE ? larger(map->altitude_error, DAY_OF_ALTITUDE)
+                       : isnan(stated) || by_altitude ? larger(map->error[1], DAY_OF_PRESSURE) : stated / value[1];
+    const double stated_mach = known_input(inputs, MACH_NUMBER_STD);
+    if (!is_value(value[0])) {
+        std[0] = isnan(stated_mach) ? map->error[0] : stated_mach;
+    } else if (isnan(stated_mach)) {
+        const double of_day = DAY_OF_MACH * value[0];
+        std[0] = sqrt(std[0] * std[0] + of_day * of_day);
+    }
+    if (isnan(stated) && is_value(value[1])) {
+        std[1] = value[1] * larger(std[1] / value[1], by_altitude ? DAY_OF_ALTITUDE : DAY_OF_PRESSURE);
+    }
+    const double mach = is_value(value[0]) ? value[0] : map->prior_mean[STATE_MACH];
+    const double own = value[2] * computed_pressure_error(mach, std[0], error);
+    found->is_computed = 1;
+    found->of_loads[1] = computed_pressure_std(inputs, known_input(inputs, DYNAMIC_PRESSURE_STD), own);
+    if (!is_value(value[0]) && !is_value(value[1])) {
+        std[2] = found->of_loads[1];
+        return;
+    }
+    if (!is_value(value[1])) {
+        value[1] = value[2] / (map->half_gamma * value[0] * value[0]);
+        std[1] = value[1] * error;
+    } else if (!is_value(value[0])) {
+        value[0] = sqrt(value[2] / (map->half_gamma * value[1]));
+    }
+    value[2] = std[2] = NAN;
+}
+
+void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found) {
+    double *value = found->value, *std = found->std;
     value[0] = known_input(inputs, MACH_NUMBER);
     value[1] = known_input(inputs, STATIC_PRESSURE);
     value[1] = isnan(value[1]) ? pressure_by_altitude(inputs) : value[1];
@@ -87,9 +133,24 @@ void navigation_of(const FlightMap *map, const Inputs *inputs, double *value, do
         std[k] = isnan(std[k]) ? own : std[k];
         std[k] = std[k] > least ? std[k] : least;
     }
+    found->is_computed = 0;
+    found->of_loads[0] = value[2];
+    found->of_loads[1] = std[2];
+    take_out_computed(map, inputs, found);
     double by_temperature_std = 0.0;
     const double by_temperature = mach_by_temperature(inputs, &by_temperature_std);
     join(&value[0], &std[0], by_temperature, by_temperature_std);
+}
+
+/* u and w of the priors become those of priors and angles. */
+static void join_angles(const MeasuredAngles *angles, Sample *sample) {
+    for (size_t k = 0; k < 2 && angles->count > 0; k++) {
+        const size_t which = N_NAVIGATION + STATE_U + k;
+        const double sum = sample->precision[which] + angles->precision[k];
+        sample->value[which] =
+            (sample->precision[which] * sample->value[which] + angles->precision[k] * angles->value[k]) / sum;
+        sample->precision[which] = sum;
+    }
 }
 
 void flight_set_measurement(FlightSolver *solver, const double *navigation, const double *navigation_std) {
@@ -103,4 +164,5 @@ void flight_set_measurement(FlightSolver *solver, const double *navigation, cons
     }
     memcpy(sample->value + N_NAVIGATION, solver->map->prior_mean, sizeof solver->map->prior_mean);
     memcpy(sample->precision + N_NAVIGATION, solver->map->prior_precision, sizeof solver->map->prior_precision);
+    join_angles(&solver->angles, sample);
 }

@@ -125,6 +125,17 @@ static double joined_pressure(const Knowledge *known, double log_pressure, doubl
     return joined;
 }
 
+/* What the angles hold against a state. */
+static double against_angles(const FlightSolver *solver, size_t start, size_t which) {
+    double state[N_STATES] = {0.0}, cost = 0.0;
+    set_state(solver, start, which, state);
+    for (size_t k = 0; k < 2; k++) {
+        const double off = solver->angles.value[k] - state[STATE_U + k];
+        cost += solver->angles.precision[k] * (off * off);
+    }
+    return cost;
+}
+
 /* The best state at an incidence, by its index. */
 static void set_start(FlightSolver *solver, size_t start, double *state) {
     const size_t n = solver->n;
@@ -157,7 +168,10 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
     exponentials(SEARCH_STATES, pressure);
     double lowest = INFINITY;
     for (size_t k = 0; k < SEARCH_STATES; k++) {
-        const double cost = (pressure[k] * pressure[k] * size[k] - 2.0 * pressure[k] * dot[k]) + of_navigation[k];
+        double cost = (pressure[k] * pressure[k] * size[k] - 2.0 * pressure[k] * dot[k]) + of_navigation[k];
+        if (solver->angles.count > 0) {
+            cost += against_angles(solver, start, k);
+        }
         if (k == 0 || cost < lowest) {
             lowest = cost;
             set_state(solver, start, k, state);

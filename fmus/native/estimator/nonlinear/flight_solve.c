@@ -257,13 +257,24 @@ static void set_navigation_residuals(FlightSolver *solver) {
     }
 }
 
+/* What u and w of priors and angles cost more than those of the priors: the angles have a test of their own. */
+static double cost_of_angles(const FlightSolver *solver) {
+    double cost = 0.0;
+    for (size_t k = STATE_U; k <= STATE_W && solver->angles.count > 0; k++) {
+        const double joined = solver->innovation[N_NAVIGATION + k], prior = solver->map->prior_mean[k] - solver->state[k];
+        cost += solver->sample.precision[N_NAVIGATION + k] * (joined * joined)
+              - solver->map->prior_precision[k] * (prior * prior);
+    }
+    return cost;
+}
+
 void flight_settle(FlightSolver *solver) {
     Solution *found = &solver->solution;
     memcpy(found->state, solver->state, sizeof found->state);
     invert_small(N_STATES, solver->hessian, found->state_covariance);
     memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
     memset(found->widening, 0, sizeof found->widening);
-    found->chi_square = solver->cost;
+    found->chi_square = solver->cost - cost_of_angles(solver);
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
     const double *shift = solver->considered.shift;

@@ -6,6 +6,7 @@
 #define SOLVER_STATE_H
 
 #include "../map/map_resource.h"
+#include "../sample/measured_angles.h"
 #include "flight_tables.h"
 
 #define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */
@@ -70,6 +71,7 @@ typedef struct {
     double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
     double *search_weight;                        /* (n) 1 over the deviation of each gauge */
+    MeasuredAngles angles;
     Sample sample;
     Solution solution;
     Considered considered;

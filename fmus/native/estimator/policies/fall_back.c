@@ -6,7 +6,7 @@
 
 /* Loads of the linear map in place of those of the tables, where it has some. */
 static void fall_back(Flight *flight) {
-    const double pressure = flight->value[2], deviation = flight->std[2];
+    const double pressure = flight->navigation.of_loads[0], deviation = flight->navigation.of_loads[1];
     if (isfinite(pressure) && linear_loads_at(flight->linear, pressure, deviation)) {
         flight->flag[LINEAR_LOADS] = 1;
     }

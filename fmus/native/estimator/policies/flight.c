@@ -121,7 +121,8 @@ void flight_update(Flight *flight) {
     const size_t used = flight_set_strain(&flight->solver, flight->inputs);
     flight->output[VALID_GAUGES] = (double)used;
     flight->solver.iterations = 0;
-    navigation_of(&flight->map, flight->inputs, flight->value, flight->std);
+    navigation_of(&flight->map, flight->inputs, &flight->navigation);
+    measured_angles(flight->inputs, &flight->solver.angles);
     forget_slopes(flight, known_follow(&flight->known, flight->inputs));
     if (flight_filters(flight)) {
         flight_filter_update(flight, used);

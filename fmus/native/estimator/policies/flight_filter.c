@@ -49,7 +49,7 @@ static void solve(Flight *flight, const Law *law, const double *start, size_t it
 
 /* What navigation and the ranges of the map say, without what is apart. */
 static void measure(Flight *flight) {
-    flight_set_measurement(&flight->solver, flight->value, flight->std);
+    flight_set_measurement(&flight->solver, flight->navigation.value, flight->navigation.std);
     filter_leave_out_named(&flight->filter);
 }
 

@@ -78,7 +78,7 @@ static int navigation_outside(const Flight *flight) {
     const double *const range[2] = {map->mach_range, map->pressure_range};
     int outside = 0;
     for (size_t k = 0; k < 2; k++) {
-        const double value = flight->value[k], slack = map->outside_score * flight->std[k];
+        const double value = flight->navigation.value[k], slack = map->outside_score * flight->navigation.std[k];
         const int beyond = value < (1.0 - map->range_tolerance) * range[k][0] - slack
                         || value > (1.0 + map->range_tolerance) * range[k][1] + slack;
         outside |= beyond && flight->solver.sample.precision[k] > 0.0;
@@ -95,6 +95,21 @@ int flight_solution_fits(const Flight *flight, size_t used) {
     const Solution *found = &flight->solver.solution;
     return found->chi_square <= chi_square_limit(flight, used + flight_navigation_used(flight))
         && found->shape_square <= flight->map.shape_limit * scalar_input(flight->inputs, ALARM_SCALE);
+}
+
+/* Whether the measured angles are others than those of the solution. */
+static int angles_contradict(const Flight *flight) {
+    const MeasuredAngles *angles = &flight->solver.angles;
+    const Solution *found = &flight->solver.solution;
+    double square = 0.0;
+    for (size_t k = 0; k < 2; k++) {
+        if (angles->precision[k] > 0.0) {
+            const double off = angles->value[k] - found->state[STATE_U + k];
+            const double variance = found->widened_covariance[(STATE_U + k) * (N_STATES + 1)];
+            square += off * off / (1.0 / angles->precision[k] + variance);
+        }
+    }
+    return square > scalar_input(flight->inputs, ALARM_SCALE) * flight->map.chi_square_limit[angles->count];
 }
 
 /* Set the outputs of health; whether strain and navigation fit the tables. */
@@ -126,6 +141,9 @@ static int judge(Flight *flight, size_t used) {
     const int lacks = used < flight->solver.n_gauges || flight_navigation_alarms(flight)
                    || found->rest_square > LARGEST_REST * LARGEST_REST;
     output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
+    if (!outside && fits && angles_contradict(flight)) {
+        output[HEALTH_STATE] = INCONSISTENT;
+    }
     flight->fits = fits;
     return fits;
 }

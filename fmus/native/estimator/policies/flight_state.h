@@ -10,6 +10,7 @@
 #include "../linear/linear_state.h"
 #include "../nonlinear/flight_air_data.h"
 #include "../nonlinear/flight_known.h"
+#include "../nonlinear/flight_sample.h"
 
 #define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
 #define NAVIGATION_USED N_AIR_DATA      /* flags: whether each of the air data is identified, then these */
@@ -41,7 +42,7 @@ typedef struct {
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */
     double prior_std[N_STATES];
-    double value[N_NAVIGATION], std[N_NAVIGATION]; /* of navigation; NaN where not known */
+    Navigation navigation;   /* of the inputs */
     double real[N_FLIGHT_REALS];
     unsigned char flag[N_FLIGHT_FLAGS];
     int fits;                  /* whether strain and navigation fit the tables, */

@@ -31,7 +31,7 @@ static void solve(Flight *flight, int search) {
    cannot be better than `found` any more. */
 static Quality attempt(Flight *flight, size_t used, int search, Quality found) {
     double residual[N_NAVIGATION];
-    flight_set_measurement(&flight->solver, flight->value, flight->std);
+    flight_set_measurement(&flight->solver, flight->navigation.value, flight->navigation.std);
     solve(flight, search);
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
     if (flight_drop_inconsistent(flight)) {
@@ -96,7 +96,7 @@ static void widen(Flight *flight, Quality found, int *searched, int by_search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
     const int known = base->widening[0] != 0.0, due = !known || base->since_search >= flight->map.search_every;
-    const int counts = found != FITS_NOT || !isfinite(flight->value[2]);
+    const int counts = found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
     if (!flight_pressure_untold(solver)) {
         memcpy(flight->next.widening, by_search ? solver->solution.widening : base->widening, sizeof base->widening);
         return;

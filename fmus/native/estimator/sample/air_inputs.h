@@ -2,7 +2,8 @@
    with number and name.
 
    Those of later versions stand behind all others, among the inputs and among the variables, so that numbers of variables
-   stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input. */
+   stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input, last_input; but for angles,
+   which are not known where they are the map's not_known, or NaN: known_angle. */
 
 #ifndef AIR_INPUTS_H
 #define AIR_INPUTS_H
@@ -24,6 +25,14 @@
 #define LATER_INPUTS(X)                               \
     X(TOTAL_TEMPERATURE, "total_temperature")         \
     X(TOTAL_TEMPERATURE_STD, "total_temperature_std")
+
+/* Of every map, behind all of these: what the dynamic pressure is computed from, pressure_source.h; angles [rad]. */
+#define LAST_INPUTS(X)                                            \
+    X(Q_SOURCE, "q_source")                                       \
+    X(MEASURED_ATTACK, "measured_angle_of_attack")                \
+    X(MEASURED_ATTACK_STD, "measured_angle_of_attack_std")        \
+    X(MEASURED_SIDESLIP, "measured_sideslip_angle")               \
+    X(MEASURED_SIDESLIP_STD, "measured_sideslip_angle_std")
 
 #define AIR_INPUT_NUMBER(number, name) number,
 #define AIR_INPUT_NAME(number, name) name,

@@ -36,8 +36,12 @@ size_t first_later(const Inputs *in) {
     return first_parameter_std(in) + (in->map->has_known ? in->parameters->count : 0);
 }
 
-size_t inputs_count(const Inputs *in) {
+size_t first_last(const Inputs *in) {
     return first_later(in) + N_LATER_INPUTS;
+}
+
+size_t inputs_count(const Inputs *in) {
+    return first_last(in) + N_LAST_INPUTS;
 }
 
 size_t parameter_beyond(const Inputs *in) {
@@ -61,6 +65,7 @@ void inputs_reset(Inputs *in) {
     for (size_t k = 0; k < in->parameters->count; k++) {
         in->value[first_parameter(in) + k] = in->map->not_known;
     }
+    in->value[first_last(in) + MEASURED_ATTACK] = in->value[first_last(in) + MEASURED_SIDESLIP] = in->map->not_known;
 }
 
 /* Whether value may be given to one of the zeros or their deviations, by its index among them. */

@@ -33,11 +33,14 @@ enum { N_FLOW_INPUTS = SENSOR_RANGE, N_NAVIGATION_INPUTS = N_ALL_SCALARS - N_SCA
 /* Behind all other inputs; variables of maps with tables only. */
 enum { LATER_INPUTS(AIR_INPUT_NUMBER) N_LATER_INPUTS };
 
+/* Behind these; variables of every map. */
+enum { LAST_INPUTS(AIR_INPUT_NUMBER) N_LAST_INPUTS };
+
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
    map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
    that has one. Then other parameters of the flow, as thrust, and, with tables of them, their deviations, which are
-   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS. */
+   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS and LAST_INPUTS. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -68,8 +71,9 @@ size_t thrust_input(const Inputs *inputs);
 size_t first_parameter(const Inputs *inputs);
 size_t first_parameter_std(const Inputs *inputs);
 
-/* The first of LATER_INPUTS. */
+/* The first of LATER_INPUTS, and of LAST_INPUTS behind them. */
 size_t first_later(const Inputs *inputs);
+size_t first_last(const Inputs *inputs);
 
 /* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
 size_t filter_setting(const Inputs *inputs);
@@ -94,6 +98,18 @@ static inline double known_input(const Inputs *inputs, size_t scalar) {
 static inline double later_input(const Inputs *inputs, size_t later) {
     const double value = inputs->value[first_later(inputs) + later];
     return value > 0.0 ? value : NAN;
+}
+
+/* The same of one of LAST_INPUTS that is no angle. */
+static inline double last_input(const Inputs *inputs, size_t last) {
+    const double value = inputs->value[first_last(inputs) + last];
+    return value > 0.0 ? value : NAN;
+}
+
+/* An angle among LAST_INPUTS [rad]; NaN where it is not known. */
+static inline double known_angle(const Inputs *inputs, size_t last) {
+    const double value = inputs->value[first_last(inputs) + last];
+    return value != inputs->map->not_known && isfinite(value) ? value : NAN;
 }
 
 /* How much further aft the moment point is than that of the map [m]. */

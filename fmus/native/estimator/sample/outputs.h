@@ -25,6 +25,11 @@ enum {
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
+/* Whether loads may be used with their stated deviations in a state of health. */
+static inline int is_usable(double health) {
+    return health == (double)OK || health == (double)DEGRADED;
+}
+
 /* Factors of coefficients at q_inf [Pa]: 1 / (q S) for the three forces, 1 / (q S L) for the two moments. */
 void coefficient_scales(double pressure, double area, double length, double *scale);
 

@@ -37,7 +37,7 @@ class BridgeStatus:
     ----------
     last_valid : the last result of quality VALID or UNPROTECTED, or None.
     envelope_score : of the last result [1], NaN for none.
-    causes, age_uncertainty, counter : of the last result; the uncertainty [s], NaN for none.
+    causes, age_uncertainty, counter, usable : of the last result; the uncertainty [s], NaN for none.
     account : of all frames so far.
     cycles : number of results so far.
     """
@@ -55,6 +55,7 @@ class BridgeStatus:
     causes: Cause = Cause.NONE
     age_uncertainty: float = nan
     counter: int | None = None
+    usable: bool = False
 
 
 class ResultFrames:
@@ -81,14 +82,18 @@ class ResultFrames:
             values |= self._others.values(result.other_outputs if result.quality.has_coefficients else {})
         frames = [frame.compose(values) for frame in self._of_result]
         if int(result.causes) >> 16:
-            details = _detail_values(result.quality, result.causes, result.age_uncertainty, result.counter)
+            details = _detail_values(
+                result.quality, result.causes, result.age_uncertainty, result.counter, result.usable
+            )
             frames += [frame.compose(details) for frame in self._details]
         return frames
 
     def of_status(self, status: BridgeStatus) -> list[Frame]:
         """Return the frames of the bridge's status, and the details of the last result."""
         values = _status_values(status, self._configuration)
-        details = _detail_values(status.quality, status.causes, status.age_uncertainty, status.counter)
+        details = _detail_values(
+            status.quality, status.causes, status.age_uncertainty, status.counter, status.usable
+        )
         return [frame.compose(values) for frame in self._of_status] + [
             frame.compose(details) for frame in self._details
         ]
@@ -129,6 +134,7 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
         **dict(zip(SIGMA_NAMES, deviations, strict=True)),
         "Quality": int(result.quality),
         "Health": nan if result.health is None else result.health,
+        "Usable": int(result.usable),
         "SampleTime": nan if result.sample_time is None else result.sample_time,
         "ChiSquare": result.chi_square,
         "Age": 1e3 * result.age,
@@ -143,12 +149,13 @@ def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
 
 
 def _detail_values(
-    quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None
+    quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None, usable: bool
 ) -> dict[str, float]:
     """Return the values of all signals of the details of a result."""
     return {
         "Quality": int(quality),
         "AllCauses": int(causes),
+        "Usable": int(usable),
         "AgeUncertainty": nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
         "AnsweredCounter": counter or 0,
         **_HEADER,

@@ -92,6 +92,15 @@ def _health(start: int, length: int) -> SignalLayout:
     )
 
 
+def _usable(start: int) -> SignalLayout:
+    return SignalLayout(
+        name="Usable",
+        start=start,
+        length=1,
+        comment="1: health is Ok or Degraded, the loads may be used with their standard deviations",
+    )
+
+
 def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
     """Return LoadEstimate and BridgeStatus in CAN FD frames of 64 bytes."""
     floats = [
@@ -167,7 +176,7 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
             name=DETAIL,
             identifier=0,
             length=12,
-            signals=(*header_5(), _quality(24), *_details(32, LITTLE), _answered(80)),
+            signals=(*header_5(), _quality(24), *_details(32, LITTLE), _answered(80), _usable(88)),
             is_fd=True,
             comment=_DETAIL_TEXT,
         ),
@@ -216,7 +225,8 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
             SignalLayout(name="Causes", start=0, length=16, comment=_CAUSES_TEXT),
             _answered(0),
             SignalLayout(name="GaugesUsed", start=0, length=8),
-            _health(0, 8),
+            _health(0, 7),
+            _usable(0),
             SignalLayout(
                 name="EnvelopeScore8",
                 start=0,

@@ -11,7 +11,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.cosim.estimators.step import StepResult
-from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.health import USABLE_STATES, HealthState
 
 
 def no_numbers() -> FloatArray:
@@ -69,6 +69,11 @@ class CycleResult:
     other_outputs: Mapping[str, float] = field(default_factory=dict)
     other_inputs: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def usable(self) -> bool:
+        """Whether the estimator states that loads may be used with their standard deviations."""
+        return self.health in _USABLE
+
 
 def result_without_fields() -> CycleResult:
     """Return a result whose fields are all still to be set: it takes a fifth of the time of making one by them."""
@@ -94,6 +99,7 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
     return result
 
 
+_USABLE = frozenset(int(state) for state in USABLE_STATES)
 _OK, _VALID = int(HealthState.OK), Quality.VALID
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})

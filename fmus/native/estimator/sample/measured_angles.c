@@ -1,0 +1,31 @@
+#include "measured_angles.h"
+
+#include "../../core/elementary.h"
+
+/* Of measured angles [rad]: deviation without their own, the smallest one, and the size above which one is no value; those
+   of pressure_source.py and air_inputs.py. */
+#define ANGLE_ERROR 0.017453292519943295
+#define LEAST_ANGLE_STD 1e-4
+#define LARGEST_ANGLE 1.5
+
+void measured_angles(const Inputs *inputs, MeasuredAngles *angles) {
+    const double attack = known_angle(inputs, MEASURED_ATTACK), sideslip = known_angle(inputs, MEASURED_SIDESLIP);
+    const double stated[2] = {last_input(inputs, MEASURED_ATTACK_STD), last_input(inputs, MEASURED_SIDESLIP_STD)};
+    const int known[2] = {fabs(attack) < LARGEST_ANGLE, fabs(sideslip) < LARGEST_ANGLE};
+    angles->count = (size_t)known[0] + (size_t)known[1];
+    angles->value[0] = angles->value[1] = 0.0;
+    if (angles->count > 0) {
+        double sine[2], cosine[2];
+        sine_cosine(known[0] ? attack : 0.0, &sine[0], &cosine[0]);
+        sine_cosine(known[1] ? sideslip : 0.0, &sine[1], &cosine[1]);
+        const double along = cosine[1] * cosine[0], up = cosine[1] * sine[0], starboard = -sine[1];
+        const double across = sqrt(up * up + starboard * starboard);
+        const double ratio = across > 0.0 ? angle_of(across, along) / across : 1.0;
+        angles->value[0] = ratio * up;
+        angles->value[1] = ratio * starboard;
+    }
+    for (size_t k = 0; k < 2; k++) {
+        const double std = isnan(stated[k]) ? ANGLE_ERROR : stated[k] > LEAST_ANGLE_STD ? stated[k] : LEAST_ANGLE_STD;
+        angles->precision[k] = known[k] ? 1.0 / (std * std) : 0.0;
+    }
+}

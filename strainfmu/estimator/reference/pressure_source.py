@@ -1,0 +1,166 @@
+"""What a dynamic pressure is computed from, and measured angles: rules in numpy that the compiled core has too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.atmosphere import DEVIATION_OF_AIR, HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUTS,
+    ALTITUDE,
+    ANGLE_ERROR,
+    DYNAMIC_PRESSURE,
+    LARGEST_ANGLE,
+    MACH_NUMBER,
+    MEASURED_ANGLES,
+    Q_SOURCE,
+    STATIC_PRESSURE,
+    STD,
+    QSource,
+)
+from strainfmu.estimator.arguments import given as positive
+from strainfmu.estimator.signal_names import NOT_KNOWN
+
+LARGEST_DIFFERENCE = 1.5e-3
+"""Largest relative difference of a computed dynamic pressure from what it is computed from, by rounding."""
+
+PART_OF_DEVIATION = 0.05
+"""The same over the standard deviation of the difference of independent values: one in 25 of these is as near."""
+
+EARTH_RADIUS = 6356766.0
+"""[m] of geopotential altitudes; source: U.S. Standard Atmosphere, 1976."""
+
+DAY_OF_MACH = 0.025
+"""Relative deviation of a Mach number that no other measurement confirms.
+
+The Mach number of a velocity errs by half of the day's 0.03 of temperature, and by winds of 0.02 of the velocity.
+"""
+
+DAY_OF_PRESSURE = 0.03
+"""Relative deviation of a static pressure that no other measurement confirms."""
+
+LEAST_ANGLE_STD = 1e-4
+"""Smallest standard deviation of a measured angle [rad]."""
+
+
+def air_of(inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return (k,) the air data of records (k, 1) by name, NaN where not given.
+
+    Values are not given where they are 0 or below, angles where they are NOT_KNOWN.
+    """
+    return {
+        one.name: np.where(np.equal(values, NOT_KNOWN), np.nan, values) if one.is_signed else positive(values)
+        for one in AIR_INPUTS
+        for values in (inputs[one.name][:, 0],)
+    }
+
+
+def pressure_source(
+    given: Mapping[str, FloatArray],
+    mach_std: FloatArray,
+    pressure_std: FloatArray,
+    altitude_std: float,
+    dynamic_std: FloatArray,
+) -> IntArray:
+    """Return (k,) the sources of the dynamic pressures, :class:`QSource` but for AUTO.
+
+    Parameters
+    ----------
+    given : (k,) inputs by name, NaN where not given.
+    mach_std : (k,) standard deviations of M [1].
+    pressure_std, altitude_std, dynamic_std : relative ones of p_inf, of p(h), and of q_inf.
+    """
+    stated, altitude = np.nan_to_num(given[Q_SOURCE]), np.where(np.isinf(given[ALTITUDE]), np.nan, given[ALTITUDE])
+    geometric = static_pressure_at(EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude))
+
+    def is_computed(pressure: FloatArray, std: FloatArray | float) -> BoolArray:
+        mach = given[MACH_NUMBER]
+        expected = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
+        deviation = np.hypot(computed_pressure_error(mach, mach_std, std), dynamic_std)
+        allowed = np.minimum(PART_OF_DEVIATION * deviation, LARGEST_DIFFERENCE)
+        apart = np.abs(given[DYNAMIC_PRESSURE] - expected)
+        return np.isfinite(expected) & (apart <= allowed * expected)
+
+    by_altitude = is_computed(static_pressure_at(altitude), altitude_std) | is_computed(geometric, altitude_std)
+    found = np.where(by_altitude, QSource.MACH_AND_ALTITUDE, QSource.INDEPENDENT)
+    found = np.where(is_computed(given[STATIC_PRESSURE], pressure_std), QSource.MACH_AND_PRESSURE, found)
+    return np.where(stated > 0.5, np.round(stated), found).astype(np.int64)
+
+
+def computed_pressure_error(
+    mach: FloatArray, mach_std: FloatArray, pressure_std: FloatArray | float
+) -> FloatArray:
+    """Return the relative standard deviation of a dynamic pressure by those of what it is computed from."""
+    return np.hypot(2.0 * mach_std / mach, pressure_std)
+
+
+def computed_pressure_std(given: Mapping[str, FloatArray], own: FloatArray) -> FloatArray:
+    """Return (k,) the deviations [Pa] of computed dynamic pressures, ``own`` those of their sources.
+
+    A stated one counts where the source is stated, too; otherwise the larger.
+    """
+    stated, is_decided = given[f"{DYNAMIC_PRESSURE}{STD}"], np.nan_to_num(given[Q_SOURCE]) > 0.5
+    return np.where(np.isnan(stated) | (~is_decided & (stated < own)), own, stated)
+
+
+def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error: float) -> FloatArray:
+    """Return (k,) the deviations [Pa] of the dynamic pressures that a linear map works with."""
+    q, stated = given[DYNAMIC_PRESSURE], given[f"{DYNAMIC_PRESSURE}{STD}"]
+    std = np.where(np.isnan(stated), dynamic_pressure_error * q, stated)
+    mach = np.where(np.isnan(given[MACH_NUMBER]), 1.0, given[MACH_NUMBER])
+    stated_mach = given[f"{MACH_NUMBER}{STD}"]
+    no_mach = np.isnan(stated_mach) | np.isnan(given[MACH_NUMBER])
+    mach_std = np.where(no_mach, DAY_OF_MACH * mach, stated_mach)
+    relative = given[f"{STATIC_PRESSURE}{STD}"] / given[STATIC_PRESSURE]
+    pressure_std = np.where(np.isnan(relative), DAY_OF_PRESSURE, relative)
+    with np.errstate(invalid="ignore"):  # q may be infinite
+        source = pressure_source(given, mach_std, pressure_std, DEVIATION_OF_AIR, std / q)
+    of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
+    own = q * computed_pressure_error(mach, mach_std, of_pressure)
+    return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(given, own))
+
+
+def measured_directions(given: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Return (k, 2) components u and w of the flow direction [rad] by the measured angles, and their deviations.
+
+    The deviation of one that is not measured is infinite; it counts as 0 for the other one.
+    """
+    angles = np.column_stack([given[name] for name in MEASURED_ANGLES])
+    stated = np.column_stack([given[f"{name}{STD}"] for name in MEASURED_ANGLES])
+    known = np.abs(angles) < LARGEST_ANGLE
+    alpha, beta = np.where(known, angles, 0.0).T
+    along, up, starboard = np.cos(beta) * np.cos(alpha), np.cos(beta) * np.sin(alpha), -np.sin(beta)
+    across = np.hypot(up, starboard)
+    ratio = np.where(across > 0.0, np.arctan2(across, along) / np.where(across > 0.0, across, 1.0), 1.0)
+    std = np.where(np.isnan(stated), ANGLE_ERROR, np.maximum(stated, LEAST_ANGLE_STD))
+    return np.column_stack([ratio * up, ratio * starboard]), np.where(known, std, np.inf)
+
+
+def angles_contradict(
+    given: Mapping[str, FloatArray],
+    *,
+    slope: float,
+    force: FloatArray,
+    force_std: FloatArray,
+    limit: float,
+) -> BoolArray:
+    """Return (k,) whether the flow comes from another side by the measured angles than by the lateral forces.
+
+    Parameters
+    ----------
+    slope : least incidence per lateral coefficient [rad]; 0 for no test.
+    force, force_std : (k, 2) C_N and C_Y, and their standard deviations.
+    limit : largest square of the standardised difference.
+    """
+    value, std = measured_directions(given)
+    known = np.isfinite(std)
+    need = np.where(known, slope * force, 0.0)
+    size = np.linalg.norm(need, axis=1)
+    part = np.divide(need, size[:, None], out=np.zeros_like(need), where=size[:, None] > 0.0)
+    apart = size - (part * value).sum(axis=1)
+    own = np.where(known, std, 0.0) ** 2 + (slope * np.nan_to_num(force_std)) ** 2
+    variance = (part**2 * np.where(known, own, 0.0)).sum(axis=1)
+    return (size > 0.0) & (apart > 0.0) & (apart**2 > limit * variance)
