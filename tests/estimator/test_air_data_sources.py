@@ -63,8 +63,12 @@ GIVEN = [
     {"dynamic_pressure": Q, "q_source": 3.0},
     {"dynamic_pressure": Q, "q_source": 2.0, "dynamic_pressure_std": 0.01 * Q},
     {
-        "dynamic_pressure": Q, "mach_number": MACH, "static_pressure": PRESSURE,
-        "mach_number_std": 0.02, "static_pressure_std": 0.01 * PRESSURE, "q_source": 2.0,
+        "dynamic_pressure": Q,
+        "mach_number": MACH,
+        "static_pressure": PRESSURE,
+        "mach_number_std": 0.02,
+        "static_pressure_std": 0.01 * PRESSURE,
+        "q_source": 2.0,
     },
     {"dynamic_pressure": Q, "mach_number": MACH, "static_pressure": 0.93 * PRESSURE, "altitude": ALTITUDE},
 ]

@@ -26,10 +26,10 @@ from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import Step, other_inputs
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 
 pytestmark = pytest.mark.fast
