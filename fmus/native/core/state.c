@@ -7,7 +7,7 @@
 
 #include "resource.h"
 
-#define STATE_VERSION 6u
+#define STATE_VERSION 7u
 #define STATE_MARK 0x53464D45u
 #define CHECKED_FROM 16 /* the checksum is over all bytes from here on */
 

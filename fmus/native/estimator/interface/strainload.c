@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "../../core/floating.h"
-#include "../filter/linear_filter.h"
 #include "../policies/flight.h"
 #include "../sample/readings.h"
 #include "fit.h"
@@ -125,6 +124,7 @@ static void describe_fit(StrainLoad *handle) {
     add_field(record, "air_data_residual", N_NAVIGATION);
     add_field(record, "discrepancy_chi_square", 1);
     add_field(record, "residual_limit", 1);
+    add_field(record, "noise_left", 1);
     add_field(record, "standardised_residual", n);
     add_field(record, "valid", n);
     add_field(record, "is_suspect", n);

@@ -102,7 +102,7 @@ int map_parse(MapFile *file, Map *map) {
                 "that of the gauges less the free states");
     take_form(file, map);
     map->has_tables = map_has(file, "flight");
-    map->has_filter = map_has(file, "filter") || map_has(file, "linear_filter");
+    map->has_filter = map_has(file, "filter");
     map->has_known = map_has(file, "parameter_tables");
     return file->good;
 }

@@ -5,8 +5,8 @@
 
 #include "flight_state.h"
 
-/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear, thermal and loads
-   are set. */
+/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear and loads are
+   set. */
 int flight_create(Flight *flight, MapFile *file);
 void flight_free(Flight *flight);
 void flight_reset(Flight *flight);
@@ -23,8 +23,8 @@ size_t flight_most_iterations(const Flight *flight);
 /* The gauges have other errors: those of the linear estimator. */
 void flight_renew(Flight *flight);
 
-/* What the last step left is what the next one starts from, at a point in time [s]. */
-void flight_take_next(Flight *flight, double time);
+/* What the last step left is what the next one starts from. */
+void flight_take_next(Flight *flight);
 
 /* Whether a serialised track may be read. */
 int flight_track_fits(const Flight *flight, const Track *track);
