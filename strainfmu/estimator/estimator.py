@@ -399,6 +399,17 @@ class Estimator:
             record = core.series(Series.TRACK, inputs, with_fit=True, time=times, mask=samples.mask)
         return Estimate(record, self, inputs, samples.mask)
 
+    def track_again(self, samples: FloatArray, mask: BoolArray | None, time: FloatArray) -> Estimate:
+        """Return estimates of k samples that an estimator of the same map has seen before, as :meth:`track`.
+
+        ``samples`` (k, n_inputs) are those of its estimates, ``mask`` (k, n_d) the sensors that were not left out,
+        None for all, ``time`` (k,) [s].
+        """
+        core = self._tracks or self._new_track()
+        with self._lock:
+            record = core.series(Series.TRACK, samples, with_fit=True, time=time, mask=mask)
+        return Estimate(record, self, samples, mask)
+
     def restart(self) -> None:
         """Forget the samples that :meth:`track` has seen."""
         if self._tracks is not None:

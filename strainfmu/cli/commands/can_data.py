@@ -152,9 +152,7 @@ def estimate(
             help="Filter over time; time constant of the model discrepancy.",
         ),
     ] = None,
-    smooth: Annotated[
-        bool, typer.Option("--smooth", help="With --filter: use later samples too (Rauch-Tung-Striebel).")
-    ] = False,
+    smooth: Annotated[bool, typer.Option("--smooth", help="With --filter: filter from both ends.")] = False,
     zeros: ZerosOption = None,
     bus: Annotated[
         Path | None,
