@@ -151,7 +151,7 @@ class Range:
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
         count = max(1, round(self.effort.draws * kind.draws))
         built = (kind.build(self.hardware, random) for _ in range(count))
-        read = (self._readings(kind, flights, one, random) for one in built)
+        read = (self.readings(kind, flights, one, random) for one in built)
         found = trial_score(self._estimator(kind.filtered), read, flights.coefficients, self._bound(kind, flights))
         return KindScore(kind=kind, conditions=len(flights.conditions), score=found)
 
@@ -179,7 +179,7 @@ class Range:
         noise = float(np.mean(self.hardware.noise_std))
         return np.full(self.hardware.n_gauges, how.zero * noise), how.common * noise
 
-    def _readings(self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator) -> Readings:
+    def readings(self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator) -> Readings:
         """Return what one vehicle reads in all flights."""
         strain = flights.read(built)
         if isinstance(flights, SensedFlights):

@@ -66,7 +66,10 @@ class Smoother:
     def smoothed(self, samples: Samples, later: Samples | None) -> Smoothed:
         """Return the estimates of ``samples``; those ``later`` follow, None for none."""
         both = [samples] if later is None else [samples, later]
-        inputs, time = (np.concatenate(each) for each in zip(*((b.filtered.sample, b.time) for b in both)))
+        inputs, time = (
+            np.concatenate([one.filtered.sample for one in both]),
+            np.concatenate([one.time for one in both]),
+        )
         masks = [_mask_of(one.filtered) for one in both]
         self._backward.restart()
         found = self._backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])

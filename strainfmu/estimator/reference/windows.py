@@ -1,9 +1,9 @@
 """Means and straight lines over the last samples: the longest windows that agree with all shorter ones.
 
-A window holds the sample at hand and those before it. A mean leaves 1 / n of the variance of the noise of n samples,
-a line at its end more, but it follows what moves. The interval of a fit is twice its standard deviation wide to both
-sides; windows agree while the intervals of all up to them have points in common, in every channel. The window in use
-is at most half as long: one that only just agrees may be off by its own interval.
+A window holds the sample at hand and those before it. A mean leaves 1 / n of the variance of the noise of n
+samples, a line at its end more, but it follows what moves. The interval of a fit is twice its standard deviation
+wide to both sides; windows agree while the intervals of all up to them have points in common, in every channel.
+The window in use is at most half as long: one that only just agrees may be off by its own interval.
 Source: Goldenshluger and Nemirovski, On spatially adaptive estimation of nonparametric regression, Mathematical
 Methods of Statistics 6 (1997).
 """
@@ -27,9 +27,9 @@ PART = 0.5
 
 
 class Fit(NamedTuple):
-    """A fit to a window of ``count`` samples: ``value`` (m,) at its end, ``left`` of the noise's variance [1]."""
+    """A fit to a window of ``samples`` samples: ``value`` (m,) at its end, ``left`` of the noise's variance [1]."""
 
-    count: int
+    samples: int
     value: FloatArray
     left: float
     noise: FloatArray
@@ -76,13 +76,15 @@ def windows(time: FloatArray, longest: float) -> list[IntArray]:
 def averaged(time: FloatArray, value: FloatArray, noise: FloatArray, longest: float) -> Averaged:
     """Return the last of k samples averaged with those before it.
 
-    ``time`` (k,) [s], ``value`` (k, m) and variances of their ``noise`` (k, m); windows of at most ``longest`` [s].
+    ``time`` (k,) [s], ``value`` (k, m), variances of their ``noise`` (k, m), ``longest`` window [s].
     """
     held = windows(time, longest)
-    chosen = [_chosen([_fit(time[one] - time[-1], value[one], noise[one], degree) for one in held]) for degree in (0, 1)]
+    chosen = [
+        _chosen([_fit(time[one] - time[-1], value[one], noise[one], degree) for one in held]) for degree in (0, 1)
+    ]
     best = min(chosen, key=lambda fit: fit.left)
     takes = best.left * best.noise < noise[-1]
-    if best.count == 1:
+    if best.samples == 1:
         return Averaged(value[-1], noise[-1], 1.0)
     return Averaged(
         np.where(takes, best.value, value[-1]), np.where(takes, best.left * best.noise, noise[-1]), best.left
@@ -108,5 +110,5 @@ def _chosen(fits: list[Fit]) -> Fit:
         low, high = np.maximum(low, fit.value - half), np.minimum(high, fit.value + half)
         if np.any(low > high):
             break
-        agreed = fit.count
-    return [fit for fit in fits if fit.count <= max(PART * agreed, 1)][-1]
+        agreed = fit.samples
+    return [fit for fit in fits if fit.samples <= max(PART * agreed, 1)][-1]
