@@ -30,12 +30,14 @@ SINGLE = 0.0
 class Flown:
     """One draw of a manoeuvre: what is read in n samples, and the truth.
 
+    ``quiet`` (n, n_d) is ``strain`` without noise, of a vehicle without installation errors, None of others.
     ``known`` has air data by the names of arguments, of the nonlinear estimator and of the linear one;
     ``truth`` (n, 7) are coefficients and angles.
     """
 
     time: FloatArray
     strain: FloatArray
+    quiet: FloatArray | None
     known: tuple[dict[str, Any], dict[str, Any]]
     truth: FloatArray
 
@@ -53,13 +55,13 @@ class Sums:
     known: FloatArray = field(default_factory=lambda: np.zeros(1))
     inside: FloatArray = field(default_factory=lambda: np.zeros(1))
 
-    def add(self, found: Estimate, single: Estimate, truth: FloatArray) -> None:
-        """Add the samples of one draw."""
+    def add(self, found: Estimate, single: Estimate, truth: FloatArray, middle: FloatArray) -> None:
+        """Add the samples of one draw; rms errors are about ``middle`` (n, 7), coverage is of the ``truth``."""
         (value, std), (alone, _) = _quantities(found), _quantities(single)
-        truth = truth[:, : value.shape[1]]
-        error, of_single = value - truth, alone - truth
-        known, both = np.isfinite(error), np.isfinite(error) & np.isfinite(of_single)
-        inside = known & (np.abs(error) <= 3.0 * std)
+        n = value.shape[1]
+        error, of_single = value - middle[:, :n], alone - middle[:, :n]
+        known, both = np.isfinite(value), np.isfinite(error) & np.isfinite(of_single)
+        inside = known & (np.abs(value - truth[:, :n]) <= 3.0 * std)
         wrong: BoolArray = np.any(known & ~inside, axis=1)
         is_ok = found.health == HealthState.OK
         self.samples += len(truth)
@@ -155,10 +157,14 @@ def _scores_of(trial: Range, given: ManoeuvreSet, one: Manoeuvre) -> Iterator[Ma
     for _ in range(trial.effort.draws):
         flown = fly(trial, given.time_step, one, random)
         for name, estimator in estimators.items():
-            single = _track(estimator, SINGLE, flown)
+            single = _track(estimator, SINGLE, flown, flown.strain)
+            middle = flown.truth
+            if flown.quiet is not None:
+                # What noise alone adds: errors of the map are no part of it, and no average reduces them.
+                middle = _quantities(_track(estimator, SINGLE, flown, flown.quiet))[0]
             for constant in constants:
-                found = single if constant == SINGLE else _track(estimator, constant, flown)
-                sums[name, constant].add(found, single, flown.truth)
+                found = single if constant == SINGLE else _track(estimator, constant, flown, flown.strain)
+                sums[name, constant].add(found, single, flown.truth, middle)
     for (name, constant), each in sums.items():
         yield ManoeuvreScore(
             manoeuvre=one,
@@ -169,9 +175,9 @@ def _scores_of(trial: Range, given: ManoeuvreSet, one: Manoeuvre) -> Iterator[Ma
         )
 
 
-def _track(estimator: Estimator, time_constant: float, flown: Flown) -> Estimate:
+def _track(estimator: Estimator, time_constant: float, flown: Flown, strain: FloatArray) -> Estimate:
     known = flown.known[0 if estimator.is_nonlinear else 1]
-    return estimator.filter(time_constant).track(flown.strain, time=flown.time, **known)
+    return estimator.filter(time_constant).track(strain, time=flown.time, **known)
 
 
 def fly(trial: Range, time_step: float, one: Manoeuvre, random: np.random.Generator) -> Flown:
@@ -187,7 +193,9 @@ def fly(trial: Range, time_step: float, one: Manoeuvre, random: np.random.Genera
         build=exact if one.exact else as_stated,
     )
     flights = trial.model.flights(kind, len(time), random)
-    read = trial.readings(kind, flights, kind.build(trial.hardware, random), random)
+    built = kind.build(trial.hardware, random)
+    read = trial.readings(kind, flights, built, random)
+    quiet = np.asarray(trial.readings(kind, flights, built, random, noise=False).strain) if one.exact else None
     strain = np.array(read.strain)
     gauges = trial.hardware.roll_angle
     strain[:, : len(gauges)][~one.gives(time, gauges, random)] = np.nan

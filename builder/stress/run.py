@@ -47,7 +47,7 @@ from strainfmu.flight_condition import ALTITUDE, CONDITION_QUANTITIES, FlightCon
 
 FLOWS, JSON, CSV, FIGURE = "stress_flows.h5", "stress.json", "stress.csv", "stress.png"
 
-VERSION = 4
+VERSION = 5
 """Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 CSV_COLUMNS = (

@@ -179,8 +179,10 @@ class Range:
         noise = float(np.mean(self.hardware.noise_std))
         return np.full(self.hardware.n_gauges, how.zero * noise), how.common * noise
 
-    def readings(self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator) -> Readings:
-        """Return what one vehicle reads in all flights."""
+    def readings(
+        self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator, noise: bool = True
+    ) -> Readings:
+        """Return what one vehicle reads in all flights, with the ``noise`` of gauges and sensors or without."""
         strain = flights.read(built)
         if isinstance(flights, SensedFlights):
             # Errors of the sensors come with those of the gauges.
@@ -197,7 +199,7 @@ class Range:
             strain[:, :n] += std * random.standard_normal(n) + common * random.standard_normal()
             read = strain[:, None] + self._noise(random, (len(strain), how.steps, strain.shape[1]))
             return Readings(strain=read, known=known, time=how.time_step * np.arange(float(how.steps)))
-        read = strain + self._noise(random, strain.shape)
+        read = strain + self._noise(random, strain.shape) if noise else strain
         wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
         parts = [kind.readings(read[:, :n], wind, self.hardware, random)]
         if self.sensors.n_gauges:

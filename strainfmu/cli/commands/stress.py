@@ -25,6 +25,9 @@ from strainfmu.cli.named_vehicle import naming
 if TYPE_CHECKING:
     from builder.stress.run import StressResult
 
+FLIGHTS_WIDTH = 150
+"""Smallest width of the table of manoeuvres [characters]."""
+
 
 def stress(
     vehicle: Annotated[
@@ -139,24 +142,24 @@ def _show_flights(console: Console, result: StressResult) -> None:
     """Print rms errors of filters over those of single samples, and the smallest coverage of 3 sigma."""
     names = list(dict.fromkeys(name for one in result.entries for name in one["rms_over_single"]))
     table = Table(title=escape(f"{result.vehicle}: rms error over single samples; undetected, inside 3 sigma [%]"))
-    for heading in ("manoeuvre", "size", "estimator", "T [s]"):
-        table.add_column(heading, no_wrap=heading == "manoeuvre")
+    for heading in ("manoeuvre", "estimator", "T [s]"):
+        table.add_column(heading, no_wrap=True)
     for heading in (*names, "undetected", "inside"):
         table.add_column(
             heading.replace("angle_of_attack", "alpha").replace("sideslip_angle", "beta"), justify="right"
         )
-    for one in result.entries:
+    for one in [each for each in result.entries if each["time_constant_s"]]:
         ratio = [one["rms_over_single"].get(name) for name in names]
         table.add_row(
-            escape(one["error"]),
-            escape(one["size"]),
+            escape(f"{one['error']}, {one['size']}"),
             one["estimator"],
             f"{one['time_constant_s']:g}",
             *("-" if value is None else f"{value:.2f}" for value in ratio),
             f"{one['undetected_percent']:.2f}",
             f"{min(one['coverage_percent'].values()):.1f}",
         )
-    console.print(table)
+    # A table of this width is of no use broken into columns of two letters.
+    Console(width=max(console.width, FLIGHTS_WIDTH)).print(table)
     _show_missed(console, result)
 
 

@@ -27,7 +27,7 @@ PART = 0.5
 
 
 class Fit(NamedTuple):
-    """A fit to a window of ``samples`` samples: ``value`` (m,) at its end, ``left`` of the noise's variance [1]."""
+    """A fit to a window of ``samples``: ``value`` (m,) at its end, ``left`` of the variance of ``noise`` [1]."""
 
     samples: int
     value: FloatArray
