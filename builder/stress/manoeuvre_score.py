@@ -209,9 +209,8 @@ def fly(trial: Range, time_step: float, one: Manoeuvre, random: np.random.Genera
             air[STATIC_PRESSURE] = air[STATIC_PRESSURE] * (1.0 + one.pressure_drift * time)
         known.append(air)
     angles = [[getattr(condition, name) for name in ANGLES] for condition in conditions]
-    return Flown(
-        time=time, strain=strain, known=(known[0], known[1]), truth=np.hstack([flights.coefficients, angles])
-    )
+    truth = np.hstack([flights.coefficients, angles])
+    return Flown(time=time, strain=strain, quiet=quiet, known=(known[0], known[1]), truth=truth)
 
 
 def set_inputs(given: ManoeuvreSet) -> dict[str, Any]:
