@@ -58,10 +58,6 @@ SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
     ("revolution", "air_data_doubted", "track"): lambda r: bool(
         np.sum(~r["air_data_used"].all(axis=1) & (r["health"] == HealthState.OK)) > 10
     ),
-    ("revolution", "air_data_named", "filter"): lambda r: (
-        not r["air_data_used"][12:30, 0].any() and bool(r["air_data_used"][34:, 0].any())
-    ),
-    ("revolution", "air_data_named_for_good", "filter"): lambda r: not r["air_data_used"][12:, 0].any(),
     ("revolution", "return_after_misfit", "track"): lambda r: returns(r, first=6, last=20),
     ("revolution", "return_after_misfit", "filter"): lambda r: returns(r, first=6, last=20),
     ("revolution", "jumps_and_spikes", "track"): lambda r: returns(r, first=54, last=55),
@@ -69,7 +65,6 @@ SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
     ("revolution", "pressure_off_the_tables", "track"): lambda r: bool(
         np.any((r["fits"] == 0) & (r["chi_square"] < r["chi_square_limit"]))
     ),
-    ("revolution", "widening", "filter"): lambda r: bool(r["loads_std"][-1, 0] > 1.5 * r["loads_std"][90, 0]),
     ("revolution", "restart", "filter"): lambda r: bool(
         r["fits"].all() and np.any(r["loads_std"][20] > 1.2 * r["loads_std"][19])
     ),

@@ -5,12 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "estimator_filter.h"
 #include "linear/linear.h"
-#include "linear/linear_other_loads.h"
 #include "numerics/arrays.h"
 #include "numerics/wide.h"
-#include "policies/flight.h"
+#include "policies/filtered_outputs.h"
 #include "sample/readings.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
@@ -99,7 +97,7 @@ static int create(Estimator *e, MapFile *file) {
         return 0;
     }
     const size_t n = e->sensors.n_strains;
-    if (!flight_create(&e->flight, file) || !estimator_filter_create(e, file)) {
+    if (!flight_create(&e->flight, file) || !filtered_outputs_create(file, &e->flight, &e->filter)) {
         return 0;
     }
     e->inputs.smallest_time = e->filter.map.smallest_time;
@@ -164,7 +162,12 @@ void estimator_before_change(Estimator *e) {
     if (filter) {
         filter_take_next(&e->filter, e->base.time);
     }
-    e->outdated |= flight || filter || e->flight.present;
+    e->outdated = 1;
+}
+
+int estimator_filters(const Estimator *e) {
+    const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
+    return e->filter.present && takes_steps && e->inputs.value[filter_setting(&e->inputs)] > 0.0;
 }
 
 /* Take a step of the filter from a point in time [s]; one that is off forgets all. */
@@ -241,7 +244,7 @@ void estimator_take_readings(Estimator *e) {
 /* Filter the outputs, or have them as they are. */
 static void filter_outputs(Estimator *e) {
     if (estimator_filters(e)) {
-        estimator_filter_outputs(e);
+        filtered_outputs(&e->filter, &e->flight, e->inputs.value[filter_setting(&e->inputs)]);
     } else {
         filter_no_sample(&e->filter, &e->inputs);
     }
@@ -276,13 +279,4 @@ const double *estimator_outputs(Estimator *e) {
         }
     }
     return e->output;
-}
-
-void estimator_other_loads(Estimator *e) {
-    e->other_loads.outdated = 0;
-    if (e->flight.present && !e->flight.flag[LINEAR_LOADS]) {
-        flight_other_loads_update(&e->flight);
-    } else {
-        linear_other_loads_update(&e->linear);
-    }
 }

@@ -68,6 +68,9 @@ static inline int estimator_renews(const Estimator *e) {
 /* Let the latest zeros be in use, however long that takes. */
 void estimator_renew(Estimator *estimator);
 
+/* Whether samples are filtered: the time constant is positive, and the instance takes steps. */
+int estimator_filters(const Estimator *estimator);
+
 /* An input changes: what follows starts from what the last step left. */
 void estimator_before_change(Estimator *estimator);
 
@@ -83,9 +86,6 @@ void estimator_take_readings(Estimator *estimator);
 
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
-
-/* The loads beside the five, estimator->other_loads.value, for the last outputs. */
-void estimator_other_loads(Estimator *estimator);
 
 /* Number of derivatives: N_OUTPUTS, air data, all loads beside the five. */
 static inline size_t estimator_derivatives(const Estimator *e) {

@@ -70,7 +70,7 @@ static int settle(Estimator *e, const Track *from) {
     double last = INFINITY, moved = INFINITY;
     e->outdated = 1;
     estimator_outputs(e);
-    if (!flight->present) {
+    if (!flight->present || estimator_filters(e)) {
         return 1;
     }
     for (int step = 0; step < MOST_STEPS && !(moved <= ENDED || (moved <= NEARLY_ENDED && moved > 0.5 * last)); step++) {
@@ -96,7 +96,7 @@ static void copy_outputs(Estimator *e, double *value) {
     memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
     if (e->other_loads.present) {
         if (e->other_loads.outdated) {
-            estimator_other_loads(e);
+            flight_other_loads_update(&e->flight);
         }
         memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->other_loads.value[0], N_OTHER_VALUES * e->other_loads.map.n_loads * sizeof *value);
     }
@@ -137,7 +137,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
         for (size_t i = 0; i < n_inputs; i++) {
             e->inputs.value[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
         }
-        if (e->flight.present) {
+        if (e->flight.present && !estimator_filters(e)) {
             e->flight.base = from;
         }
         settled = settle(e, &from);

@@ -71,9 +71,15 @@ static double clock_now(const Filter *filter) {
     return filter->track.clock + (apart > 0.0 ? (apart < longest ? apart : longest) : 0.0);
 }
 
-/* Note zeros and settings of the sample; whether those of the samples before are the same. */
+/* Note zeros, if some have a deviation, and settings of the sample; whether those of the samples before are the same. */
 static int holds(Filter *filter, const Inputs *inputs) {
-    memcpy(filter->latest, inputs->zeros, filter->n_zeros * sizeof *filter->latest);
+    int uncertain = 0;
+    for (size_t k = filter->n_zeros / 2; k < filter->n_zeros; k++) {
+        uncertain |= inputs->zeros[k] > 0.0;
+    }
+    for (size_t k = 0; k < filter->n_zeros; k++) {
+        filter->latest[k] = uncertain ? inputs->zeros[k] : 0.0;
+    }
     for (size_t k = 0; k < N_SETTINGS; k++) {
         filter->latest[filter->n_zeros + k] = scalar_input(inputs, OF_SETTINGS[k]);
     }

@@ -33,7 +33,7 @@ typedef struct {
     int may_move;      /* whether zeros and settings may be others than those of the samples before: of derivatives */
     double *kept;      /* (n_kept) what is serialised: held, last, windows; the next point into it */
     size_t n_kept;
-    double *held;      /* (n_held) zeros, their deviations, references and moment point of the samples */
+    double *held;      /* (n_held) zeros, their deviations, 0 where none has one; references and moment point of the samples */
     double *last_value, *last_variance, *last_rate; /* (channels) of the last filtered sample, and its rates [1/s] */
     /* The sample at hand: */
     double *value, *variance, *noise; /* (channels) of the estimate of it alone; the last: what averages out */

@@ -316,7 +316,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
     }
     if (e->other_loads.present) {
         if (e->other_loads.outdated) {
-            estimator_other_loads(e);
+            flight_other_loads_update(&e->flight);
         }
         for (int part = 0; part < N_OTHER_VALUES; part++, output += e->other_loads.map.n_loads) {
             memcpy(output, e->other_loads.value[part], e->other_loads.map.n_loads * sizeof *output);

@@ -3,6 +3,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "../linear/linear_other_loads.h"
 #include "../nonlinear/flight_sample.h"
 #include "../nonlinear/flight_solver.h"
 #include "flight_outputs.h"
@@ -95,7 +96,10 @@ void flight_update(Flight *flight) {
 }
 
 void flight_other_loads_update(Flight *flight) {
-    if (flight->output[VALID_GAUGES] == 0.0) {
+    flight->loads->outdated = 0;
+    if (!flight->present || flight->flag[LINEAR_LOADS]) {
+        linear_other_loads_update(flight->linear);
+    } else if (flight->output[VALID_GAUGES] == 0.0) {
         other_loads_unknown(flight->loads);
     } else {
         flight_other_loads_at(&flight->other_loads, &flight->solver, flight->inputs, flight->loads);

@@ -14,7 +14,7 @@ void flight_reset(Flight *flight);
 /* Set all outputs for the present inputs, from the track of the last step. */
 void flight_update(Flight *flight);
 
-/* Set flight->loads->value for the last update, by the tables. */
+/* Set flight->loads->value for the last update: by the tables, or by the linear map where it stands in or is alone. */
 void flight_other_loads_update(Flight *flight);
 
 /* The most Gauss-Newton iterations of a step; those of the last one are flight->solver.iterations. */
