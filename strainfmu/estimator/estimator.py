@@ -247,7 +247,7 @@ class Estimator:
         return self._other(zeros=zeros)
 
     def filter(self, time_constant: float) -> Estimator:
-        """Return an estimator of the same map whose :meth:`track` filters over time with ``time_constant`` [s].
+        """Return an estimator of the same map whose :meth:`track` averages over ``time_constant`` [s] at most.
 
         Raises
         ------

@@ -80,7 +80,7 @@ SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
     ),
     ("scaled_case_1", "restart", "filter"): lambda r: (
         health(r, "INCONSISTENT", 36, 44)
-        and bool(np.any(np.abs(r["loads_std"][25] / r["loads_std"][24] - 1.0) > 0.05))
+        and bool(np.any(r["loads_std"][20:25].min(axis=0) < r["loads_std"][25]))
     ),
 }
 """What a faulty flight is for: whether results show it."""
@@ -222,7 +222,7 @@ def test_a_time_constant_that_changes_in_flight(
     fmu.fmu.free()
     assert_as_recorded(kind, "filter", expected, found)
     fixed = recorded(kind)["flight"].results["filter"]["loads_std"][10:40]
-    assert np.nanmax(np.abs(found["loads_std"][10:40] / fixed - 1.0)) > 0.01
+    assert np.nanmax(np.abs(found["loads_std"][10:40] / fixed - 1.0)) > 0.001
 
 
 @pytest.mark.parametrize(("kind", "title", "mode"), BY_PYTHON)

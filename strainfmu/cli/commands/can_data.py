@@ -149,7 +149,7 @@ def estimate(
             "--filter",
             metavar="SECONDS",
             callback=within(1e-9, 1e6, "s"),
-            help="Filter over time; time constant of the model discrepancy.",
+            help="Average each sample with those before, over this time at most.",
         ),
     ] = None,
     smooth: Annotated[bool, typer.Option("--smooth", help="With --filter: filter from both ends.")] = False,
