@@ -79,8 +79,7 @@ SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
         np.any((r["suspects"] == 2) & (r["health"] == HealthState.SUSPECT))
     ),
     ("scaled_case_1", "restart", "filter"): lambda r: (
-        health(r, "INCONSISTENT", 36, 44)
-        and bool(np.any(r["loads_std"][20:25].min(axis=0) < r["loads_std"][25]))
+        health(r, "INCONSISTENT", 36, 44) and bool(np.any(r["loads_std"][20:25].min(axis=0) < r["loads_std"][25]))
     ),
 }
 """What a faulty flight is for: whether results show it."""
