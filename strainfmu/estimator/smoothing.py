@@ -19,6 +19,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 
 _ROLL_ANGLE = AIR_DATA_NAMES.index("wind_roll_angle")
 
@@ -78,7 +79,7 @@ class Smoother:
         forward_left, backward_left = (one.noise_left[:, None] for one in ends[:2])
         of_fields = {
             name: _joined(forward_left, backward_left, [_values(one, name) for one in ends])
-            for name in ("loads", "coefficients", "other_loads", "other_coefficients", "air")
+            for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients", "air")
         }
         return Smoothed(
             **{name: value for name, (value, _) in of_fields.items()},

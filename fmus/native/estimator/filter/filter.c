@@ -12,7 +12,7 @@
 #define LARGEST 1e140           /* or is larger */
 #define SMALLEST_NOISE 1e-6     /* of the variance of a channel: less is as exact as its rounding */
 
-static const int OF_SETTINGS[] = {REFERENCE_AREA, REFERENCE_LENGTH, MOMENT_STATION};
+static const size_t OF_SETTINGS[] = {REFERENCE_AREA, REFERENCE_LENGTH, MOMENT_STATION};
 #define N_SETTINGS (sizeof OF_SETTINGS / sizeof *OF_SETTINGS)
 #define N_SPAN (sizeof(Span) / sizeof(double))
 
