@@ -26,6 +26,8 @@ from builder.pipeline.used_files import MAP, open_pipeline
 from builder.reporting import Reporter
 from builder.stress.flows import stress_flow_inputs, stress_flows
 from builder.stress.kinds import all_kinds
+from builder.stress.manoeuvre import manoeuvre_set
+from builder.stress.manoeuvre_score import manoeuvre_scores, set_inputs
 from builder.stress.model import Model, RevolvedModel, ShapeModel
 from builder.stress.score import Effort, KindScore, Range
 from builder.structure.fourier.model import place_layouts
@@ -86,8 +88,12 @@ def run_stress(
     map_path: Path | None = None,
     given: FilesGiven | None = None,
     estimator: Estimators | None = None,
+    over_time: bool = False,
 ) -> StressResult:
     """Try every kind of error on a map; write ``stress.json``, ``stress.csv`` and ``stress.png`` to ``folder``.
+
+    ``over_time`` flies the manoeuvres of ``manoeuvres.toml`` instead, of a body of revolution, and writes
+    ``stress.json`` alone.
 
     The map is that of ``build``, made in ``folder``, for ``estimator`` in place of that of the section [map]
     unless it is None; or the one at ``map_path``. Errors are those of the independent model; of a body of
@@ -105,6 +111,7 @@ def run_stress(
     if map_path is None:
         vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
         pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
+        _refuse_shape_over_time(pipeline.flown or pipeline.vehicle, over_time)
         refuse_without_independent_model(pipeline.flown or pipeline.vehicle)
         check_before_long_work(pipeline.vehicle, conditions)
         make_map(pipeline)
@@ -113,6 +120,7 @@ def run_stress(
     else:
         inverse_map = load_inverse_map(map_path)
         vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
+        _refuse_shape_over_time(vehicle, over_time)
         refuse_without_independent_model(vehicle)
         check_fit(vehicle, inverse_map, map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
@@ -120,12 +128,23 @@ def run_stress(
     for line in other_physics(vehicle):
         reporter.note(line)
     _flows(pipeline, vehicle, effort)
+    if over_time:
+        _manoeuvre_scores(pipeline, vehicle, inverse_map, effort)
+        entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
+        return StressResult(vehicle=vehicle.name, entries=entries, files=[pipeline.path(JSON)])
     _scores(pipeline, vehicle, inverse_map, effort)
     entries = json.loads(pipeline.path(JSON).read_text(encoding="utf-8"))
     _table(pipeline, entries)
     _figure(pipeline, entries)
     names = [name for name in (JSON, CSV, FIGURE) if pipeline.path(name).is_file()]
     return StressResult(vehicle=vehicle.name, entries=entries, files=[pipeline.path(name) for name in names])
+
+
+def _refuse_shape_over_time(vehicle: Vehicle, over_time: bool) -> None:
+    if over_time and not vehicle.is_of_revolution:
+        raise InputError(
+            "stress: --flights: expected a body of revolution, got a shape that needs a flow for every sample"
+        )
 
 
 def _content(path: Path) -> str:
@@ -199,6 +218,26 @@ def _scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effor
         "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
     }
     pipeline.make(JSON, "samples detected and undetected by health, of every kind of error", inputs, write)
+
+
+def _manoeuvre_scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, effort: Effort) -> None:
+    given = manoeuvre_set()
+
+    def write(path: Path) -> None:
+        model = _model(pipeline, vehicle)
+        trial = Range(vehicle=vehicle, model=model, inverse_map=inverse_map, effort=effort)
+        entries = [score.entry() for score in manoeuvre_scores(trial, given, pipeline.reporter)]
+        write_bytes_atomically(path, (json.dumps(entries, indent=1, allow_nan=False) + "\n").encode())
+
+    inputs = {
+        "version": VERSION,
+        "manoeuvres": set_inputs(given),
+        "map": _content(pipeline.path(MAP)),
+        "flows": pipeline.made_from(FLOWS),
+        "effort": asdict(effort),
+        "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
+    }
+    pipeline.make(JSON, "samples detected and undetected by health, of every manoeuvre", inputs, write)
 
 
 def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:

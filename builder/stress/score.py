@@ -151,7 +151,7 @@ class Range:
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
         count = max(1, round(self.effort.draws * kind.draws))
         built = (kind.build(self.hardware, random) for _ in range(count))
-        read = (self._readings(kind, flights, one, random) for one in built)
+        read = (self.readings(kind, flights, one, random) for one in built)
         found = trial_score(self._estimator(kind.filtered), read, flights.coefficients, self._bound(kind, flights))
         return KindScore(kind=kind, conditions=len(flights.conditions), score=found)
 
@@ -180,8 +180,10 @@ class Range:
         noise = float(np.mean(self.hardware.noise_std))
         return np.full(self.hardware.n_gauges, how.zero * noise), how.common * noise
 
-    def _readings(self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator) -> Readings:
-        """Return what one vehicle reads in all flights."""
+    def readings(
+        self, kind: Kind, flights: Flights, built: AsBuilt, random: np.random.Generator, noise: bool = True
+    ) -> Readings:
+        """Return what one vehicle reads in all flights, with the ``noise`` of gauges and sensors or without."""
         strain = flights.read(built)
         if isinstance(flights, SensedFlights):
             # Errors of the sensors come with those of the gauges.
@@ -201,7 +203,7 @@ class Range:
             strain[:, :n] += std * random.standard_normal(n) + common * random.standard_normal()
             read = strain[:, None] + self._noise(random, (len(strain), how.steps, strain.shape[1]))
             return Readings(strain=read, known=known, time=how.time_step * np.arange(float(how.steps)))
-        read = strain + self._noise(random, strain.shape)
+        read = strain + self._noise(random, strain.shape) if noise else strain
         wind = np.array([[condition.leeward_roll_angle] for condition in flights.conditions])
         parts = [kind.readings(read[:, :n], wind, self.hardware, random)]
         if self.sensors.n_gauges:

@@ -93,6 +93,11 @@ class Estimate(NamedLoads):
         return self._inputs
 
     @property
+    def mask(self) -> BoolArray | None:
+        """(n_d,) or (k, n_d) sensors that were not left out by the caller; None for all."""
+        return self._mask
+
+    @property
     def is_series(self) -> bool:
         """Whether this is an estimate of k samples, not of one."""
         return self._record.ndim == 2
@@ -305,6 +310,12 @@ class Estimate(NamedLoads):
         """Whether strain and air data fit the map."""
         found = self._fit("fits")[..., 0] != 0.0
         return found if self.is_series else bool(found)
+
+    @property
+    def noise_left(self) -> Any:
+        """Part of the variance of noise that the filter leaves [1]; 1 of a sample by itself."""
+        found = self._fit("noise_left")[..., 0]
+        return found if self.is_series else float(found)
 
     @property
     def parameter_score(self) -> FloatArray:

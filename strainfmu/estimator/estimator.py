@@ -272,7 +272,7 @@ class Estimator:
         return self._other(zeros=zeros)
 
     def filter(self, time_constant: float) -> Estimator:
-        """Return an estimator of the same map whose :meth:`track` filters over time with ``time_constant`` [s].
+        """Return an estimator of the same map whose :meth:`track` averages over ``time_constant`` [s] at most.
 
         Raises
         ------
@@ -333,7 +333,7 @@ class Estimator:
             1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
             needs, and 3 % of T. It is joined with ``mach_number``. Maps with tables alone take it.
         q_source : what ``dynamic_pressure`` is computed from: a :class:`QSource`, its name or its number, one for
-            all samples or numbers (k,). A computed one counts as no measurement; the default decides by the values.
+            all samples or numbers (k,). A computed one is no measurement; the default decides by the values.
         measured_angle_of_attack, measured_sideslip_angle : [rad] by an inertial system, vanes or flush ports, NaN
             where not known; a linear estimate uses them for health alone.
         measured_angle_of_attack_std, measured_sideslip_angle_std : their standard deviations; NaN takes 1 deg.
@@ -448,6 +448,17 @@ class Estimator:
         with self._lock:
             record = core.series(Series.TRACK, inputs, with_fit=True, time=times, mask=samples.mask)
         return Estimate(record, self, inputs, samples.mask)
+
+    def track_again(self, samples: FloatArray, mask: BoolArray | None, time: FloatArray) -> Estimate:
+        """Return estimates of k samples that an estimator of the same map has seen before, as :meth:`track`.
+
+        ``samples`` (k, n_inputs) are those of its estimates, ``mask`` (k, n_d) the sensors that were not left out,
+        None for all, ``time`` (k,) [s].
+        """
+        core = self._tracks or self._new_track()
+        with self._lock:
+            record = core.series(Series.TRACK, samples, with_fit=True, time=time, mask=mask)
+        return Estimate(record, self, samples, mask)
 
     def restart(self) -> None:
         """Forget the samples that :meth:`track` has seen."""

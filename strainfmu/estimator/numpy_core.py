@@ -120,7 +120,7 @@ class NumpyCore:
         self.fit = _layout(
             {"load_covariance": 25, "coefficient_covariance": 25, "fits": 1}
             | {"state": 4, "state_covariance": 16, "air_data_residual": 3, "discrepancy_chi_square": 1}
-            | {"residual_limit": 1, "standardised_residual": n, VALID: n, "is_suspect": n},
+            | {"residual_limit": 1, "noise_left": 1, "standardised_residual": n, VALID: n, "is_suspect": n},
             self.n_outputs,
         )
         self.n_fit = _size(self.fit) - self.n_outputs
@@ -250,6 +250,7 @@ class NumpyCore:
         for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "iterations", "fits", "is_suspect"):
             found[name][:] = 0.0
         found[VALID][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
+        found["noise_left"][:] = 1.0
         found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
         return found
 

@@ -59,57 +59,15 @@ LARGEST_USED_SCORE = 1.0
 It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
 """
 
-# The filter: how long errors last.
-
-SLOW = 100.0
-"""Time constant of navigation errors, and of errors in common of a linear map, over that of the others [1]."""
+# The filter.
 
 MACH_NUMBER_RATE, ANGLE_RATE, LOG_PRESSURE_RATE = 0.2, 0.1, 0.1
 """Standard deviations of dM/dt [1/s], of du/dt and dw/dt, components of the total incidence [rad/s], and of
-d(ln p_inf)/dt [1/s]: 60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s."""
+d(ln p_inf)/dt [1/s] without any strain: 60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s."""
 
 WHITE_NAVIGATION = 0.2
-"""Fraction of the variance of air data that is independent from sample to sample. The rest lasts :data:`SLOW` time
-constants. Air data that are filtered themselves have nearly none."""
-
-RATE_TIME = 0.05
-"""Time constant [s] at which the rates count twice. Below it they grow in inverse proportion: a filter without
-memory has none of the flight state either."""
-
-SLOPE_TIME = 0.2
-"""Time constant [s] by which the flight state whose slopes count follows the estimated one; at most T.
-
-Slopes at an estimate follow the noise of its sample: what they then say of a direction that is hardly seen is
-always off to one side, and adds up from step to step.
-"""
+"""Fraction of the variance of air data that is independent from sample to sample, and is averaged. The rest
+lasts."""
 
 SMALLEST_TIME, LARGEST_TIME = 1e-9, 1e6
-"""Range of the settings, in the unit of each; the latter also the longest time step [s]."""
-
-# The filter: slopes.
-
-OF_AGE = 0.25
-"""Time constant of the flight state of slopes over the time since the filter began, at most [1]."""
-
-LONGEST_STEP = 0.7
-"""Time step over that time constant from which each iteration takes its own slopes."""
-
-# The filter: its consistency over a window.
-
-WINDOW = 100
-"""Steps that the mean of the normalised innovations holds: its weights fall by 1 / WINDOW a step."""
-
-BAND = 2.576
-"""Standard deviations of the 99 % band of the mean."""
-
-WIDEN, NARROW, LARGEST_WIDENING = 1.05, 0.995, 1e4
-"""Factors on the variance of the discrepancy per step above the band and below it, and the largest of all."""
-
-# The filter: air data that are named.
-
-NAMED_AFTER = 4
-"""Steps in a row that a quantity must be an alarm to the same side: readings that scatter more than stated name
-nothing."""
-
-FITS = outlier_threshold(1, 1e-2)
-"""Distance from its prediction, in deviations, up to which a quantity that is named fits."""
+"""Range of the time constant; the latter also the longest time step [s]."""

@@ -18,13 +18,10 @@ def with_filter_parameter(interface: tuple[Variable, ...], inverse_map: InverseM
     """Return ``interface`` with the time constant behind it, where there is a filter."""
     if not has_filter(inverse_map):
         return interface
-    linear = inverse_map.manifold is None
-    of_what = "pressure, its errors" if linear else "pressure off the tables"
-    none = "0, or model exchange," if linear else "0"
+    none = "0, or model exchange," if inverse_map.manifold is None else "0"
     parameter = Variable(
         name=FILTER_TIME_CONSTANT,
-        description=f"Time constant of {of_what} in the filter over time; {none} for none: then each sample is "
-        "estimated on its own",
+        description=f"Longest time over which the filter averages estimates of single samples; {none} for none",
         causality="parameter",
         kind="parameter",
         variability="tunable",

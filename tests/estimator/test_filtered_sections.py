@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from flight_fmu import N_D, FlightSample, random_flight, whole_map
-from other_load_maps import COMBINATION, of_five_loads, with_further, with_further_tables
+from other_load_maps import COMBINATION, with_further, with_further_tables
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.map_file import white_noise
 
 pytestmark = pytest.mark.fast
 DT = 0.01
@@ -39,7 +40,10 @@ def flight_of(inverse_map: InverseMap, lost: bool) -> list[FlightSample]:
 
 @pytest.mark.parametrize("lost", [False, True])
 def test_combinations_of_the_five_loads(lost: bool) -> None:
-    """What is known of them is what is known of the five, step by step, with memory and while gauges are lost."""
+    """What is known of them is what is known of the five, step by step, with memory and while gauges are lost.
+
+    Without any gauge covariances are not known, and factors of averages differ where windows hold other gauges.
+    """
     held = combined_map()
     found = track(Estimator(held).filter(1.0), flight_of(held, lost))
     assert not found.is_linear.any()
@@ -47,7 +51,9 @@ def test_combinations_of_the_five_loads(lost: bool) -> None:
         expected = COMBINATION @ one.loads
         variance = np.diag(COMBINATION @ one.load_covariance @ COMBINATION.T)
         np.testing.assert_allclose(one.other_loads, expected, rtol=0.0, atol=1e-11 * np.abs(expected).max())
-        np.testing.assert_allclose(one.other_loads_std, np.sqrt(variance), rtol=1e-8)
+        if one.valid_gauges:
+            tolerance = 1e-8 if one.noise_left == 1.0 else 0.02
+            np.testing.assert_allclose(one.other_loads_std, np.sqrt(variance), rtol=tolerance)
 
 
 def test_without_memory_they_are_those_of_the_static_estimator() -> None:
@@ -61,16 +67,13 @@ def test_without_memory_they_are_those_of_the_static_estimator() -> None:
         assert np.max(np.abs(mine - theirs)) < 1e-6 * np.max(np.abs(theirs)), name
 
 
-def test_they_change_nothing_else_and_get_smaller_deviations() -> None:
+def test_they_are_averaged() -> None:
+    """But for the rolling moment, which is known."""
     held = with_further_tables(whole_map())
-    bare = of_five_loads(held)
-    samples = random_flight(held, 30, seed=6)
-    one, other = (track(Estimator(each).filter(1.0), samples)[-1] for each in (held, bare))
-    assert one.loads.tobytes() == other.loads.tobytes()
-    assert one.load_covariance.tobytes() == other.load_covariance.tobytes()
-    # But for the rolling moment, which is known. Air data have errors that last: they are not averaged.
-    alone = track(Estimator(held), samples)[-1]
-    assert np.all((one.other_loads_std < 1.01 * alone.other_loads_std)[1:])
-    strain = [replace(sample, flow={"dynamic_pressure": np.nan}) for sample in samples]
-    one, alone = (track(flight, strain)[-1] for flight in (Estimator(held).filter(1.0), Estimator(held)))
-    assert np.all((one.other_loads_std < alone.other_loads_std)[1:])
+    sample, random = random_flight(held, 1, seed=6)[0], np.random.default_rng(2)
+    noise = np.sqrt(white_noise(held)) * random.standard_normal((30, held.n_gauges))
+    samples = [replace(sample, strain=sample.strain + own) for own in noise]
+    one, alone = (track(flight, samples) for flight in (Estimator(held).filter(1.0), Estimator(held)))
+    assert one.noise_left[-1] < 0.5
+    assert np.all((one.other_loads_std[-1] < alone.other_loads_std[-1])[1:])
+    assert np.all(np.std(one.other_loads[15:], axis=0)[1:] < np.std(alone.other_loads[15:], axis=0)[1:])

@@ -1,4 +1,4 @@
-"""The filter of the nonlinear estimator with temperature modes: static limit, series, a sensor that is lost."""
+"""The filter of the nonlinear estimator with temperature modes: static limit, series."""
 
 from __future__ import annotations
 
@@ -66,15 +66,3 @@ def test_a_warm_series_is_estimated_better_than_its_samples(read: int) -> None:
     alone = found.loads_std / static.loads_std
     assert np.max(alone[5:]) < 1.01
     assert np.mean(alone[20:]) < 0.95
-
-
-@pytest.mark.parametrize("changes", [LINEAR, {}], ids=["strain alone", "modulus and gauge factor, too"])
-def test_lost_sensors_cost_no_memory(changes: dict[str, object]) -> None:
-    estimator = Estimator(held_map(**changes))
-    samples = warm_flight(estimator.inverse_map, 30, seed=6, time_step=DT)
-    temperature = np.array([one.temperature for one in samples])
-    temperature[20:] = np.nan
-    found = estimator.filter(10.0).track(**flow_of(samples), temperature=temperature, time=times(30))
-    assert np.all(found.loads_std[20] < 1.05 * found.loads_std[19])
-    again = estimator.filter(10.0).track(**flow_of(samples[20:21]), temperature=temperature[20:21], time=[0.0])
-    assert np.all(np.abs(found.loads_std[20] / again.loads_std[0] - 1.0) > 1e-3), "the filter has begun again"

@@ -76,13 +76,6 @@ def air_data_doubted(m: InverseMap, seed: int) -> Inputs:
     return _moved(found, "static_pressure", (which == 3) * size[1] * static)
 
 
-def air_data_named(m: InverseMap, seed: int, known: int, time_step: float = 0.01) -> Inputs:
-    """Mach number reads 0.5 more for 18 samples; ``known`` air-data inputs are given."""
-    found = calm_flight(m, np.random.default_rng(seed), 60, time_step)
-    found = _moved(found, "mach_number", 0.5 * _during(60, 12, 30))
-    return replace(found, flow={name: found.flow[name] for name in AIR_DATA[:known]})
-
-
 # Strain.
 
 
@@ -126,13 +119,6 @@ def pressure_off_the_tables(m: InverseMap, seed: int, size: float) -> Inputs:
     mode = _tables(m).shapes[:, 1]
     part = np.where(np.arange(40) % 8 == 3, size * np.linspace(0.5, 1.5, 40), 0.0)
     return replace(found, strain=found.strain + part[:, None] * mode)
-
-
-def widening(m: InverseMap, seed: int, noise: float, steps: int = 150) -> Inputs:
-    """Noise larger by ``noise`` [m/m], which single samples do not show and a window of them does."""
-    random = np.random.default_rng(seed)
-    found = calm_flight(m, random, steps, pressure=8e3)
-    return replace(found, strain=found.strain + noise * random.standard_normal(found.strain.shape))
 
 
 def restart(m: InverseMap, seed: int) -> Inputs:

@@ -238,13 +238,10 @@ _OF_SOME_KINDS: tuple[tuple[tuple[str, ...], dict[str, Stream]], ...] = (
         {
             "air_data_dropped": _flight("air_data_dropped", 11),
             "air_data_doubted": _flight("air_data_doubted", 12),
-            "air_data_named": _flight("air_data_named", 13, "filter", known=3),
-            "air_data_named_for_good": _flight("air_data_named", 14, "filter", known=2, time_step=0.1),
             "return_after_misfit": _flight("return_after_misfit", 15, size=0.2),
             "jumps_and_spikes": _flight("jumps_and_spikes", 16),
             "one_sensor_off": _flight("one_sensor_off", 17),
             "pressure_off_the_tables": _flight("pressure_off_the_tables", 18, size=0.18),
-            "widening": _flight("widening", 19, noise=1e-7, steps=180),
             "restart": _flight("restart", 20),
             "without_air_data": _flight("without_air_data", 21, pressure=400.0),
             "each_without_air_data": _flight("each_without_air_data", 22, "each", pressure=400.0),

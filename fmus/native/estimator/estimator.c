@@ -5,12 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "filter/linear_filter_step.h"
 #include "linear/linear.h"
-#include "linear/linear_other_loads.h"
 #include "numerics/arrays.h"
 #include "numerics/wide.h"
-#include "policies/flight_filter.h"
+#include "policies/filtered_outputs.h"
 #include "sample/readings.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
@@ -35,7 +33,6 @@ static void connect(Estimator *e) {
     e->flight.inputs = &e->inputs;
     e->flight.output = e->output;
     e->flight.linear = &e->linear;
-    e->flight.thermal = &e->thermal;
     e->flight.loads = &e->other_loads;
 }
 
@@ -73,21 +70,12 @@ static int check_parts(MapFile *file, int follows_pressure) {
     const int flight = map_has(file, "flight"), other_loads = map_has(file, "other_loads");
     const int has_form = follows_pressure || !(other_loads || map_has(file, "scaled_errors"));
     const int of_loads = map_has(file, "flight_loads") == (flight && other_loads);
-    const int of_tables = flight || !(map_has(file, "filter") || map_has(file, "parameter_tables"));
-    const int of_linear = !map_has(file, "linear_filter") || !flight;
-    if (file->good && !(has_form && of_loads && of_tables && of_linear)) {
+    const int of_tables = flight || !map_has(file, "parameter_tables");
+    if (file->good && !(has_form && of_loads && of_tables)) {
         snprintf(file->text, MODEL_TEXT_SIZE, "holds parts that do not go together");
         file->good = 0;
     }
     return file->good;
-}
-
-/* The range of the time constant of the filter that the map has. */
-static void set_times(Estimator *e) {
-    const FilterMap *flight = &e->flight.filter.map;
-    const LinearFilterMap *linear = &e->linear_filter.map;
-    e->inputs.smallest_time = e->linear_filter.present ? linear->smallest_time : flight->smallest_time;
-    e->inputs.largest_time = e->linear_filter.present ? linear->largest_time : flight->largest_time;
 }
 
 /* Read all parts, and allocate. */
@@ -109,11 +97,11 @@ static int create(Estimator *e, MapFile *file) {
         return 0;
     }
     const size_t n = e->sensors.n_strains;
-    if (!flight_create(&e->flight, file)
-        || !linear_filter_create(file, map->n_gauges, n, wide, &e->linear_filter, &e->thermal)) {
+    if (!flight_create(&e->flight, file) || !filtered_outputs_create(file, &e->flight, &e->filter)) {
         return 0;
     }
-    set_times(e);
+    e->inputs.smallest_time = e->filter.map.smallest_time;
+    e->inputs.largest_time = e->filter.map.largest_time;
     return tare_create(file, n, map->largest_zero, &e->tare) && map_close(file);
 }
 
@@ -138,7 +126,7 @@ Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL
 void estimator_free(Estimator *e) {
     if (e != NULL) {
         flight_free(&e->flight);
-        linear_filter_free(&e->linear_filter);
+        filter_free(&e->filter);
         thermal_free(&e->thermal);
         other_loads_free(&e->other_loads);
         tare_free(&e->tare);
@@ -150,7 +138,7 @@ void estimator_free(Estimator *e) {
 
 void estimator_restart(Estimator *e) {
     flight_reset(&e->flight);
-    linear_filter_reset(&e->linear_filter);
+    filter_reset(&e->filter);
     e->noise_outdated |= e->renewal.under_way != 0.0;
     renewal_reset(&e->renewal);
     e->outdated = 1;
@@ -163,55 +151,37 @@ void estimator_reset(Estimator *e) {
     e->noise_outdated = 1;
 }
 
-int linear_filters(const Estimator *e) {
-    const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
-    return e->linear_filter.present && takes_steps && e->inputs.value[filter_setting(&e->inputs)] > 0.0;
-}
-
-/* The next sample of a linear map starts from what the last step left. */
-static void take_next_linear(Estimator *e) {
-    if (e->linear_filter.base.stepped != 0.0) {
+void estimator_before_change(Estimator *e) {
+    const int flight = e->flight.base.stepped != 0.0, filter = e->filter.track.stepped != 0.0;
+    if (flight || filter) {
         estimator_outputs(e);
-        linear_filter_take_next(&e->linear_filter, e->base.time);
-        e->outdated = 1;
     }
-}
-
-static void take_next_flight(Estimator *e) {
-    if (e->flight.base.stepped != 0.0) {
-        estimator_outputs(e);
-        flight_take_next(&e->flight, e->base.time);
+    if (flight) {
+        flight_take_next(&e->flight);
+    }
+    if (filter) {
+        filter_take_next(&e->filter, e->base.time);
     }
     e->outdated = 1;
 }
 
-void estimator_before_change(Estimator *e) {
-    take_next_linear(e);
-    take_next_flight(e);
+int estimator_filters(const Estimator *e) {
+    const int takes_steps = (e->base.mode & (EVENT | CONTINUOUS_TIME)) == 0; /* not in model exchange */
+    return e->filter.present && takes_steps && e->inputs.value[filter_setting(&e->inputs)] > 0.0;
 }
 
-static void step_flight(Estimator *e, double start) {
-    Filter *filter = &e->flight.filter;
-    if (flight_filters(&e->flight) && filter->base.now != start) {
-        filter->base.now = start;
-        e->outdated = 1;
-    }
-    estimator_outputs(e);
-    e->flight.base.stepped = 1.0;
-}
-
-static void step_linear(Estimator *e, double start) {
-    LinearFilter *filter = &e->linear_filter;
-    if (!linear_filters(e)) {
-        filter->base.has_law = 0.0;
+/* Take a step of the filter from a point in time [s]; one that is off forgets all. */
+static void step_filter(Estimator *e, double start) {
+    Filter *filter = &e->filter;
+    if (!estimator_filters(e)) {
+        filter_reset(filter);
         return;
     }
-    if (filter->base.now != start) {
-        filter->base.now = start;
+    if (filter->track.now != start) {
+        filter->track.now = start;
         e->outdated = 1;
     }
-    estimator_outputs(e);
-    filter->base.stepped = 1.0;
+    filter->track.stepped = 1.0;
 }
 
 /* Matrices for the latest zeros: those that are made, before the estimate of a step; a part of them, after it. */
@@ -231,17 +201,17 @@ static void end_renewal(Estimator *e) {
 }
 
 void estimator_step(Estimator *e, double start) {
-    take_next_linear(e);
-    if (e->flight.base.stepped != 0.0) {
-        take_next_flight(e);
+    if (e->flight.base.stepped != 0.0 || e->filter.track.stepped != 0.0) {
+        estimator_before_change(e);
     }
     begin_renewal(e);
-    if (e->flight.present) {
-        step_flight(e, start);
+    if (e->filter.present) {
+        step_filter(e, start);
     }
-    if (e->linear_filter.present) {
-        step_linear(e, start);
+    if (e->flight.present || e->filter.track.stepped != 0.0) {
+        estimator_outputs(e);
     }
+    e->flight.base.stepped = e->flight.present ? 1.0 : 0.0;
     end_renewal(e);
 }
 
@@ -271,6 +241,15 @@ void estimator_take_readings(Estimator *e) {
     }
 }
 
+/* Filter the outputs, or have them as they are. */
+static void filter_outputs(Estimator *e) {
+    if (estimator_filters(e)) {
+        filtered_outputs(&e->filter, &e->flight, e->inputs.value[filter_setting(&e->inputs)]);
+    } else {
+        filter_no_sample(&e->filter, &e->inputs);
+    }
+}
+
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
@@ -289,24 +268,15 @@ const double *estimator_outputs(Estimator *e) {
             flight_update(&e->flight);
         } else {
             linear_update(&e->linear);
-            if (linear_filters(e)) {
-                linear_filter_outputs(&e->linear_filter, &e->linear);
-            }
+        }
+        e->outdated = 0;
+        e->other_loads.outdated = 1;
+        if (e->filter.present) {
+            filter_outputs(e);
         }
         if (renews && e->output[HEALTH_STATE] == (double)OK) {
             e->output[HEALTH_STATE] = DEGRADED;
         }
-        e->outdated = 0;
-        e->other_loads.outdated = 1;
     }
     return e->output;
-}
-
-void estimator_other_loads(Estimator *e) {
-    e->other_loads.outdated = 0;
-    if (e->flight.present && !e->flight.flag[LINEAR_LOADS]) {
-        flight_other_loads_update(&e->flight);
-    } else {
-        linear_other_loads_update(&e->linear);
-    }
 }

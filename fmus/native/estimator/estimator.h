@@ -7,7 +7,7 @@
 #define ESTIMATOR_H
 
 #include "../core/model.h"
-#include "filter/linear_filter.h"
+#include "filter/filter.h"
 #include "policies/flight_state.h"
 #include "renewal.h"
 #include "zeros/tare.h"
@@ -32,8 +32,8 @@ typedef struct {
     int noise_outdated;   /* and whether zeros or their deviations may be others than in use */
     Linear linear;
     Renewal renewal;
-    LinearFilter linear_filter; /* over time, of a map without tables that has one */
-    Flight flight;              /* the nonlinear estimator, if the map has tables */
+    Flight flight; /* the nonlinear estimator, if the map has tables */
+    Filter filter; /* over time, if the map has one */
     double *direction;       /* as inputs.value, of derivatives, for estimator_model.c, */
     double *derivative;      /* (estimator_derivatives) which keeps those of the outputs along it, */
     double *derivative_work; /* (inputs_count) and twice (estimator_derivatives) scratch, */
@@ -68,8 +68,8 @@ static inline int estimator_renews(const Estimator *e) {
 /* Let the latest zeros be in use, however long that takes. */
 void estimator_renew(Estimator *estimator);
 
-/* Whether a linear map's samples are filtered: the time constant is positive, and the instance takes steps. */
-int linear_filters(const Estimator *estimator);
+/* Whether samples are filtered: the time constant is positive, and the instance takes steps. */
+int estimator_filters(const Estimator *estimator);
 
 /* An input changes: what follows starts from what the last step left. */
 void estimator_before_change(Estimator *estimator);
@@ -86,9 +86,6 @@ void estimator_take_readings(Estimator *estimator);
 
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
-
-/* The loads beside the five, estimator->other_loads.value, for the last outputs. */
-void estimator_other_loads(Estimator *estimator);
 
 /* Number of derivatives: N_OUTPUTS, air data, all loads beside the five. */
 static inline size_t estimator_derivatives(const Estimator *e) {

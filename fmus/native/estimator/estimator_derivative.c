@@ -4,8 +4,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "policies/flight_filter.h"
-
 #define STEP 0.002         /* of the natural size of a direction */
 #define FRACTION 0.1      /* natural size of what has no noise: that of its value */
 #define MOST_STEPS 40
@@ -72,7 +70,7 @@ static int settle(Estimator *e, const Track *from) {
     double last = INFINITY, moved = INFINITY;
     e->outdated = 1;
     estimator_outputs(e);
-    if (!flight->present || flight_filters(&e->flight)) {
+    if (!flight->present || estimator_filters(e)) {
         return 1;
     }
     for (int step = 0; step < MOST_STEPS && !(moved <= ENDED || (moved <= NEARLY_ENDED && moved > 0.5 * last)); step++) {
@@ -97,7 +95,9 @@ static void copy_outputs(Estimator *e, double *value) {
     memcpy(value, e->output, sizeof e->output);
     memcpy(value + N_OUTPUTS, e->flight.real, sizeof e->flight.real);
     if (e->other_loads.present) {
-        estimator_other_loads(e);
+        if (e->other_loads.outdated) {
+            flight_other_loads_update(&e->flight);
+        }
         memcpy(value + N_OUTPUTS + N_FLIGHT_REALS, e->other_loads.value[0], N_OTHER_VALUES * e->other_loads.map.n_loads * sizeof *value);
     }
 }
@@ -122,7 +122,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
     const unsigned char *decisions = e->flight.flag + NAVIGATION_USED;
     unsigned char decided[N_FLIGHT_FLAGS - NAVIGATION_USED];
     int settled = 1, same = 1;
-    const int known = e->output[VALID_GAUGES] > 0.0 || (e->flight.present && flight_filters(&e->flight));
+    const int known = e->output[VALID_GAUGES] > 0.0;
     const Track base = e->flight.base;
     Track from = e->flight.next;
     from.since_search = 0.0;
@@ -132,12 +132,12 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
     for (size_t k = 0; k < count; k++) {
         derivative[k] = isnan(middle[k]) || !known ? NAN : 0.0;
     }
-    e->flight.filter.laws.zeros.may_move = e->linear_filter.laws.zeros.may_move = 1;
+    e->filter.may_move = 1;
     for (size_t p = 0; p < N_POINTS && step > 0.0 && settled && same; p++) {
         for (size_t i = 0; i < n_inputs; i++) {
             e->inputs.value[i] = direction[i] != 0.0 ? input[i] + POINT[p] * step * direction[i] : input[i];
         }
-        if (e->flight.present && !flight_filters(&e->flight)) {
+        if (e->flight.present && !estimator_filters(e)) {
             e->flight.base = from;
         }
         settled = settle(e, &from);
@@ -147,7 +147,7 @@ int estimator_derivative(Estimator *e, double *direction, double *derivative, ch
         same = e->output[VALID_GAUGES] == middle[VALID_GAUGES] && memcmp(decided, decisions, sizeof decided) == 0;
         add_point(e, WEIGHT[p] / (12.0 * step), middle, value, derivative);
     }
-    e->flight.filter.laws.zeros.may_move = e->linear_filter.laws.zeros.may_move = 0;
+    e->filter.may_move = 0;
     memcpy(e->inputs.value, input, n_inputs * sizeof *input);
     e->flight.base = base;
     e->outdated = 1;

@@ -9,6 +9,7 @@
 #define RENEWAL_H
 
 #include "policies/flight.h"
+#include "temperature/thermal.h"
 
 typedef struct {
     Linear *linear;

@@ -149,12 +149,10 @@ def estimate(
             "--filter",
             metavar="SECONDS",
             callback=within(1e-9, 1e6, "s"),
-            help="Filter over time; time constant of the model discrepancy.",
+            help="Average each sample with those before, over this time at most.",
         ),
     ] = None,
-    smooth: Annotated[
-        bool, typer.Option("--smooth", help="With --filter: use later samples too (Rauch-Tung-Striebel).")
-    ] = False,
+    smooth: Annotated[bool, typer.Option("--smooth", help="With --filter: filter from both ends.")] = False,
     zeros: ZerosOption = None,
     bus: Annotated[
         Path | None,

@@ -25,6 +25,9 @@ from strainfmu.cli.named_vehicle import naming
 if TYPE_CHECKING:
     from builder.stress.run import StressResult
 
+FLIGHTS_WIDTH = 150
+"""Smallest width of the table of manoeuvres [characters]."""
+
 
 def stress(
     vehicle: Annotated[
@@ -51,6 +54,10 @@ def stress(
         ),
     ] = 20,
     seed: Annotated[int, typer.Option(callback=within(0, 2**31 - 1), help="Seed of all draws.")] = 1,
+    flights: Annotated[
+        bool,
+        typer.Option("--flights", help="Fly manoeuvres over time; without --conditions."),
+    ] = False,
     snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
     structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
     rebuild: Annotated[bool, REBUILD_OPTION] = False,
@@ -68,6 +75,9 @@ def stress(
     is equal to the strain of another flight). A vehicle given by sections or a surface needs a flow for every
     flight; it flies a quarter of them beyond the envelope.
 
+    --flights flies turns, steps, gusts, drifts of air data and failures at 100 Hz instead, by each estimator as
+    single samples and with filters of 1 s and 10 s; it writes stress.json alone.
+
     Writes stress.json, stress.csv and stress.png. Flows are kept as they are solved: an interrupted run
     continues, and a second run reuses what is up to date.
 
@@ -76,6 +86,8 @@ def stress(
         strainfmu stress my_vehicle.toml -o stress
 
         strainfmu stress my_vehicle.toml -o stress --map results/map.h5 --conditions 500
+
+        strainfmu stress my_vehicle.toml -o manoeuvres --flights
     """
     from builder.pipeline.pipeline import FilesGiven
     from builder.stress.run import run_stress
@@ -93,8 +105,9 @@ def stress(
             map_path=inverse_map,
             given=given,
             estimator=estimator,
+            over_time=flights,
         )
-    _show(console, result)
+    (_show_flights if flights else _show)(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(
         f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
@@ -117,8 +130,37 @@ def _show(console: Console, result: StressResult) -> None:
             "missed" if one["missed"] else "",
         )
     console.print(table)
+    _show_missed(console, result)
+
+
+def _show_missed(console: Console, result: StressResult) -> None:
     for line in result.missed:
         console.print(f"target missed: {line}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _show_flights(console: Console, result: StressResult) -> None:
+    """Print rms errors of filters over those of single samples, and the smallest coverage of 3 sigma."""
+    names = list(dict.fromkeys(name for one in result.entries for name in one["rms_over_single"]))
+    table = Table(title=escape(f"{result.vehicle}: rms error over single samples; undetected, inside 3 sigma [%]"))
+    for heading in ("manoeuvre", "estimator", "T [s]"):
+        table.add_column(heading, no_wrap=True)
+    for heading in (*names, "undetected", "inside"):
+        table.add_column(
+            heading.replace("angle_of_attack", "alpha").replace("sideslip_angle", "beta"), justify="right"
+        )
+    for one in [each for each in result.entries if each["time_constant_s"]]:
+        ratio = [one["rms_over_single"].get(name) for name in names]
+        table.add_row(
+            escape(f"{one['error']}, {one['size']}"),
+            one["estimator"],
+            f"{one['time_constant_s']:g}",
+            *("-" if value is None else f"{value:.2f}" for value in ratio),
+            f"{one['undetected_percent']:.2f}",
+            f"{min(one['coverage_percent'].values()):.1f}",
+        )
+    # A table of this width is of no use broken into columns of two letters.
+    Console(width=max(console.width, FLIGHTS_WIDTH)).print(table)
+    _show_missed(console, result)
 
 
 def _of_bound(one: dict[str, Any]) -> str:

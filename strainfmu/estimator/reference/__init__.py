@@ -8,9 +8,7 @@ Everything is one Gaussian update, module ``update``. The other modules give its
 ``readings``                  zero offsets, auxiliary sensors, temperature: readings become rows
 ``air``                       air data: what is known of them, and what a flight state says of them
 ``nonlinear``                 strain about the tables; the flight state by Gauss-Newton iterations, loads there
-``kalman``                    the update over time, with errors that are never estimated
-``linear_filter``             the filter of linear maps
-``flight_filter``             the filter of the flight state
+``windows``                   the filter: averages over the last samples
 ============================  =====================================================================
 
 It has no alarms and no state machines. Tests compare the core with it. Reports and studies take gains from it.

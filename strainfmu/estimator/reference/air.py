@@ -57,8 +57,8 @@ DISCERNED = 16.0
 class AirInputs:
     """M [1], p_inf [Pa] and q_inf [Pa] as far as they are known, ``value`` and ``std`` (3,), NaN for unknown.
 
-    ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``of_loads`` are that q_inf
-    and its standard deviation [Pa], for loads of the linear map; ``direction`` and
+    ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``of_loads`` are that
+    q_inf and its standard deviation [Pa], for loads of the linear map; ``direction`` and
     ``direction_std`` (2,) are u and w [rad] by measured angles, of infinite deviation where not known.
     """
 
@@ -193,7 +193,7 @@ def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
 
 
 def doubted(air: AirInputs, z: FloatArray) -> AirInputs | None:
-    """Return ``air`` with a doubted static pressure, which nothing confirms and strain makes unlikely; None if not."""
+    """Return ``air`` with a doubted static pressure, which nothing confirms and strain makes unlikely, or None."""
     size = abs(z[1])
     if not air.is_computed or not size > UNLIKELY_PRESSURE:
         return None

@@ -2,7 +2,7 @@
 
 A name is PART.VALUE. Every map has the parts "linear", "scaled", "settings", "envelope" and "tare". A map that
 has them adds "scaled_errors", "other_loads" (the loads behind the five; both of form DYNAMIC_PRESSURE),
-"linear_filter", "thermal", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+"filter", "thermal", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
@@ -45,11 +45,17 @@ from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.numerics.fixed_order import householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, LoadGroup, load_arrays
-from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
-from strainfmu.estimator.policies import MIN_EXPECTED_RATIO, MIN_INFORMATION, SLOW
-from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
+from strainfmu.estimator.policies import (
+    ANGLE_RATE,
+    LARGEST_TIME,
+    LOG_PRESSURE_RATE,
+    MACH_NUMBER_RATE,
+    MIN_EXPECTED_RATIO,
+    MIN_INFORMATION,
+    SMALLEST_TIME,
+    WHITE_NAVIGATION,
+)
 from strainfmu.estimator.resource.container import Values, pack, texts
-from strainfmu.estimator.resource.filter_law import linear_law
 from strainfmu.estimator.resource.nonlinear_arrays import nonlinear_parts
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH, OF_READINGS
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
@@ -99,8 +105,8 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         TARE: _tare(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges))),
         **nonlinear_parts(inverse_map),
     }
-    if inverse_map.manifold is None and has_filter(inverse_map):
-        parts["linear_filter"] = _linear_filter(inverse_map)
+    if has_filter(inverse_map):
+        parts["filter"] = _filter(inverse_map)
     if inverse_map.has_temperature:
         parts["thermal"] = _thermal(inverse_map, inverse_map.thermal)
     parameters = flow_parameters(inverse_map)
@@ -260,24 +266,30 @@ def _spread(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, FloatArray
     return triangle[:n, :n].T, triangle[:n, n:], product(rest.T.copy(), rest)
 
 
-def _linear_filter(inverse_map: InverseMap) -> Values:
-    """Return the filter of a linear map."""
-    law = linear_law(inverse_map)
-    scales, n_modes = law.scales, law.n_modes
+def _filter(inverse_map: InverseMap) -> Values:
+    """Return the filter over time, and what of the errors of gauges and air data it averages."""
     return {
-        "slow": SLOW,
-        "smallest_time": SMALLEST,
-        "largest_time": LARGEST,
-        "n_modes": n_modes,
-        "std": law.std,
-        "scaled": law.strain[:, scales].T,
-        "load": law.load[:, scales].T,
-        "common": law.strain[:, ~scales].T,
-        "own": law.own.T,
-        "rest": law.rest.T,
-        "noise": law.noise,
-        "rest_cross": law.seen.rest_cross,
+        "smallest_time": SMALLEST_TIME,
+        "largest_time": LARGEST_TIME,
+        "white_navigation": WHITE_NAVIGATION,
+        "rate": [MACH_NUMBER_RATE, ANGLE_RATE, ANGLE_RATE, LOG_PRESSURE_RATE],
+        "noise": white_noise(inverse_map),
     }
+
+
+def white_noise(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d,) variances of what is independent from sample to sample in the readings.
+
+    A covariance of the gauges below the one of their noise has less noise than stated.
+    """
+    covariance, manifold = inverse_map.gauge_covariance, inverse_map.manifold
+    if inverse_map.has_temperature:
+        covariance = inverse_map.thermal.isothermal_covariance
+    elif manifold is not None:
+        covariance = manifold.gauge_covariance
+    std = inverse_map.noise_std
+    smallest = float(np.linalg.eigvalsh(covariance / (std[:, None] * std))[0])
+    return np.asarray(min(1.0, smallest) * std**2)
 
 
 def _thermal(inverse_map: InverseMap, thermal: ThermalMap) -> Values:

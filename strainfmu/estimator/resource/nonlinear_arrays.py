@@ -1,4 +1,4 @@
-"""The arrays of ``map.bin`` that a nonlinear map adds: its tables, section loads, flow parameters, filter."""
+"""The arrays of ``map.bin`` that a nonlinear map adds: its tables, section loads, flow parameters."""
 
 from __future__ import annotations
 
@@ -12,41 +12,22 @@ from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, s
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import (
-    ANGLE_RATE,
-    BAND,
     COLD_ITERATIONS,
     FALSE_ALARMS,
-    FITS,
     LARGEST_STEP,
-    LARGEST_TIME,
     LARGEST_USED_SCORE,
-    LARGEST_WIDENING,
-    LOG_PRESSURE_RATE,
-    LONGEST_STEP,
-    MACH_NUMBER_RATE,
     MIN_GAIN,
     MIN_INCIDENCE_SCORE,
-    NAMED_AFTER,
-    NARROW,
     NAVIGATION_ALARM,
-    OF_AGE,
     RANGE_TOLERANCE,
-    RATE_TIME,
     RETURN_AFTER,
     SEARCH_EVERY,
-    SLOPE_TIME,
-    SLOW,
-    SMALLEST_TIME,
     START_ITERATIONS,
     WARM_ITERATIONS,
-    WHITE_NAVIGATION,
-    WIDEN,
-    WINDOW,
 )
 from strainfmu.estimator.resource.container import Values
-from strainfmu.estimator.resource.filter_law import errors_of_others, flight_law
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE, FlightTables
@@ -67,7 +48,6 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
             **_solver(manifold),
             **_errors(manifold),
         },
-        "filter": _filter(inverse_map, manifold),
     }
     if manifold.considered_tables is not None:
         parts["considered"] = _considered(inverse_map, manifold.considered_tables)
@@ -167,12 +147,12 @@ def _errors(manifold: ManifoldMap) -> Values:
 
 def _other_loads(manifold: ManifoldMap) -> Values:
     """Return tables of the loads behind the five over the flight state, and errors per p_inf^2."""
-    first, (cross, variance) = manifold.n_gauges + FIVE_LOADS.stop, errors_of_others(manifold)
+    first, load = manifold.n_gauges + FIVE_LOADS.stop, manifold.error_load[OTHER_LOADS]
     return {
         **vars(channel_tables(manifold.response[:, :, first:], np.zeros(0))),
         "fixed_response": manifold.fixed_response[first:],
-        "strain_covariance": cross,
-        "variance": variance,
+        "strain_covariance": product(load, manifold.error_strain.T),
+        "variance": np.sum(load * load, axis=1),
     }
 
 
@@ -190,41 +170,4 @@ def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
         "basis": basis,
         "row_weight": weight,
         "product": error_products(tables, manifold.n_gauges, manifold.n_loads),
-    }
-
-
-def _filter(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
-    """Return the filter over time of ``manifold``, the tables of ``inverse_map``."""
-    law = flight_law(inverse_map, manifold)
-    seen, errors, n = law.seen, law.others, len(law.own)
-    return {
-        "rate": [MACH_NUMBER_RATE, ANGLE_RATE, ANGLE_RATE, LOG_PRESSURE_RATE],
-        "rate_time": RATE_TIME,
-        "slow": SLOW,
-        "white_navigation": WHITE_NAVIGATION,
-        "window": float(WINDOW),
-        "band": BAND,
-        "widen": WIDEN,
-        "narrow": NARROW,
-        "largest_widening": LARGEST_WIDENING,
-        "smallest_time": SMALLEST_TIME,
-        "largest_time": LARGEST_TIME,
-        "named_after": float(NAMED_AFTER),
-        "fits": FITS,
-        "slope_time": SLOPE_TIME,
-        "of_age": OF_AGE,
-        "longest_step": LONGEST_STEP,
-        "n_modes": law.n_modes,
-        "seen_strain": seen.strain.T,
-        "seen_load": seen.load.T,
-        "rest_strain": seen.rest_strain,
-        "rest_load": seen.rest_load,
-        "rest_cross": seen.rest_cross,
-        "noise": law.noise,
-        "shared": law.common.T,
-        "of_gauge": np.moveaxis(law.of_gauge, 0, 2),
-        "own": law.own[None] if law.own.any() else np.zeros((0, n)),
-        "other_load": errors.load,
-        "other_cross": errors.rest_cross,
-        "other_variance": errors.rest_variance,
     }

@@ -1,11 +1,11 @@
-"""Blocks of recorded samples smoothed over time: the compiled core filters them, and later samples count as well.
+"""Blocks of recorded samples smoothed over time: the filter goes over them from both ends.
 
 Smoothing looks one whole block ahead.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -14,9 +14,8 @@ import numpy as np
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.reference.kalman import Law
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
-from strainfmu.estimator.smoothing import Smoothed, Step, smoothed, smoother_of
+from strainfmu.estimator.smoothing import Samples, Smoothed, Smoother
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.estimates.block_estimates import BlockEstimates, BlockEstimator
 from strainfmu.recorded.estimates.map_blocks import MapBlocks, air_data_values, other_values
@@ -27,16 +26,16 @@ class SmoothedBlocks(MapBlocks):
 
     def __init__(self, static: MapBlocks, time_constant: float) -> None:
         super().__init__(static.estimator.filter(time_constant))
-        self._smoother = smoother_of(self.estimator)
+        self._smoother = Smoother(self.estimator)
 
-    def steps(self, block: StrainBlock, last: float) -> tuple[Estimate, list[Step]]:
-        """Return the filter's estimates and steps of a block; ``last`` as of :meth:`BlockEstimator.estimate`."""
-        found = self.estimates(block)
-        return found, self._smoother.steps(found, block.time, last)
+    def samples(self, block: StrainBlock) -> Samples:
+        """Return the samples of a block, filtered."""
+        return self._smoother.samples(self.estimates(block), block.time)
 
-    def of_laws(self, found: Estimate, steps: Sequence[Step], laws: Sequence[Law]) -> BlockEstimates:
-        """Return the estimates of a block by smoothed ``laws`` of its steps; all else is the filter's."""
-        known = self._smoother.estimates(found, steps, laws)
+    def smoothed(self, samples: Samples, later: Samples | None) -> BlockEstimates:
+        """Return the estimates of the ``samples`` of a block, before those of the next one; all else is the
+        filter's."""
+        found, known = samples.filtered, self._smoother.smoothed(samples, later)
         of_loads = other_values(_Columns(known, found), self.has_loads)
         of_air = [air_data_values(_Columns(known, found))] if self.estimator.is_nonlinear else []
         return replace(
@@ -118,13 +117,11 @@ def estimated_blocks(
 def _smoothed_blocks(
     blocks: Iterable[tuple[StrainBlock, int]], estimator: SmoothedBlocks
 ) -> Iterator[tuple[StrainBlock, int, BlockEstimates]]:
-    held: tuple[StrainBlock, int, Estimate] | None = None
-    last, known = float("nan"), list[Step]()
+    held: tuple[StrainBlock, int, Samples] | None = None
     for block, done in blocks:
-        found, steps = estimator.steps(block, last)
+        samples = estimator.samples(block)
         if held is not None:
-            laws = smoothed([*known, *steps])[: len(known)]
-            yield *held[:2], estimator.of_laws(held[2], known, laws)
-        held, last, known = (block, done, found), float(block.time[-1]), steps
+            yield *held[:2], estimator.smoothed(held[2], samples)
+        held = block, done, samples
     if held is not None:
-        yield *held[:2], estimator.of_laws(held[2], known, smoothed(known))
+        yield *held[:2], estimator.smoothed(held[2], None)

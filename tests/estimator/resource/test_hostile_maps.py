@@ -25,9 +25,6 @@ DAMAGES = 1500
 ENTRY_SIZE, TABLE_AT = 80, 48
 FREE_LENGTH = {
     "envelope.layers",
-    "filter.of_gauge",
-    "filter.own",
-    "filter.shared",
     "flight.common_error",
     "flight.shapes",
     "flight.table",

@@ -1,12 +1,9 @@
-"""Section loads in the filter of the native library: their references, their state, and what is refused."""
+"""Section loads in the filter of the native library: their references and their state."""
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from damaged_resource import refusal, with_arrays
 from flight_fmu import FILTER, N_D, FlightFmu, random_flight, whole_map
 from other_load_maps import STATIONS, with_further_tables
 from raw_fmu import OK
@@ -27,7 +24,7 @@ def inverse_map() -> InverseMap:
 
 
 def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
-    """Other references; a state brings the law back, from which the next step gives the same loads."""
+    """Other references; a state brings the samples back, with which the next step gives the same loads."""
     samples = random_flight(inverse_map, 6, seed=3)
     assert fmu.filter(1.0) == OK
     for k, one in enumerate(samples[:4]):
@@ -45,9 +42,3 @@ def test_settings_and_state(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     fmu.advance_over(samples[4], 4 * STEP, STEP)
     np.testing.assert_allclose(fmu.get_reals(OUTPUTS[:2]), loads[:2] / 6.0, rtol=1e-12)
     np.testing.assert_allclose(fmu.get_reals(OUTPUTS[2:]), loads[2:], rtol=1e-12)
-
-
-def test_a_filter_of_other_sections_is_refused(inverse_map: InverseMap, tmp_path: Path) -> None:
-    fewer = {f"filter.other_{name}": lambda old: old[:0] for name in ("load", "cross", "variance")}
-    fmu = FlightFmu(with_arrays(inverse_map, tmp_path, fewer), N_D)
-    assert refusal(fmu).endswith("'filter.other_load': expected the section loads of the map")

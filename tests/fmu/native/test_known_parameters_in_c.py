@@ -204,10 +204,8 @@ def ended(pair: Pair) -> Pair:
 
 
 @pytest.mark.parametrize("with_temperatures", [False, True])
-def test_the_filter_begins_again_where_a_deviation_is_stated_or_lost(
-    tmp_path: Path, with_temperatures: bool
-) -> None:
-    """A sample without memory knows no more than by itself."""
+def test_the_filter_goes_on_where_a_deviation_is_stated_or_lost(tmp_path: Path, with_temperatures: bool) -> None:
+    """It knows no less than the sample by itself."""
     pair = Pair(warm_map() if with_temperatures else known_map(), tmp_path)
     deflection, alone = flights()[3], pair.estimator
     pair.estimator = pair.estimator.filter(0.5)
@@ -215,15 +213,13 @@ def test_the_filter_begins_again_where_a_deviation_is_stated_or_lost(
     readings = [REFERENCE + 4.0, REFERENCE - 1.0] if with_temperatures else []
     pair.set_all({f"temperature[{i + 1}]": one for i, one in enumerate(readings)})
     temperature = np.array(readings) if with_temperatures else None
-    alike = []
     for k, std in enumerate((np.nan, np.nan, 0.1, 0.1, np.nan, np.nan)):
         found = pair.step(0, (deflection[0], std), temperature, 0.01 * k)
         stated = {"parameters_std": {NAME: std}}
         strain, q, mach = (one[0] for one in flights()[:3])
         known = {"temperature": temperature, "parameters": {NAME: deflection[0]}, **stated}
         static = alone.track(strain, q, mach_number=mach, **known)
-        alike.append(bool(np.all(found.loads_std > 0.99 * static.loads_std)))
-    assert alike == [True, False, True, False, True, False]
+        assert np.all(found.loads_std <= static.loads_std * (1.0 + 1e-6))
 
 
 def test_scalars_of_fmi_3(pair: Pair, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from agreement import assert_same, tracked
-from damaged_resource import refusal, with_arrays
 from flight_fmu import N_D, FlightFmu, FlightSample, whole_map
 from raw_fmu import N_OUTPUTS, OK, Fmu3, write_resource
 from thermal_maps import with_temperature
@@ -97,19 +96,6 @@ def test_without_memory_each_sample_is_estimated_on_its_own(fmu: FlightFmu, held
         assert filtered[5:10] == pytest.approx(static[5:10], rel=5e-3)
 
 
-def test_lost_sensors_cost_no_memory(fmu: FlightFmu, held: InverseMap) -> None:
-    """What they told of strain, gauge factor and modulus stays known; a sample alone knows much less."""
-    samples = warm_flight(held, 24, seed=6, time_step=STEP)
-    lost = [replace(one, temperature=np.full(N_T, np.nan)) if k >= 20 else one for k, one in enumerate(samples)]
-    assert fmu.filter(10.0) == OK
-    found = [fmu.advance_over(one, k * STEP, STEP) for k, one in enumerate(lost)]
-    assert np.all(found[20][15:20] < 1.05 * found[19][15:20])
-    assert np.all(np.abs(found[20][10:15] - found[19][10:15]) < found[19][15:20])
-    assert fmu.filter(0.0) == OK
-    alone = fmu.advance_over(lost[20], 1.0, STEP)
-    assert np.any(alone[15:20] > 1.2 * found[20][15:20])
-
-
 def test_fmi_3_gives_the_same_bits(fmu: FlightFmu, held: InverseMap, resources: Path) -> None:
     """Strains and temperatures are arrays there."""
     names = [one.name for one in estimator_arrays(estimator_interface(held))]
@@ -130,7 +116,7 @@ def test_fmi_3_gives_the_same_bits(fmu: FlightFmu, held: InverseMap, resources: 
     third.free()
 
 
-def test_state_holds_what_was_known_of_the_temperature(fmu: FlightFmu, held: InverseMap, resources: Path) -> None:
+def test_state_goes_on_where_another_sensor_is_lost(fmu: FlightFmu, held: InverseMap, resources: Path) -> None:
     """Back in time and in another instance, where another sensor is lost in the next step."""
     samples = poor_flight(held, 12, seed=19)
     samples[5:] = [replace(one, temperature=np.where([True, False] * 2, 300.0, np.nan)) for one in samples[5:]]
@@ -149,12 +135,3 @@ def test_state_holds_what_was_known_of_the_temperature(fmu: FlightFmu, held: Inv
     assert other.call("SetFMUstate", moved) == OK
     assert [other.advance_over(*one).tobytes() for one in later] == after
     other.free()
-
-
-@pytest.mark.parametrize(
-    ("modes", "expected"),
-    [(5, "expected that of the temperature modes"), (99, "expected a whole number from 0 to ")],
-)
-def test_a_filter_of_other_modes(held: InverseMap, tmp_path: Path, modes: int, expected: str) -> None:
-    location = with_arrays(held, tmp_path, {"filter.n_modes": np.int32(modes)})
-    assert expected in refusal(FlightFmu(location, N_D))

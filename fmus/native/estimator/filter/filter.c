@@ -1,165 +1,235 @@
 #include "filter.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "../numerics/arrays.h"
-#include "../numerics/blocks.h"
-#include "../numerics/cholesky.h"
-#include "filter_known.h"
 
-static size_t larger(size_t a, size_t b) {
-    return a > b ? a : b;
-}
+#define ALIGNMENT 64
+#define LARGEST_VALUE 1e60      /* of a channel, */
+#define LARGEST_VARIANCE 1e120  /* and of its variance: none of what follows from them overflows, */
+#define LARGEST 1e140           /* or is larger */
+#define SMALLEST_NOISE 1e-6     /* of the variance of a channel: less is as exact as its rounding */
 
-static size_t sample_doubles(const Filter *filter) {
-    const size_t rows = filter->rows, order = filter->laws.order, few = N_STATES + 1;
-    return filter->laws.n_considered + rows * (4 * order + 6 * rows + few + 2 * N_COLUMNS + filter->row_whitened + 2)
-         + order * (few + N_STATES + 5 * order) + rows * (order - N_STATES) + (filter->laws.n + few) * rows
-         + larger(rows, order) * order + filter->laws.n * WIDE_COLUMNS + filter->map.n_other * rows + 2 * order;
-}
+static const size_t OF_SETTINGS[] = {REFERENCE_AREA, REFERENCE_LENGTH, MOMENT_STATION};
+#define N_SETTINGS (sizeof OF_SETTINGS / sizeof *OF_SETTINGS)
+#define N_SPAN (sizeof(Span) / sizeof(double))
 
-size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains) {
-    const FlightMap *flight = solver->map;
-    Laws *laws = &filter->laws;
-    filter->solver = solver;
-    filter->gauges = solver->n;
-    filter->rows = filter->gauges + in_lanes(N_NAVIGATION);
-    filter->first_e = FIRST_SEEN + filter->map.n_seen;
-    filter->n_read = filter->first_e + 1 + flight->n_common + filter->map.n_shared;
-    filter->n_terms = (size_t)flight->has_gain_error + filter->map.n_own + filter->map.n_terms;
-    laws->thermal = thermal;
-    laws->n_sensors = thermal->present ? thermal->map.n_sensors : 0;
-    laws->n_modes = filter->map.n_modes;
-    laws->n_pairs = N_STATES;
-    laws->n = filter->n_read + N_STATES;
-    laws->order = in_lanes(laws->n);
-    laws->n_considered = filter->n_terms * filter->gauges;
-    laws->slow = filter->map.slow;
-    laws->first_slow = FIRST_NAVIGATION;
-    laws->end_slow = laws->first_widened = FIRST_SEEN;
-    laws->end_widened = filter->first_e;
-    zero_errors_lay_out(n_strains, filter->gauges, &laws->zeros);
-    filter->row_whitened = in_lanes(laws->n + N_STATES + 1);
-    return laws_doubles(laws) + response_doubles(&flight->tables) + sample_doubles(filter) + filter_known_doubles(filter);
-}
-
-/* A matrix (n_gauges, n_gauges) of the map in one of all rows, with zeros beyond. */
-static void widen(const Filter *filter, const double *source, double *matrix) {
-    const size_t n = filter->solver->n_gauges;
-    for (size_t i = 0; i < n; i++) {
-        memcpy(matrix + i * filter->rows, source + i * n, n * sizeof *matrix);
+int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t scratch, Filter *filter) {
+    if (!map_has(file, "filter")) {
+        return file->good;
     }
+    if (!filter_map_parse(file, inputs->map->n_gauges, &filter->map)) {
+        return 0;
+    }
+    filter->channels = filter->windows.channels = channels;
+    filter->n_zeros = number_of_zeros(inputs->sensors->n_strains);
+    filter->n_held = filter->n_zeros + N_SETTINGS;
+    filter->n_kept = filter->n_held + 3 * channels + 3 * MOST_SPANS * channels;
+    const size_t count = filter->n_kept + (windows_doubles(&filter->windows) - 3 * MOST_SPANS * channels) + 7 * channels
+                       + filter->n_held + scratch;
+    filter->memory = calloc(1, ALIGNMENT + count * sizeof(double));
+    if (filter->memory == NULL) {
+        return map_no_memory(file);
+    }
+    unsigned char *start = filter->memory;
+    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
+    filter->row = taken(&doubles, scratch);
+    filter->kept = doubles;
+    filter->held = taken(&doubles, filter->n_held);
+    filter->last_value = taken(&doubles, channels);
+    filter->last_variance = taken(&doubles, channels);
+    filter->last_rate = taken(&doubles, channels);
+    windows_arrays(&filter->windows, &doubles);
+    filter->value = taken(&doubles, channels);
+    filter->variance = taken(&doubles, channels);
+    filter->noise = taken(&doubles, channels);
+    filter->mean = taken(&doubles, channels);
+    filter->left = taken(&doubles, channels);
+    filter->factor = taken(&doubles, channels);
+    filter->rate = taken(&doubles, channels);
+    filter->latest = taken(&doubles, filter->n_held);
+    filter->present = 1;
+    return 1;
 }
 
-void filter_arrays(Filter *filter, double **doubles) {
-    const size_t rows = filter->rows, order = filter->laws.order;
-    filter->laws.wide = filter->solver->wide;
-    laws_arrays(&filter->laws, doubles);
-    response_arrays(&filter->solver->map->tables, &filter->slope_response, doubles);
-    filter->noise = taken(doubles, rows * rows);
-    filter->rest = taken(doubles, rows * rows);
-    filter->read = taken(doubles, order * rows);
-    filter->term = taken(doubles, filter->laws.n_considered);
-    filter->white = taken(doubles, rows * rows);
-    filter->considered = taken(doubles, order * rows);
-    filter->by_state = taken(doubles, (N_STATES + 1) * order);
-    filter->by_row = taken(doubles, (N_STATES + 1) * rows);
-    filter->others = taken(doubles, order * order);
-    filter->gain = taken(doubles, order * rows);
-    filter->gain_turned = taken(doubles, rows * (order - N_STATES));
-    filter->spread = taken(doubles, rows * rows);
-    filter->inverse = taken(doubles, rows * rows);
-    filter->innovation = taken(doubles, rows);
-    filter->right = taken(doubles, rows * N_COLUMNS);
-    filter->white_right = taken(doubles, rows * N_COLUMNS);
-    filter->of_states = taken(doubles, N_STATES * order);
-    filter->whitened = taken(doubles, rows * filter->row_whitened);
-    filter->kalman = taken(doubles, (filter->laws.n + N_STATES + 1) * rows);
-    filter->squares = taken(doubles, rows);
-    filter->product = taken(doubles, order * rows);
-    filter->turned = taken(doubles, larger(rows, order) * order);
-    filter->kept = taken(doubles, order * order);
-    filter->joseph = taken(doubles, 3 * order * order);
-    filter->strip = taken(doubles, filter->laws.n * WIDE_COLUMNS);
-    filter->other_turned = taken(doubles, filter->map.n_other * rows);
-    filter->other_by_state = taken(doubles, 2 * order);
-    widen(filter, filter->map.noise, filter->noise);
-    widen(filter, filter->map.rest_strain, filter->rest);
-    filter_known_arrays(filter, doubles);
+void filter_free(Filter *filter) {
+    free(filter->memory);
 }
 
 void filter_reset(Filter *filter) {
-    memset(&filter->base, 0, sizeof filter->base);
-    filter->base.mean = filter->base.widening = 1.0;
-    filter->next = filter->base;
-    filter->time_constant = 0.0;
+    memset(&filter->track, 0, sizeof filter->track);
+    filter->windows.n_spans = 0;
+    filter->is_sample = filter->is_filtered = filter->coasts = 0;
+    filter->part_left = 1.0;
 }
 
-/* Variance of a state that is no rate, in the stationary law. */
-static double stationary_variance(const Filter *filter, size_t state) {
-    if (state < N_STATES) {
-        return 1.0 / filter->solver->map->prior_precision[state];
-    }
-    return 1.0;
+/* The clock at the sample that follows. */
+static double clock_now(const Filter *filter) {
+    const double apart = filter->track.now - filter->track.time, longest = filter->map.largest_time;
+    return filter->track.clock + (apart > 0.0 ? (apart < longest ? apart : longest) : 0.0);
 }
 
-void filter_set_time_constant(Filter *filter, double time_constant) {
-    if (filter->time_constant == time_constant) {
-        return;
+/* Note zeros, if some have a deviation, and settings of the sample; whether those of the samples before are the same. */
+static int holds(Filter *filter, const Inputs *inputs) {
+    int uncertain = 0;
+    for (size_t k = filter->n_zeros / 2; k < filter->n_zeros; k++) {
+        uncertain |= inputs->zeros[k] > 0.0;
     }
-    filter->time_constant = time_constant;
-    Laws *laws = &filter->laws;
-    const FlightMap *flight = filter->solver->map;
-    double *covariance = laws->stationary.covariance;
-    memset(laws->stationary.mean, 0, law_doubles(laws) * sizeof(double));
-    memcpy(laws->stationary.mean, flight->prior_mean, N_STATES * sizeof(double));
-    for (size_t i = 0; i < filter->n_read; i++) {
-        covariance[i * laws->order + i] = stationary_variance(filter, i);
+    for (size_t k = 0; k < filter->n_zeros; k++) {
+        filter->latest[k] = uncertain ? inputs->zeros[k] : 0.0;
     }
-    for (size_t k = 0; k < N_STATES; k++) {
-        const double std = filter->map.rate[k] * (1.0 + filter->map.rate_time / time_constant);
-        laws->rate[k] = std * sqrt(flight->prior_precision[k]);
-        covariance[(filter->n_read + k) * (laws->order + 1)] = std * std;
+    for (size_t k = 0; k < N_SETTINGS; k++) {
+        filter->latest[filter->n_zeros + k] = scalar_input(inputs, OF_SETTINGS[k]);
     }
+    return filter->may_move || memcmp(filter->latest, filter->held, filter->n_held * sizeof *filter->latest) == 0;
 }
 
-/* Whether a serialised track may be read. */
-static int track_fits(const Filter *filter, const FilterTrack *track) {
-    int good = (track->has_law == 0.0 || track->has_law == 1.0) && isfinite(track->time) && isfinite(track->now)
-            && track->mean >= 0.0 && isfinite(track->mean) && track->steps >= 0.0 && isfinite(track->steps)
-            && track->widening >= 1.0 && track->widening <= filter->map.largest_widening;
-    for (size_t k = 0; k < N_NAVIGATION; k++) {
-        good = good && track->apart[k] >= 0.0 && isfinite(track->apart[k]) && isfinite(track->alarms[k]);
+/* Let variances hold the noise, and the noise be no less than rounding; whether all are numbers to calculate with. */
+static int set_noise(Filter *filter) {
+    int good = 1;
+    for (size_t i = 0; i < filter->channels; i++) {
+        const double variance = filter->variance[i], least = SMALLEST_NOISE * variance;
+        good = good && isfinite(filter->value[i]) && fabs(filter->value[i]) < LARGEST_VALUE && isfinite(variance)
+            && isfinite(filter->noise[i]) && variance >= 0.0 && variance < LARGEST_VARIANCE && filter->noise[i] >= 0.0;
+        if (good) {
+            filter->noise[i] = filter->noise[i] > least ? filter->noise[i] : least;
+            filter->noise[i] = filter->noise[i] < variance ? filter->noise[i] : variance;
+        }
     }
-    for (size_t k = 0; k < N_STATES; k++) {
-        good = good && isfinite(track->slope_state[k]);
+    return good;
+}
+
+int filter_sample(Filter *filter, const Inputs *inputs, double time_constant) {
+    Windows *windows = &filter->windows;
+    filter->is_sample = filter->is_filtered = set_noise(filter);
+    filter->coasts = 0;
+    filter->part_left = 1.0;
+    if (!filter->is_sample) {
+        return 0;
     }
-    return good && track->slope_age >= 0.0 && isfinite(track->slope_age);
+    if (!holds(filter, inputs)) {
+        windows->n_spans = 0;
+    }
+    filter->part_left = windows_look(windows, clock_now(filter), time_constant, filter->value, filter->noise,
+                                     filter->mean, filter->left, filter->rate);
+    windows->n_spans = (size_t)filter->track.n_spans;
+    for (size_t i = 0; i < filter->channels; i++) {
+        const double alone = filter->variance[i];
+        filter->left[i] += alone - filter->noise[i];
+        filter->factor[i] = alone > 0.0 ? sqrt(filter->left[i] / alone) : 1.0;
+    }
+    return 1;
+}
+
+double filter_no_sample(Filter *filter, const Inputs *inputs) {
+    filter->is_sample = filter->is_filtered = filter->coasts = 0;
+    filter->part_left = 1.0;
+    return filter->track.has_last != 0.0 && holds(filter, inputs) ? clock_now(filter) - filter->track.clock : -1.0;
+}
+
+void filter_take_next(Filter *filter, double time) {
+    FilterTrack *track = &filter->track;
+    if (filter->is_sample) {
+        const size_t size = filter->channels * sizeof *filter->value;
+        const double clock = clock_now(filter);
+        if (memcmp(filter->latest, filter->held, filter->n_held * sizeof *filter->latest) != 0) {
+            filter->windows.n_spans = 0;
+        }
+        memcpy(filter->held, filter->latest, filter->n_held * sizeof *filter->held);
+        windows_take(&filter->windows, clock, filter->value, filter->noise);
+        memcpy(filter->last_value, filter->mean, size);
+        memcpy(filter->last_variance, filter->left, size);
+        memcpy(filter->last_rate, filter->rate, size);
+        *track = (FilterTrack){.n_spans = (double)filter->windows.n_spans, .clock = clock, .time = track->now, .has_last = 1.0};
+        filter->is_sample = 0;
+    }
+    track->stepped = 0.0;
+    track->now = time;
+}
+
+static size_t span_size(const Filter *filter) {
+    return sizeof filter->windows.span;
 }
 
 size_t filter_state_size(const Filter *filter) {
-    return filter->present ? sizeof filter->base + law_state_size(&filter->laws) : 0;
+    return filter->present ? sizeof filter->track + span_size(filter) + filter->n_kept * sizeof *filter->kept : 0;
 }
 
 void filter_write_state(const Filter *filter, unsigned char *bytes) {
-    if (filter->present) {
-        memcpy(bytes, &filter->base, sizeof filter->base);
-        law_write_state(&filter->laws, filter->base.has_law != 0.0, bytes + sizeof filter->base);
+    const size_t channels = filter->channels, n_spans = filter->windows.n_spans;
+    if (!filter->present) {
+        return;
     }
+    memset(bytes, 0, filter_state_size(filter)); /* what is no longer used is not part of the state */
+    memcpy(bytes, &filter->track, sizeof filter->track);
+    bytes += sizeof filter->track;
+    memcpy(bytes, filter->windows.span, n_spans * sizeof *filter->windows.span);
+    bytes += span_size(filter);
+    if (filter->track.has_last != 0.0) {
+        memcpy(bytes, filter->kept, (filter->n_held + 3 * channels) * sizeof *filter->kept);
+    }
+    bytes += (filter->n_held + 3 * channels) * sizeof *filter->kept;
+    const double *const arrays[] = {filter->windows.value, filter->windows.product, filter->windows.noise};
+    for (size_t a = 0; a < 3; a++, bytes += MOST_SPANS * channels * sizeof **arrays) {
+        memcpy(bytes, arrays[a], n_spans * channels * sizeof **arrays);
+    }
+}
+
+/* Whether spans follow each other in time, with whole numbers of samples. */
+static int spans_fit(const Span *span, size_t count) {
+    int good = 1;
+    for (size_t k = 0; k < count; k++) {
+        good = good && span[k].count >= 1.0 && span[k].count <= 0x1p30 && span[k].spread >= 0.0 && span[k].spread < LARGEST
+            && fabs(span[k].time) < LARGEST;
+    }
+    return good;
 }
 
 int filter_state_fits(const Filter *filter, const unsigned char *bytes) {
     FilterTrack track;
+    Span span[MOST_SPANS];
     if (!filter->present) {
         return 1;
     }
+    const size_t n = sizeof track / sizeof(double) + MOST_SPANS * N_SPAN + filter->n_kept;
+    for (size_t k = 0; k < n; k++) {
+        double value;
+        memcpy(&value, bytes + k * sizeof value, sizeof value);
+        if (!isfinite(value) || fabs(value) > LARGEST) {
+            return 0;
+        }
+    }
     memcpy(&track, bytes, sizeof track);
-    return track_fits(filter, &track) && law_state_fits(&filter->laws, bytes + sizeof track);
+    memcpy(span, bytes + sizeof track, sizeof span);
+    if (!((track.stepped == 0.0 || track.stepped == 1.0) && (track.has_last == 0.0 || track.has_last == 1.0)
+          && track.n_spans >= 0.0 && track.n_spans <= (double)MOST_SPANS && track.n_spans == (double)(size_t)track.n_spans)
+        || !spans_fit(span, (size_t)track.n_spans)) {
+        return 0;
+    }
+    const unsigned char *noise = bytes + sizeof track + sizeof span
+                               + (filter->n_kept - MOST_SPANS * filter->channels) * sizeof(double);
+    const unsigned char *variance = bytes + sizeof track + sizeof span + (filter->n_held + filter->channels) * sizeof(double);
+    for (size_t k = 0; k < MOST_SPANS * filter->channels; k++) {
+        double one, other = 0.0;
+        memcpy(&one, noise + k * sizeof one, sizeof one);
+        if (k < filter->channels) {
+            memcpy(&other, variance + k * sizeof other, sizeof other);
+        }
+        if (!(one >= 0.0 && other >= 0.0)) {
+            return 0;
+        }
+    }
+    return 1;
 }
 
 void filter_read_state(Filter *filter, const unsigned char *bytes) {
     if (filter->present) {
-        memcpy(&filter->base, bytes, sizeof filter->base);
-        law_read_state(&filter->laws, bytes + sizeof filter->base);
+        memcpy(&filter->track, bytes, sizeof filter->track);
+        memcpy(filter->windows.span, bytes + sizeof filter->track, span_size(filter));
+        memcpy(filter->kept, bytes + sizeof filter->track + span_size(filter), filter->n_kept * sizeof *filter->kept);
+        filter->windows.n_spans = (size_t)filter->track.n_spans;
+        filter->is_sample = filter->is_filtered = filter->coasts = 0;
     }
 }

@@ -1,24 +1,71 @@
-/* Laws of the filter's states over time: strainfmu/estimator/reference/flight_filter.py, kalman.py. */
+/* The filter over time: averages of the estimates of single samples, for the linear and the nonlinear estimator.
+
+   It has one channel for each number that is averaged. docs/explanation/filter.md describes it. */
 
 #ifndef FILTER_H
 #define FILTER_H
 
-#include "filter_state.h"
+#include "../map/filter_map.h"
+#include "../sample/inputs.h"
+#include "windows.h"
 
-/* Fill in the sizes, and how many doubles it takes; handing them out. The first n_strains gauges have zeros. */
-size_t filter_doubles(Filter *filter, FlightSolver *solver, const Thermal *thermal, size_t n_strains);
-void filter_arrays(Filter *filter, double **doubles);
+/* The channels: loads and coefficients as they are put out, the flight state of a map with tables, then loads and coefficients
+   beside the five. */
+enum { LOAD_CHANNELS = 0, COEFFICIENT_CHANNELS = N_LOADS, STATE_CHANNELS = 2 * N_LOADS };
 
-/* Forget all steps. */
+/* What a step leaves to the next one, beside the arrays; all of it float64, as serialised. */
+typedef struct {
+    double stepped;  /* whether the outputs are those of a step that has been taken, 0 or 1 */
+    double n_spans;  /* of windows */
+    double clock;    /* time of its samples [s], which steps longer than the longest do not move further */
+    double time;     /* of the last sample that was taken [s] */
+    double now;      /* of the sample that follows [s] */
+    double has_last; /* whether there is a filtered sample, 0 or 1 */
+} FilterTrack;
+
+typedef struct {
+    int present; /* whether the map has one; if not, nothing else is set */
+    FilterMap map;
+    void *memory;
+    size_t channels, n_zeros, n_held;
+    FilterTrack track;
+    Windows windows;
+    int may_move;      /* whether zeros and settings may be others than those of the samples before: of derivatives */
+    double *kept;      /* (n_kept) what is serialised: held, last, windows; the next point into it */
+    size_t n_kept;
+    double *held;      /* (n_held) zeros, their deviations, 0 where none has one; references and moment point of the samples */
+    double *last_value, *last_variance, *last_rate; /* (channels) of the last filtered sample, and its rates [1/s] */
+    /* The sample at hand: */
+    double *value, *variance, *noise; /* (channels) of the estimate of it alone; the last: what averages out */
+    double *mean, *left, *factor;     /* (channels) filtered; the variance, and the deviation over that of the sample alone */
+    double *rate;
+    double *latest; /* (n_held) */
+    double *row;    /* scratch of whoever sets noise */
+    double part_left;                 /* of the variance of noise [1]; 1 where nothing is averaged */
+    int is_sample, is_filtered, coasts; /* whether there is one; whether the outputs are filtered, or go on without strain */
+} Filter;
+
+/* Read the part, if there is one, and allocate for so many channels and doubles of scratch. 1; 0 after a message. */
+int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t scratch, Filter *filter);
+void filter_free(Filter *filter);
+
+/* Forget all samples. */
 void filter_reset(Filter *filter);
 
-/* The state: the track, then the law; whether such bytes may be read. */
+/* Filter filter->value, variance and noise: the sample at hand, with these zeros, by windows of at most a time [s]. 0, and
+   there is no sample, where they are no numbers to calculate with. */
+int filter_sample(Filter *filter, const Inputs *inputs, double time_constant);
+
+/* There is no sample. Time since the last one that was filtered with the same zeros and settings [s]; negative for none. */
+double filter_no_sample(Filter *filter, const Inputs *inputs);
+
+/* The sample at hand is one before the next, at a time [s]. */
+void filter_take_next(Filter *filter, double time);
+
+/* The state; whether such bytes may be read. */
 size_t filter_state_size(const Filter *filter);
 void filter_write_state(const Filter *filter, unsigned char *bytes);
 int filter_state_fits(const Filter *filter, const unsigned char *bytes);
 void filter_read_state(Filter *filter, const unsigned char *bytes);
-
-/* Set the time constant [s]; the law of which nothing has been measured follows, in laws.stationary. */
-void filter_set_time_constant(Filter *filter, double time_constant);
 
 #endif

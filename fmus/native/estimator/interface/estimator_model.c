@@ -151,7 +151,7 @@ static int get_reals(Model *model, const Selection *which, double *value, char t
         } else if (other_real(e, variable) != NULL) {
             estimator_outputs(e);
             if (e->other_loads.outdated) {
-                estimator_other_loads(e);
+                flight_other_loads_update(&e->flight);
             }
             value[k] = *other_real(e, variable);
         } else if (zero_in_use(e, variable) != SIZE_MAX) {

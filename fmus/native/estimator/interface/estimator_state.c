@@ -4,12 +4,11 @@
 #include <string.h>
 
 #include "../../core/floating.h"
-#include "../filter/filter.h"
 #include "../policies/flight.h"
 #include "estimator_variables.h"
 
 /* Inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid, and whether its
-   reading was set; the tare; matrices that are made; the filter of a linear map; the track of the nonlinear estimator. Masks
+   reading was set; the tare; matrices that are made; the filter; the track of the nonlinear estimator. Masks
    and outputs follow from them. */
 
 enum { VALID_BIT = 1, GIVEN_BIT = 2 };
@@ -28,17 +27,16 @@ static size_t linear_size(const Estimator *e) {
 
 size_t model_state_size(const Model *model) {
     const Estimator *e = estimator_of(model);
-    return linear_size(e) + linear_filter_state_size(&e->linear_filter) + filter_state_size(&e->flight.filter)
+    return linear_size(e) + filter_state_size(&e->filter)
          + (e->flight.present ? sizeof(Track) : 0);
 }
 
 void model_write_state(const Model *model, unsigned char *bytes) {
     const Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(bytes + linear_size(e) + filter_state_size(&e->flight.filter), &e->flight.base, sizeof e->flight.base);
+        memcpy(bytes + linear_size(e) + filter_state_size(&e->filter), &e->flight.base, sizeof e->flight.base);
     }
-    filter_write_state(&e->flight.filter, bytes + linear_size(e));
-    linear_filter_write_state(&e->linear_filter, bytes + linear_size(e));
+    filter_write_state(&e->filter, bytes + linear_size(e));
     tare_write_state(&e->tare, bytes + input_size(e));
     renewal_write_state(&e->renewal, bytes + tared_size(e));
     memcpy(bytes, e->inputs.value, sizeof(double) * inputs_count(&e->inputs));
@@ -83,14 +81,14 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
         snprintf(text, MODEL_TEXT_SIZE, "holds zero offsets that are not allowed");
         return 0;
     }
-    if (!linear_filter_state_fits(&e->linear_filter, bytes + linear_size(e))) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds a law of the filter that cannot be");
+    if (!filter_state_fits(&e->filter, bytes + linear_size(e))) {
+        snprintf(text, MODEL_TEXT_SIZE, "holds samples of the filter that cannot be");
         return 0;
     }
     if (e->flight.present) {
         Track track;
-        memcpy(&track, bytes + linear_size(e) + filter_state_size(&e->flight.filter), sizeof track);
-        if (!flight_track_fits(&e->flight, &track) || !filter_state_fits(&e->flight.filter, bytes + linear_size(e))) {
+        memcpy(&track, bytes + linear_size(e) + filter_state_size(&e->filter), sizeof track);
+        if (!flight_track_fits(&e->flight, &track)) {
             snprintf(text, MODEL_TEXT_SIZE, "holds a flight state that cannot be");
             return 0;
         }
@@ -101,10 +99,9 @@ int estimator_check_state(const Model *model, const unsigned char *bytes, char t
 void model_read_state(Model *model, const unsigned char *bytes) {
     Estimator *e = estimator_of(model);
     if (e->flight.present) {
-        memcpy(&e->flight.base, bytes + linear_size(e) + filter_state_size(&e->flight.filter), sizeof e->flight.base);
+        memcpy(&e->flight.base, bytes + linear_size(e) + filter_state_size(&e->filter), sizeof e->flight.base);
     }
-    filter_read_state(&e->flight.filter, bytes + linear_size(e));
-    linear_filter_read_state(&e->linear_filter, bytes + linear_size(e));
+    filter_read_state(&e->filter, bytes + linear_size(e));
     tare_read_state(&e->tare, bytes + input_size(e));
     const Floating host = floating_enter();
     renewal_read_state(&e->renewal, bytes + tared_size(e));

@@ -51,7 +51,7 @@ static void linear_covariances(const Estimator *e, double *fit) {
     const double q = e->linear.flow.pressure, q_std = e->linear.flow.deviation;
     const ScaledStep *step = &e->linear.scaled.step;
     double transfer[N_LOADS][N_LOADS], loads[N_LOADS], per_pressure[N_LOADS], scale[N_LOADS], of_coefficient[N_LOADS];
-    memcpy(loads, step->loads, sizeof loads); /* the outputs may be the filter's */
+    memcpy(loads, step->loads, sizeof loads); /* the outputs may be filtered */
     move_moments(moment_shift(&e->inputs), loads);
     memcpy(per_pressure, step->per_pressure, sizeof per_pressure);
     move_moments(moment_shift(&e->inputs), per_pressure);
@@ -72,24 +72,6 @@ static void linear_covariances(const Estimator *e, double *fit) {
     transferred(transfer, step->covariance, of_coefficient, fit + COEFFICIENT_COVARIANCE);
 }
 
-/* The same of the filter of a linear map, which changes both by what earlier samples determine. */
-static void add_filtered(const Estimator *e, double *fit) {
-    const LinearFilter *filter = &e->linear_filter;
-    const double *scalar = e->inputs.value + e->map.n_gauges;
-    double scale[N_LOADS];
-    if (!linear_filters(e) || !filter->has_change) {
-        return;
-    }
-    coefficient_scales(e->linear.flow.pressure, scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
-    for (size_t i = 0; i < N_LOADS; i++) {
-        for (size_t j = 0; j < N_LOADS; j++) {
-            const double change = filter->change[i * N_LOADS + j];
-            fit[LOAD_COVARIANCE + i * N_LOADS + j] += change;
-            fit[COEFFICIENT_COVARIANCE + i * N_LOADS + j] += scale[i] * change * scale[j];
-        }
-    }
-}
-
 /* The same of the nonlinear estimator. */
 static void flight_covariances(const Estimator *e, double *fit) {
     const FlightMap *map = &e->flight.map;
@@ -106,6 +88,38 @@ static void flight_covariances(const Estimator *e, double *fit) {
         }
     }
     transferred(transfer, found->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
+}
+
+/* Covariances of filtered channels, of those of the sample alone. */
+static void scale_covariance(size_t count, const double *factor, double *covariance) {
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j < count; j++) {
+            covariance[i * count + j] *= factor[i] * factor[j];
+        }
+    }
+}
+
+static void write_filtered(const Estimator *e, double *fit) {
+    const Filter *filter = &e->filter;
+    scale_covariance(N_LOADS, filter->factor + LOAD_CHANNELS, fit + LOAD_COVARIANCE);
+    scale_covariance(N_LOADS, filter->factor + COEFFICIENT_CHANNELS, fit + COEFFICIENT_COVARIANCE);
+    if (e->flight.present) {
+        memcpy(fit + FLIGHT_STATE, filter->mean + STATE_CHANNELS, N_STATES * sizeof *fit);
+        scale_covariance(N_STATES, filter->factor + STATE_CHANNELS, fit + FLIGHT_STATE_COVARIANCE);
+    }
+}
+
+/* Without strain: variances alone. */
+static void write_coasted(const Estimator *e, double *fit) {
+    const Solution *found = &e->flight.solver.solution;
+    memset(fit + LOAD_COVARIANCE, 0, 2 * N_ENTRIES * sizeof *fit);
+    for (size_t i = 0; i < N_LOADS; i++) {
+        const double load = e->output[LOADS_STD + i], coefficient = e->output[COEFFICIENTS_STD + i];
+        fit[LOAD_COVARIANCE + i * (N_LOADS + 1)] = load * load;
+        fit[COEFFICIENT_COVARIANCE + i * (N_LOADS + 1)] = coefficient * coefficient;
+    }
+    memcpy(fit + FLIGHT_STATE, found->state, sizeof found->state);
+    memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
 }
 
 /* Gauges in use, and those that the largest residual points to. */
@@ -140,6 +154,10 @@ static void write_flight_fit(Estimator *e, double *fit, double *z) {
     if (isnan(e->output[LOADS])) {
         return;
     }
+    if (e->filter.present && e->filter.coasts) {
+        write_coasted(e, fit);
+        return;
+    }
     if (linear) {
         linear_covariances(e, fit);
     } else {
@@ -169,7 +187,6 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
     memset(z, 0, e->map.n_gauges * sizeof *z);
     scaled_standardised_residuals(&e->linear.scaled, z);
     linear_covariances(e, fit);
-    add_filtered(e, fit);
 }
 
 double degrees_of_freedom(const Estimator *e) {
@@ -195,6 +212,10 @@ void write_fit(Estimator *e, double *fit) {
         write_flight_fit(e, fit, z);
     } else {
         write_linear_fit(e, fit, z);
+    }
+    fit[NOISE_LEFT] = e->filter.present ? e->filter.part_left : 1.0;
+    if (fit[NOISE_LEFT] < 1.0) {
+        write_filtered(e, fit);
     }
     write_gauges(e, z + n, z + 2 * n);
 }

@@ -17,6 +17,7 @@ enum {
     AIR_DATA_RESIDUAL = FLIGHT_STATE_COVARIANCE + N_STATES * N_STATES, /* (3) standardised: M, p, q */
     DISCREPANCY_CHI_SQUARE = AIR_DATA_RESIDUAL + N_NAVIGATION,        /* of the discrepancy modes in the residual */
     RESIDUAL_LIMIT,                                                   /* detection threshold of the largest |z| */
+    NOISE_LEFT,                                                       /* part of the variance of noise; 1 of a sample alone */
     OF_GAUGES
 };
 

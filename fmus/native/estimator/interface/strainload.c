@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "../../core/floating.h"
-#include "../filter/linear_filter.h"
 #include "../policies/flight.h"
 #include "../sample/readings.h"
 #include "fit.h"
@@ -126,6 +125,7 @@ static void describe_fit(StrainLoad *handle) {
     add_field(record, "air_data_residual", N_NAVIGATION);
     add_field(record, "discrepancy_chi_square", 1);
     add_field(record, "residual_limit", 1);
+    add_field(record, "noise_left", 1);
     add_field(record, "standardised_residual", n);
     add_field(record, "valid", n);
     add_field(record, "is_suspect", n);
@@ -317,7 +317,7 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
     }
     if (e->other_loads.present) {
         if (e->other_loads.outdated) {
-            estimator_other_loads(e);
+            flight_other_loads_update(&e->flight);
         }
         for (int part = 0; part < N_OTHER_VALUES; part++, output += e->other_loads.map.n_loads) {
             memcpy(output, e->other_loads.value[part], e->other_loads.map.n_loads * sizeof *output);

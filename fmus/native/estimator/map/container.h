@@ -14,7 +14,7 @@
 
 #include "../../core/resource.h"
 
-#define MAP_FORMAT_VERSION 6
+#define MAP_FORMAT_VERSION 7
 #define MOST_ARRAYS 512
 
 typedef struct {

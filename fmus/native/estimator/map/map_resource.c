@@ -103,7 +103,7 @@ int map_parse(MapFile *file, Map *map) {
     take_form(file, map);
     map->incidence_per_force = map_has(file, "angles") ? map_positive(file, "angles.incidence_per_force") : 0.0;
     map->has_tables = map_has(file, "flight");
-    map->has_filter = map_has(file, "filter") || map_has(file, "linear_filter");
+    map->has_filter = map_has(file, "filter");
     map->has_known = map_has(file, "parameter_tables");
     return file->good;
 }

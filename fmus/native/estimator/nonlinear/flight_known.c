@@ -239,26 +239,24 @@ static void use(Known *known, const Errors *errors) {
     known->in_use = errors == &known->own;
 }
 
-int known_follow(Known *known, const Inputs *inputs) {
+void known_follow(Known *known, const Inputs *inputs) {
     if (!any_parameter_known(known, inputs)) {
-        return known_forget(known);
+        known_forget(known);
+        return;
     }
-    const int other = note_values(known, inputs), changes = other || !known->in_use;
+    const int other = note_values(known, inputs);
     if (other) {
         weigh(known);
         known->tables.parts.round = known->other_loads.parts.round = known->tables.parts.round + 1.0;
         set_products(known, known->solver->n_gauges, known->solver->n);
     }
-    if (changes) {
+    if (other || !known->in_use) {
         use(known, &known->own);
     }
-    return changes;
 }
 
-int known_forget(Known *known) {
-    const int changes = known->in_use;
-    if (changes) {
+void known_forget(Known *known) {
+    if (known->in_use) {
         use(known, &known->mean);
     }
-    return changes;
 }

@@ -46,11 +46,10 @@ void known_lay_out(const TableMap *mean, const TableMap *others, Known *known);
 size_t known_doubles(const Known *known, size_t n_gauges);
 void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles);
 
-/* Let the solver's tables be those about what the inputs know, or those of the mean where they know nothing. Whether they are
-   others than before. */
-int known_follow(Known *known, const Inputs *inputs);
+/* Let the solver's tables be those about what the inputs know, or those of the mean where they know nothing. */
+void known_follow(Known *known, const Inputs *inputs);
 
-/* Let them be those of the mean; the same. */
-int known_forget(Known *known);
+/* Let them be those of the mean. */
+void known_forget(Known *known);
 
 #endif

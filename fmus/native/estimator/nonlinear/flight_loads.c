@@ -25,11 +25,11 @@ double flight_along(const double *by_state, const double *shift) {
     return sum;
 }
 
-PressureErrors flight_pressure_errors(const FlightSolver *solver, const double *shift) {
+PressureErrors flight_pressure_errors(const FlightSolver *solver) {
     const double mach = solver->state[STATE_MACH];
     PressureErrors found = {.dynamic = solver->map->half_gamma * mach * mach * solver->response.pressure,
                             .by_state = {2.0 / mach, 0.0, 0.0, 1.0}};
-    const double considered = flight_along(found.by_state, shift);
+    const double considered = flight_along(found.by_state, solver->considered.shift);
     const double of_log = sqrt(quadratic(N_STATES, found.by_state, solver->solution.state_covariance, found.by_state)
                                + considered * considered);
     const double widening = lognormal_deviation(of_log) / of_log;
@@ -105,7 +105,7 @@ void flight_set_loads(FlightSolver *solver) {
     const double square = solver->factor_pressure * solver->factor_pressure;
     set_considered(solver);
     const double *shift = solver->considered.shift;
-    const PressureErrors pressure = flight_pressure_errors(solver, shift);
+    const PressureErrors pressure = flight_pressure_errors(solver);
     Solution *found = &solver->solution;
     double of_load[N_LOADS], of_both[N_LOADS]; /* the considered error of loads and of coefficients */
     double *turned = solver->turned, by_state[N_LOADS][N_STATES], of_coefficient[N_LOADS][N_STATES], scale[N_LOADS];

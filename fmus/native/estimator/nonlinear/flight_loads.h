@@ -14,8 +14,7 @@ typedef struct {
     double dynamic, by_state[N_STATES], wider;
 } PressureErrors;
 
-/* Where the state errs by `shift` besides, (N_STATES). */
-PressureErrors flight_pressure_errors(const FlightSolver *solver, const double *shift);
+PressureErrors flight_pressure_errors(const FlightSolver *solver);
 
 /* The product of derivatives by the state and a change of the state. */
 double flight_along(const double *by_state, const double *shift);

@@ -78,7 +78,7 @@ void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *so
     const size_t m = other_loads->map.tables.n_rows;
     flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     flight_turn(solver, other_loads->map.strain_covariance, m, other_loads->turned);
-    const PressureErrors pressure = flight_pressure_errors(solver, solver->considered.shift);
+    const PressureErrors pressure = flight_pressure_errors(solver);
     for (size_t j = 0; j < m; j++) {
         set_load(other_loads, solver, inputs, j, &pressure, out);
     }

@@ -28,7 +28,7 @@ static void set_factor(FlightSolver *solver) {
         }
         factor[g * n + g] = 1.0;
     }
-    cholesky(solver->wide, n, n, factor);
+    cholesky(solver->wide, n, factor);
 }
 
 static void evaluate(FlightSolver *solver, const double *state) {
@@ -38,10 +38,6 @@ static void evaluate(FlightSolver *solver, const double *state) {
 
 static double larger_mach(double mach) {
     return mach > MIN_MACH ? mach : MIN_MACH;
-}
-
-double flight_log_mach_slope(double mach) {
-    return 2.0 / larger_mach(mach);
 }
 
 /* What the measurement reads at the state of the problem, subtracted from what it reads. */
@@ -55,12 +51,7 @@ static void set_innovation(FlightSolver *solver) {
     for (size_t k = 0; k < N_STATES; k++) {
         innovation[N_NAVIGATION + k] = value[N_NAVIGATION + k] - state[k];
     }
-    solver->log_mach_slope = flight_log_mach_slope(state[STATE_MACH]);
-}
-
-void flight_evaluate(FlightSolver *solver, const double *state) {
-    evaluate(solver, state);
-    set_innovation(solver);
+    solver->log_mach_slope = 2.0 / larger_mach(state[STATE_MACH]);
 }
 
 void flight_measurement_row(double log_mach_slope, size_t which, double *row) {

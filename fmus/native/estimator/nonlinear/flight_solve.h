@@ -24,12 +24,8 @@ void flight_settle(FlightSolver *solver);
 /* Its standardised residuals of the gauges, which settling leaves as they were. */
 void flight_set_gauge_residuals(FlightSolver *solver);
 
-/* The response, and what the measurement reads beside its values, at a state. For the filter, as the next two. */
-void flight_evaluate(FlightSolver *solver, const double *state);
-
-/* Row of the measurement's Jacobian, of a derivative of ln q_inf by the Mach number; and that derivative. */
+/* Row of the measurement's Jacobian, of a derivative of ln q_inf by the Mach number. */
 void flight_measurement_row(double log_mach_slope, size_t which, double *row);
-double flight_log_mach_slope(double mach);
 
 /* A step from a state, not too long, and inside the reach of the tables. */
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state);

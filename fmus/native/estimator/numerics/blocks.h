@@ -44,8 +44,8 @@
         some(LANES); \
     }
 
-/* What a product becomes: itself, what was there before and it, or what was there before without it. */
-typedef enum { SET, ADD, SUBTRACT } Change;
+/* What a product becomes: itself, or what was there before without it. */
+typedef enum { SET, SUBTRACT } Change;
 
 /* Rows and columns are constants where it is called, as the change is. `before` lies as the product does. */
 EVERYWHERE void block(Change change, size_t rows, size_t columns, size_t inner, const double *restrict left, size_t row,

@@ -45,8 +45,8 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
 
 /* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. The divisions wait
    for each other, roots do not: L D L' first, then times the roots of D. */
-EVERYWHERE void decompose(size_t n, size_t row, size_t k, double *restrict a) {
-    double *restrict c0 = a + k * row, *restrict c1 = c0 + row, *restrict c2 = c1 + row, *restrict c3 = c2 + row;
+EVERYWHERE void decompose(size_t n, size_t k, double *restrict a) {
+    double *restrict c0 = a + k * n, *restrict c1 = c0 + n, *restrict c2 = c1 + n, *restrict c3 = c2 + n;
     const double d0 = 1.0 / c0[k], f01 = c0[k + 1] * d0, f02 = c0[k + 2] * d0, f03 = c0[k + 3] * d0;
     const double d1 = 1.0 / (c1[k + 1] - f01 * c0[k + 1]);
     const double u12 = c1[k + 2] - f01 * c0[k + 2], u13 = c1[k + 3] - f01 * c0[k + 3], f12 = u12 * d1, f13 = u13 * d1;
@@ -135,13 +135,13 @@ EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, d
 }
 
 /* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
-static void invert_diagonal(size_t row, const double *restrict lower, size_t k, double small[LANES][LANES]) {
+static void invert_diagonal(size_t n, const double *restrict lower, size_t k, double small[LANES][LANES]) {
     for (size_t c = 0; c < LANES; c++) {
-        const double scale = 1.0 / lower[(k + c) * row + k + c];
+        const double scale = 1.0 / lower[(k + c) * n + k + c];
         for (size_t j = 0; j < LANES; j++) {
             double sum = j == c ? 1.0 : 0.0;
             for (size_t b = 0; b < c; b++) {
-                sum -= lower[(k + b) * row + k + c] * small[b][j];
+                sum -= lower[(k + b) * n + k + c] * small[b][j];
             }
             small[c][j] = j <= c ? sum * scale : 0.0;
         }
@@ -168,24 +168,6 @@ EVERYWHERE void back(size_t n, const double *restrict inverse, const double *res
             for (size_t v = 0; v < N_TURNED; v++) {
                 y[v * n + j + r] = sum[v][r];
             }
-        }
-    }
-}
-
-/* y = M x of a lower triangular matrix, LANES rows at once: their sums do not wait for each other. */
-EVERYWHERE void times(size_t n, const double *restrict lower, const double *restrict x, double *restrict y) {
-    for (size_t i = 0; i < n; i += LANES) {
-        const double *restrict rows = lower + i * n;
-        double sum[LANES][LANES] = {{0.0}};
-        for (size_t j = 0; j <= i; j += LANES) {
-            for (size_t c = 0; c < LANES; c++) {
-                for (size_t r = 0; r < LANES; r++) {
-                    sum[c][r] += rows[c * n + j + r] * x[j + r];
-                }
-            }
-        }
-        for (size_t c = 0; c < LANES; c++) {
-            y[i + c] = (sum[c][0] + sum[c][1]) + (sum[c][2] + sum[c][3]);
         }
     }
 }
@@ -219,8 +201,8 @@ AVX2 static void all_products_avx2(size_t n, const double *x, double products[N_
     all_products(n, x, products);
 }
 
-AVX2 static void decompose_avx2(size_t n, size_t row, size_t k, double *matrix) {
-    decompose(n, row, k, matrix);
+AVX2 static void decompose_avx2(size_t n, size_t k, double *matrix) {
+    decompose(n, k, matrix);
 }
 
 AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
@@ -234,17 +216,12 @@ AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, doub
 AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
     back(n, inverse, x, y, squares);
 }
-
-AVX2 static void times_avx2(size_t n, const double *lower, const double *x, double *y) {
-    times(n, lower, x, y);
-}
 #endif
 
-void cholesky(int wide, size_t n, size_t row, double *matrix) {
+void cholesky(int wide, size_t n, double *matrix) {
     for (size_t k = 0; k < n; k += LANES) {
-        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, row}, matrix + k, row, matrix + k * row + k,
-                         row);
-        CHOSEN(wide, decompose)(n, row, k, matrix);
+        subtract_product(wide, LANES, k, n - k, (Strided){matrix + k, 1, n}, matrix + k, n, matrix + k * n + k, n);
+        CHOSEN(wide, decompose)(n, k, matrix);
     }
 }
 
@@ -272,44 +249,8 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
     }
 }
 
-void invert_diagonals(size_t n, size_t row, const double *lower, double *diagonals) {
-    for (size_t k = 0; k < n; k += LANES) {
-        double small[LANES][LANES];
-        invert_diagonal(row, lower, k, small);
-        memcpy(diagonals + k * LANES, small, sizeof small);
-    }
-}
-
-/* LANES rows of x, (LANES, N_COLUMNS), times L^-1 (LANES, LANES) or its transpose. */
-static void turn_rows(int wide, Strided small, double *x) {
-    double before[LANES * N_COLUMNS];
-    memcpy(before, x, sizeof before);
-    multiply(wide, FULL, LANES, LANES, N_COLUMNS, small, before, N_COLUMNS, x, N_COLUMNS);
-}
-
-void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
-    for (size_t k = 0; k < n; k += LANES) {
-        subtract_product(wide, LANES, k, N_COLUMNS, (Strided){lower + k, 1, row}, x, N_COLUMNS, x + k * N_COLUMNS,
-                         N_COLUMNS);
-        turn_rows(wide, by_rows(diagonals + k * LANES, LANES), x + k * N_COLUMNS);
-    }
-}
-
-void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x) {
-    for (size_t k = n; k > 0; k -= LANES) {
-        const size_t first = k - LANES;
-        subtract_product(wide, LANES, n - k, N_COLUMNS, (Strided){lower + first * row + k, row, 1}, x + k * N_COLUMNS,
-                         N_COLUMNS, x + first * N_COLUMNS, N_COLUMNS);
-        turn_rows(wide, (Strided){diagonals + first * LANES, 1, LANES}, x + first * N_COLUMNS);
-    }
-}
-
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares) {
     CHOSEN(wide, back)(n, inverse, x, y, squares);
-}
-
-void times_lower(int wide, size_t n, const double *lower, const double *x, double *y) {
-    CHOSEN(wide, times)(n, lower, x, y);
 }
 
 void lane_products(int wide, size_t n, const double *x, double products[N_TURNED][N_TURNED]) {

@@ -8,21 +8,14 @@
 
 #include <stddef.h>
 
-/* Replace the lower triangle of a positive definite matrix (n, n) by L, matrix = L L'; columns lie `row` apart. */
-void cholesky(int wide, size_t n, size_t row, double *matrix);
+/* Replace the lower triangle of a positive definite matrix (n, n) by L, matrix = L L'. */
+void cholesky(int wide, size_t n, double *matrix);
 
 /* x = L^-1 x for `count` vectors, n apart. */
 void solve_lower(int wide, size_t n, const double *lower, size_t count, double *x);
 
 /* x = L'^-1 x for `count` vectors, n apart. */
 void solve_upper(int wide, size_t n, const double *lower, size_t count, double *x);
-
-/* The same for vectors as columns (n, N_COLUMNS), of an L whose columns lie `row` apart; diagonals (n, LANES) are the
-   inverses of its LANES by LANES. */
-#define N_COLUMNS 8
-void invert_diagonals(size_t n, size_t row, const double *lower, double *diagonals);
-void solve_lower_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x);
-void solve_upper_columns(int wide, size_t n, size_t row, const double *lower, const double *diagonals, double *x);
 
 /* L^-1 (n, n) by rows; of what lies right of the diagonal's LANES, the next LANES are 0, others are not set. scratch
    takes (LANES, n). */
@@ -31,9 +24,6 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
 /* y = L'^-1 x for N_TURNED vectors, n apart, and the sums of squares (n) of the columns of L^-1. */
 #define N_TURNED 5
 void turn_back(int wide, size_t n, const double *inverse, const double *x, double *y, double *squares);
-
-/* y (n) = M x of a lower triangular matrix by rows, with zeros in the LANES of its diagonal. */
-void times_lower(int wide, size_t n, const double *lower, const double *x, double *y);
 
 /* Sum of x[i] y[i] over n elements, a multiple of LANES, in LANES parts. */
 double lane_dot(size_t n, const double *x, const double *y);

@@ -3,11 +3,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "../filter/filter.h"
-#include "../filter/filter_other_loads.h"
+#include "../linear/linear_other_loads.h"
 #include "../nonlinear/flight_sample.h"
 #include "../nonlinear/flight_solver.h"
-#include "flight_filter.h"
 #include "flight_outputs.h"
 #include "flight_track.h"
 
@@ -19,23 +17,16 @@ static int parse(Flight *flight, MapFile *file) {
     const size_t n = inputs->map->n_gauges, n_loads = flight->loads->map.n_loads;
     FlightOtherLoadsMap *loads = &flight->other_loads.map;
     Known *known = &flight->known;
-    Filter *filter = &flight->filter;
     known->present = inputs->map->has_known;
-    filter->present = inputs->map->has_filter;
     if (!flight_map_parse(file, n, &flight->map)
         || (map_has(file, "flight_loads") && !flight_other_loads_parse(file, &flight->map, n, n_loads, loads))
         || (map_has(file, "considered") && !considered_parse(file, n + N_LOADS + n_loads, &flight->map))
-        || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))
-        || (filter->present && !filter_map_parse(file, n, &filter->map))) {
+        || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))) {
         return 0;
     }
     if (known->present) {
         map_require(file, known->map.n_parameters == inputs->parameters->count, "parameter_tables.mean",
                     "the parameters of the map");
-    }
-    if (filter->present) {
-        map_require(file, filter->map.n_other == n_loads, "filter.other_load", "the section loads of the map");
-        map_require(file, filter->map.n_modes == flight->thermal->map.n_modes, "filter.n_modes", "that of the temperature modes");
     }
     known_lay_out(&flight->map.tables, &loads->tables, known);
     return file->good;
@@ -47,13 +38,10 @@ static int allocate(Flight *flight) {
     FlightSolver *solver = &flight->solver;
     FlightOtherLoads *other_loads = &flight->other_loads;
     Known *known = &flight->known;
-    Filter *filter = &flight->filter;
     solver->map = &flight->map;
     solver->n = in_lanes(n);
-    filter->laws.n_parameters = known->present ? known->map.n_parameters : 0;
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_other_loads_doubles(&other_loads->map, n)
-                       + (known->present ? known_doubles(known, n) : 0)
-                       + (filter->present ? filter_doubles(filter, solver, flight->thermal, flight->inputs->sensors->n_strains) : 0);
+                       + (known->present ? known_doubles(known, n) : 0);
     flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
     if (flight->memory == NULL) {
         return 0;
@@ -65,9 +53,6 @@ static int allocate(Flight *flight) {
     flight_other_loads_arrays(other_loads, n, &doubles);
     if (known->present) {
         known_arrays(&flight->map, solver, other_loads, known, &doubles);
-    }
-    if (filter->present) {
-        filter_arrays(filter, &doubles);
     }
     return 1;
 }
@@ -96,25 +81,6 @@ void flight_free(Flight *flight) {
 void flight_reset(Flight *flight) {
     memset(&flight->base, 0, sizeof flight->base);
     memset(&flight->next, 0, sizeof flight->next);
-    if (flight->filter.present) {
-        filter_reset(&flight->filter);
-    }
-}
-
-/* The filter is off: it leaves nothing. */
-static void forget_law(Filter *filter) {
-    filter->next = filter->base;
-    filter->next.has_law = filter->next.steps = 0.0;
-    filter->next.mean = filter->next.widening = 1.0;
-    memset(filter->next.apart, 0, sizeof filter->next.apart);
-    memset(filter->next.alarms, 0, sizeof filter->next.alarms);
-}
-
-/* Tables are others: what a filter has kept of them is not theirs. */
-static void forget_slopes(Flight *flight, int changed) {
-    if (changed) {
-        flight->filter.slope_response.known = 0;
-    }
 }
 
 void flight_update(Flight *flight) {
@@ -123,15 +89,7 @@ void flight_update(Flight *flight) {
     flight->solver.iterations = 0;
     navigation_of(&flight->map, flight->inputs, &flight->navigation);
     measured_angles(flight->inputs, &flight->solver.angles);
-    forget_slopes(flight, known_follow(&flight->known, flight->inputs));
-    if (flight_filters(flight)) {
-        flight_filter_update(flight, used);
-        memset(flight->next.widening, 0, sizeof flight->next.widening);
-        return;
-    }
-    if (flight->filter.present) {
-        forget_law(&flight->filter);
-    }
+    known_follow(&flight->known, flight->inputs);
     if (used == 0) {
         flight_set_nothing_known(flight);
     } else {
@@ -140,12 +98,9 @@ void flight_update(Flight *flight) {
 }
 
 void flight_other_loads_update(Flight *flight) {
-    if (flight_filters(flight)) {
-        if (isnan(flight->output[LOADS])) {
-            other_loads_unknown(flight->loads);
-        } else {
-            filter_other_loads(&flight->filter, &flight->other_loads, flight->inputs, flight->loads);
-        }
+    flight->loads->outdated = 0;
+    if (!flight->present || flight->flag[LINEAR_LOADS]) {
+        linear_other_loads_update(flight->linear);
     } else if (flight->output[VALID_GAUGES] == 0.0) {
         other_loads_unknown(flight->loads);
     } else {
@@ -154,7 +109,7 @@ void flight_other_loads_update(Flight *flight) {
 }
 
 /* flight_track.c solves from the last state and by a search, each with all of navigation and without what is inconsistent.
-   Then it may go over to another end of the searches, and looks to both sides of what it has found. A filter takes fewer. */
+   Then it may go over to another end of the searches, and looks to both sides of what it has found. */
 size_t flight_most_iterations(const Flight *flight) {
     const FlightMap *map = &flight->map;
     const size_t start = (size_t)map->start_iterations, cold = (size_t)map->cold_iterations;
@@ -165,7 +120,7 @@ size_t flight_most_iterations(const Flight *flight) {
 
 void flight_renew(Flight *flight) {
     const AddedNoise *noise = &flight->linear->prepared.noise;
-    forget_slopes(flight, known_forget(&flight->known));
+    known_forget(&flight->known);
     flight_solver_add_noise(&flight->solver, noise->own, noise->added);
 }
 
@@ -177,19 +132,12 @@ static int is_state(const double state[N_STATES]) {
     return good;
 }
 
-void flight_take_next(Flight *flight, double time) {
-    Filter *filter = &flight->filter;
+void flight_take_next(Flight *flight) {
     if (!is_state(flight->next.state)) { /* a map of extreme numbers: nothing to go on from */
         memset(&flight->next, 0, sizeof flight->next);
-        if (filter->present) {
-            forget_law(filter);
-        }
     }
     flight->base = flight->next;
     flight->base.stepped = 0.0;
-    laws_take_next(&filter->laws);
-    filter->base = filter->next;
-    filter->base.now = time;
 }
 
 int flight_track_fits(const Flight *flight, const Track *track) {

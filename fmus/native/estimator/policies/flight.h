@@ -5,8 +5,8 @@
 
 #include "flight_state.h"
 
-/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear, thermal and loads
-   are set. */
+/* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear and loads are
+   set. */
 int flight_create(Flight *flight, MapFile *file);
 void flight_free(Flight *flight);
 void flight_reset(Flight *flight);
@@ -14,7 +14,7 @@ void flight_reset(Flight *flight);
 /* Set all outputs for the present inputs, from the track of the last step. */
 void flight_update(Flight *flight);
 
-/* Set flight->loads->value for the last update, by the tables. */
+/* Set flight->loads->value for the last update: by the tables, or by the linear map where it stands in or is alone. */
 void flight_other_loads_update(Flight *flight);
 
 /* The most Gauss-Newton iterations of a step; those of the last one are flight->solver.iterations. */
@@ -23,8 +23,8 @@ size_t flight_most_iterations(const Flight *flight);
 /* The gauges have other errors: those of the linear estimator. */
 void flight_renew(Flight *flight);
 
-/* What the last step left is what the next one starts from, at a point in time [s]. */
-void flight_take_next(Flight *flight, double time);
+/* What the last step left is what the next one starts from. */
+void flight_take_next(Flight *flight);
 
 /* Whether a serialised track may be read. */
 int flight_track_fits(const Flight *flight, const Track *track);

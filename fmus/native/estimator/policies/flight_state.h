@@ -6,7 +6,6 @@
 #ifndef FLIGHT_STATE_H
 #define FLIGHT_STATE_H
 
-#include "../filter/filter_state.h"
 #include "../linear/linear_state.h"
 #include "../nonlinear/flight_air_data.h"
 #include "../nonlinear/flight_known.h"
@@ -31,13 +30,11 @@ typedef struct {
     Inputs *inputs;
     double *output;   /* (N_OUTPUTS) of the estimator */
     Linear *linear;   /* for what fits no table */
-    Thermal *thermal;
     OtherLoads *loads;   /* beside the five, of a map that has some */
     FlightMap map;
     FlightSolver solver;
     FlightOtherLoads other_loads;
     Known known; /* parameters of the flow, of a map with tables of them */
-    Filter filter; /* over time, if the map has one */
     void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */

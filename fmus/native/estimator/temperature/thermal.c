@@ -63,8 +63,7 @@ int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     thermal->factor = thermal->of_gauge + rows;
     thermal->offset = thermal->factor + n_gauges;
     thermal->information = thermal->offset + n_gauges;
-    thermal->spread = thermal->information + k * k;
-    thermal->amplitude = thermal->spread + k * k;
+    thermal->amplitude = thermal->information + k * k;
     thermal->scratch = thermal->amplitude + k * map->n_sensors;
     thermal->known = (unsigned char *)(thermal->gain + count);
     thermal->present = 1;
@@ -130,11 +129,6 @@ static void set_amplitudes(Thermal *thermal, double *seen, double *left, double 
             amplitude[a * n_t + t] = dot(k, left + a * k, seen + t * k) / map->sensor_std[t];
         }
     }
-    for (size_t a = 0; a < k; a++) {
-        for (size_t b = 0; b < k; b++) {
-            thermal->spread[a * k + b] = dot(k, left + a * k, left + b * k) / (map->prior_std[a] * map->prior_std[b]);
-        }
-    }
 }
 
 /* The covariances: isothermal, and what the sensors leave of the modes. */
@@ -191,28 +185,6 @@ void thermal_renew(Thermal *thermal) {
     dense_panels(2 * n, n_t, gain, n_t, 1, thermal->gain);
 }
 
-void thermal_tell(const Thermal *thermal, double *amplitude, double *known) {
-    const size_t n_t = thermal->map.n_sensors;
-    for (size_t a = 0; a < thermal->map.n_modes; a++) {
-        double sum = 0.0;
-        for (size_t t = 0; t < n_t; t++) {
-            sum += thermal->amplitude[a * n_t + t] * thermal->rise[t];
-        }
-        amplitude[a] = sum;
-    }
-    for (size_t t = 0; t < n_t; t++) {
-        known[t] = thermal->known[t];
-    }
-}
-
-void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *row) {
-    const size_t k = thermal->map.n_modes;
-    const double *std = thermal->map.prior_std;
-    for (size_t j = 0; j < k; j++) {
-        row[j] += part * std[mode] * thermal->spread[mode * k + j] * std[j];
-    }
-}
-
 /* Factors and offsets of all gauges for their rise and strain. */
 EVERYWHERE void set_factors(size_t n, size_t n_powers, const double *restrict powers, double gauge_factor, double modulus,
                             const double *restrict strain, const double *restrict rise, double *restrict factor,
@@ -261,29 +233,5 @@ void thermal_correct(Thermal *thermal, double *restrict strain) {
     const double *restrict factor = thermal->factor, *restrict offset = thermal->offset;
     for (size_t i = 0; i < thermal->n_gauges; i++) {
         strain[i] = strain[i] * factor[i] - offset[i];
-    }
-}
-
-void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *restrict strain) {
-    const ThermalMap *map = &thermal->map;
-    const size_t n = thermal->n_gauges, k = map->n_modes;
-    const double first = map->n_powers > 0 ? map->apparent_strain[0] : 0.0;
-    double *of_strain = thermal->of_gauge, *of_rise = of_strain + n;
-    for (size_t i = 0; i < n; i++) {
-        of_strain[i] = of_rise[i] = 0.0;
-        for (size_t a = 0; a < k; a++) {
-            of_strain[i] += map->mode_strain[i * k + a] * (amplitude[a] + errors[a]);
-            of_rise[i] += map->gauge_operator[i * k + a] * (amplitude[a] + errors[a]);
-        }
-    }
-    CHOSEN(thermal->wide, set_factors)(n, map->n_powers, map->apparent_strain, map->gauge_factor_slope,
-                                       map->modulus_slope, of_strain, of_rise, thermal->factor, thermal->offset);
-    thermal->outdated = 1; /* they are no longer those of the sensors */
-    for (size_t i = 0; i < n; i++) {
-        double of_errors = 0.0;
-        for (size_t a = 0; a < k; a++) {
-            of_errors += (map->mode_strain[i * k + a] + first * map->gauge_operator[i * k + a]) * errors[a];
-        }
-        strain[i] = strain[i] * thermal->factor[i] - thermal->offset[i] + of_errors;
     }
 }

@@ -38,9 +38,8 @@ typedef struct {
     double *factor;       /* (n_gauges) and from them what a reading is multiplied with, */
     double *offset;       /* (n_gauges) and what is taken off then */
     int outdated;         /* whether of_gauge, factor and offset are those of other readings */
-    double *information;  /* (n_modes, n_modes) of the amplitudes by prior and known sensors, amplitudes over prior_std; */
-    double *spread;       /* its inverse; */
-    double *amplitude;    /* (n_modes, n_sensors) and the amplitudes per rise [1]; these three for the filters */
+    double *information;  /* (n_modes, n_modes) of the amplitudes by prior and known sensors, amplitudes over prior_std, */
+    double *amplitude;    /* (n_modes, n_sensors) and the amplitudes per rise [1] */
     double *scratch;
 } Thermal;
 
@@ -54,18 +53,7 @@ int thermal_read(Thermal *thermal, const double *temperature);
 /* Make gain and covariances for the known sensors. */
 void thermal_renew(Thermal *thermal);
 
-/* What the sensors tell, to a filter: amplitudes of the modes (n_modes) [K]; and which sensors those are (n_sensors), 0 or
-   1. */
-void thermal_tell(const Thermal *thermal, double *amplitude, double *known);
-
-/* row (n_modes) += part times the covariance with all of what they leave of a mode's amplitude [K2]. */
-void thermal_add_left(const Thermal *thermal, size_t mode, double part, double *row);
-
 /* Bring strains less zeros (n_gauges) to the reference temperature. */
 void thermal_correct(Thermal *thermal, double *strain);
-
-/* The same by amplitudes of the modes (n_modes) [K] and a filter's mean of their errors (n_modes), and add what gauges read
-   of the latter. */
-void thermal_correct_about(Thermal *thermal, const double *amplitude, const double *errors, double *strain);
 
 #endif

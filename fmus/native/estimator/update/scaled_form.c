@@ -357,3 +357,31 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     *variance = *variance > 0.0 ? *variance : 0.0;
 }
 
+
+/* The gain of a load whose directions lie `apart`: that with all gauges, less what the lost ones would say. */
+static void set_gain(const Scaled *scaled, const double *load, size_t apart, const double *growth, double *gain) {
+    const ScaledStep *step = &scaled->step;
+    const size_t n = scaled->map->n_gauges;
+    double *weighted = step->scratch[0];
+    for (size_t a = 0; a < n; a++) {
+        weighted[a] = step->weight[a] * load[a * apart];
+    }
+    dense_times(scaled->wide, n, n, scaled->columns, weighted, gain);
+    for (size_t k = 0; k < step->n_lost; k++) {
+        const double *y = step->y + k * dense_rows(n);
+        for (size_t g = 0; g < n; g++) {
+            gain[g] -= growth[k] * y[g];
+        }
+    }
+}
+
+void scaled_gain(const Scaled *scaled, size_t i, double *gain) {
+    set_gain(scaled, scaled->map->form.load + i, N_LOADS, scaled->step.growth + i * scaled->step.n_lost, gain);
+}
+
+double scaled_other_gain(const Scaled *scaled, size_t j, double *gain) {
+    double value, variance, per_pressure;
+    scaled_other_load(scaled, j, &value, &variance, &per_pressure);
+    set_gain(scaled, scaled->other_loads->load + j, scaled->other_loads->map.n_loads, scaled->other_loads->growth, gain);
+    return per_pressure;
+}

@@ -1,0 +1,211 @@
+#include "windows.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../numerics/arrays.h"
+
+#define SAME_COUNT 2          /* spans of one number of samples */
+#define WIDTH 2.0             /* half of an interval, in standard deviations of its noise */
+#define PART 0.5              /* of the longest window that agrees: one just as long may be off by its own interval */
+#define SMALLEST_SPREAD 1e-18 /* [s2] below which samples have no line */
+
+enum { MEAN, LINE, N_FITS };
+
+size_t windows_doubles(const Windows *windows) {
+    return (3 * MOST_SPANS + 3 + 2 * N_FITS) * windows->channels;
+}
+
+void windows_arrays(Windows *windows, double **doubles) {
+    const size_t channels = windows->channels;
+    windows->value = taken(doubles, MOST_SPANS * channels);
+    windows->product = taken(doubles, MOST_SPANS * channels);
+    windows->noise = taken(doubles, MOST_SPANS * channels);
+    windows->sums.value = taken(doubles, channels);
+    windows->sums.product = taken(doubles, channels);
+    windows->sums.noise = taken(doubles, channels);
+    for (int fit = 0; fit < N_FITS; fit++) {
+        windows->low[fit] = taken(doubles, channels);
+        windows->high[fit] = taken(doubles, channels);
+    }
+}
+
+static Sums span_sums(const Windows *windows, size_t k) {
+    const size_t first = k * windows->channels;
+    return (Sums){windows->span[k], windows->value + first, windows->product + first, windows->noise + first};
+}
+
+/* Add the samples of `other` to those of `sums`. */
+static void join(size_t channels, Sums *sums, const Sums *other) {
+    Span *span = &sums->span;
+    const double count = span->count + other->span.count, part = other->span.count / count;
+    const double apart = other->span.time - span->time, weight = span->count * part;
+    for (size_t i = 0; i < channels; i++) {
+        const double change = other->value[i] - sums->value[i];
+        sums->product[i] += other->product[i] + weight * apart * change;
+        sums->noise[i] += part * (other->noise[i] - sums->noise[i]);
+        sums->value[i] += part * change;
+    }
+    span->spread += other->span.spread + weight * apart * apart;
+    span->time += part * apart;
+    span->count = count;
+}
+
+/* The window of the sample and the youngest `spans` spans. */
+static void set_window(Windows *windows, double time, size_t spans, const double *value, const double *noise) {
+    Sums *sums = &windows->sums;
+    const size_t size = windows->channels * sizeof *value;
+    sums->span = (Span){1.0, time, 0.0};
+    memcpy(sums->value, value, size);
+    memset(sums->product, 0, size);
+    memcpy(sums->noise, noise, size);
+    for (size_t k = 0; k < spans; k++) {
+        const Sums span = span_sums(windows, windows->n_spans - 1 - k);
+        join(windows->channels, sums, &span);
+    }
+}
+
+static int has_line(const Span *span) {
+    return span->count > 2.0 && span->spread > SMALLEST_SPREAD;
+}
+
+/* The part of the noise's variance that a fit to the window leaves at a time. */
+static double left_of(const Span *span, int fit, double time) {
+    const double apart = time - span->time;
+    return 1.0 / span->count + (fit == LINE ? apart * apart / span->spread : 0.0);
+}
+
+/* What a fit to the window adds to its mean for each unit of a product. */
+static double reach_of(const Span *span, int fit, double time) {
+    return fit == LINE ? (time - span->time) / span->spread : 0.0;
+}
+
+/* Whether the intervals of a fit to the window have points in common with all before, in all channels. */
+static int agrees(Windows *windows, int fit, double time) {
+    const Sums *sums = &windows->sums;
+    const double left = left_of(&sums->span, fit, time), reach = reach_of(&sums->span, fit, time);
+    double *low = windows->low[fit], *high = windows->high[fit];
+    int common = 1;
+    for (size_t i = 0; i < windows->channels; i++) {
+        const double value = sums->value[i] + reach * sums->product[i], half = WIDTH * sqrt(left * sums->noise[i]);
+        low[i] = value - half > low[i] ? value - half : low[i];
+        high[i] = value + half < high[i] ? value + half : high[i];
+        common &= low[i] <= high[i];
+    }
+    return common;
+}
+
+/* Intervals of the sample alone. */
+static void begin(Windows *windows, const double *value, const double *noise) {
+    for (size_t i = 0; i < windows->channels; i++) {
+        const double half = WIDTH * sqrt(noise[i]);
+        for (int fit = 0; fit < N_FITS; fit++) {
+            windows->low[fit][i] = value[i] - half;
+            windows->high[fit][i] = value[i] + half;
+        }
+    }
+}
+
+/* Spans in the window of each fit that is used, and the part of the noise's variance that it leaves. */
+static void choose(Windows *windows, double time, double longest, const double *value, const double *noise,
+                   size_t chosen[N_FITS], double left[N_FITS]) {
+    double count[MOST_SPANS + 1] = {1.0}, of_window[N_FITS][MOST_SPANS + 1] = {{1.0}, {1.0}}, agreed[N_FITS] = {1.0, 1.0};
+    int goes_on[N_FITS] = {1, 1};
+    size_t windows_seen = 1;
+    begin(windows, value, noise);
+    set_window(windows, time, 0, value, noise);
+    for (size_t k = 0; k < windows->n_spans && (goes_on[MEAN] || goes_on[LINE]); k++, windows_seen++) {
+        const Sums span = span_sums(windows, windows->n_spans - 1 - k);
+        if (time - span.span.time > longest) {
+            break;
+        }
+        join(windows->channels, &windows->sums, &span);
+        count[k + 1] = windows->sums.span.count;
+        for (int fit = 0; fit < N_FITS; fit++) {
+            const int is_fit = fit == MEAN || has_line(&windows->sums.span);
+            goes_on[fit] = goes_on[fit] && (!is_fit || agrees(windows, fit, time));
+            of_window[fit][k + 1] = is_fit ? left_of(&windows->sums.span, fit, time) : 1.0;
+            agreed[fit] = goes_on[fit] ? count[k + 1] : agreed[fit];
+        }
+    }
+    for (int fit = 0; fit < N_FITS; fit++) {
+        chosen[fit] = 0;
+        for (size_t k = 1; k < windows_seen && count[k] <= PART * agreed[fit]; k++) {
+            chosen[fit] = k;
+        }
+        left[fit] = of_window[fit][chosen[fit]];
+    }
+}
+
+static void set_rates(const Windows *windows, double *rate) {
+    const Sums *sums = &windows->sums;
+    const int is_known = sums->span.spread > SMALLEST_SPREAD;
+    for (size_t i = 0; i < windows->channels; i++) {
+        rate[i] = is_known ? sums->product[i] / sums->span.spread : 0.0;
+    }
+}
+
+double windows_look(Windows *windows, double time, double longest, const double *value, const double *noise, double *mean,
+                    double *left, double *rate) {
+    const size_t size = windows->channels * sizeof *value, one = windows->n_spans > 0;
+    size_t chosen[N_FITS];
+    double of_fit[N_FITS];
+    choose(windows, time, longest, value, noise, chosen, of_fit);
+    const int fit = of_fit[LINE] < of_fit[MEAN] ? LINE : MEAN;
+    set_window(windows, time, chosen[LINE] > one ? chosen[LINE] : one, value, noise);
+    set_rates(windows, rate);
+    memcpy(mean, value, size);
+    memcpy(left, noise, size);
+    if (chosen[fit] == 0) {
+        return 1.0;
+    }
+    set_window(windows, time, chosen[fit], value, noise);
+    const double reach = reach_of(&windows->sums.span, fit, time);
+    for (size_t i = 0; i < windows->channels; i++) {
+        const double of_window = of_fit[fit] * windows->sums.noise[i];
+        if (of_window < noise[i]) { /* samples before may have had more */
+            mean[i] = windows->sums.value[i] + reach * windows->sums.product[i];
+            left[i] = of_window;
+        }
+    }
+    return of_fit[fit];
+}
+
+/* Take a span out, of which nothing is left. */
+static void remove_span(Windows *windows, size_t k) {
+    const size_t channels = windows->channels, after = windows->n_spans - 1 - k;
+    double *const arrays[] = {windows->value, windows->product, windows->noise};
+    memmove(windows->span + k, windows->span + k + 1, after * sizeof *windows->span);
+    for (size_t a = 0; a < 3; a++) {
+        memmove(arrays[a] + k * channels, arrays[a] + (k + 1) * channels, after * channels * sizeof **arrays);
+    }
+    windows->n_spans--;
+}
+
+/* The first of the spans of one number of samples that end before `end`. */
+static size_t first_alike(const Windows *windows, size_t end) {
+    size_t first = end - 1;
+    while (first > 0 && windows->span[first - 1].count == windows->span[end - 1].count) {
+        first--;
+    }
+    return first;
+}
+
+void windows_take(Windows *windows, double time, const double *value, const double *noise) {
+    const size_t size = windows->channels * sizeof *value;
+    if (windows->n_spans == MOST_SPANS) {
+        remove_span(windows, 0);
+    }
+    const Sums youngest = span_sums(windows, windows->n_spans);
+    windows->span[windows->n_spans++] = (Span){1.0, time, 0.0};
+    memcpy(youngest.value, value, size);
+    memset(youngest.product, 0, size);
+    memcpy(youngest.noise, noise, size);
+    for (size_t end = windows->n_spans, first; end - (first = first_alike(windows, end)) > SAME_COUNT; end = first + 1) {
+        Sums joined = span_sums(windows, first);
+        const Sums next = span_sums(windows, first + 1);
+        join(windows->channels, &joined, &next);
+        windows->span[first] = joined.span;
+        remove_span(windows, first + 1);
+    }
+}
