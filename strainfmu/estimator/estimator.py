@@ -149,7 +149,7 @@ class Estimator:
     >>> strain = estimator.inverse_map.mean_strain  # a measurement
     >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
     >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
-    0.015 +- 0.005, OK
+    0.015 +- 0.006, OK
     """
 
     def __init__(

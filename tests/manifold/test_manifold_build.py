@@ -40,6 +40,7 @@ def problem(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) 
 def inverse_map(vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots) -> InverseMap:
     exact = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
     small = dict.fromkeys(("discrepancy_of_prior_percent", "discrepancy_of_overpressure_percent"), 1.0)
+    small["discrepancy_of_newtonian_percent"] = 0.0
     entry = with_entry(exact, discrepancy_percent=0.5, **small)
     exactly = inverse_problem(entry, snapshots, structure)
     linear = build_inverse_map(entry, snapshots, structure, problem=exactly)

@@ -152,9 +152,10 @@ def with_noise(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
 
 
 def map_of(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, like: InverseMap) -> InverseMap:
-    """Return a map from other inputs, with tables where the map ``like`` has some."""
+    """Return a map from other inputs; its linear map is that beside tables, which it has where ``like`` does."""
     found = build_inverse_map(vehicle, snapshots, structure)
-    return found if like.manifold is None else with_manifold(found, vehicle, snapshots, structure)
+    whole = with_manifold(found, vehicle, snapshots, structure)
+    return whole.without_tables() if like.manifold is None else whole
 
 
 def moved(snapshots: Snapshots, altitude: float) -> Snapshots:

@@ -11,7 +11,7 @@ from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
-from builder.inverse.solution import Problem, Solution, solve
+from builder.inverse.solution import Problem, Solution, solve, with_flow_models
 from builder.manifold.build import manifold_map
 from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.findings.estimator_in_use import InUse, estimator_in_use
@@ -107,6 +107,8 @@ def build_report(
         too few nodes to resolve its symmetries.
     """
     problem = inverse_problem(vehicle, snapshots, structure, nuisance)
+    if inverse_map.manifold is not None:
+        problem = with_flow_models(problem)
     solution = solve(problem)
     if not _same(solution, inverse_map):
         raise InputError(f"report: the map of {inverse_map.vehicle} was not built from these snapshots and gauges")

@@ -8,6 +8,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.policies import RANGE_TOLERANCE
@@ -95,6 +96,8 @@ def estimated_at(
 ) -> Estimate:
     """Return the estimates of the strain of the tables at ``state`` (k, 4), from which they start.
 
+    Air data count as independent measurements.
+
     ``valid`` (n_d,) is false for gauges to leave out; None for none.
     """
     manifold = estimator.inverse_map.manifold
@@ -107,5 +110,6 @@ def estimated_at(
         valid,
         mach_number=mach,
         static_pressure=static,
+        q_source=QSource.INDEPENDENT,
         start=state,
     )

@@ -166,7 +166,6 @@ def _sources_of(
     parts = {
         NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
         OFF_TABLES: pressure**2 * np.sum(off_tables**2, axis=1),
-        FLOW_MODELS: (slopes @ considered)[FIVE_LOADS] ** 2,
         HARDWARE[0]: np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1),
         HARDWARE[1]: pressure**2 * of_strain**2 @ of_gauge,
         HARDWARE[2]: (of_strain @ (manifold.common_gain * strain)) ** 2,
@@ -174,6 +173,8 @@ def _sources_of(
         **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
         NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
+    if manifold.considered_tables is not None:
+        parts[FLOW_MODELS] = (slopes @ considered)[FIVE_LOADS] ** 2
     covariance = wider * (slopes[FIVE_LOADS] @ joint @ slopes[FIVE_LOADS].T)
     return {name: wider * part for name, part in parts.items()}, covariance
 
