@@ -277,7 +277,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
 def _record(layout: Layout, meanings: Mapping[str, str]) -> str:
     """Return the fields of a record in lines: positions, name, meaning."""
     return "\n".join(
-        f"  {_positions(part):>10}  {name:26}{meanings[name]}"
+        f"  {_positions(part):>10}  {name:30}{meanings[name]}"
         for name, part in layout.items()
         if part.stop > part.start
     )
@@ -296,5 +296,5 @@ def _sensors(inverse_map: InverseMap) -> str:
         zip(inverse_map.gauge_names, inverse_map.gauge_position.tolist(), strict=True)
     ):
         unit = "m/m" if k < inverse_map.n_strain_gauges else units[k - inverse_map.n_strain_gauges]
-        lines.append(f"  {k:>10}  {name:26}[{unit}] at {place_text(x, y, z)}")
+        lines.append(f"  {k:>10}  {name:30}[{unit}] at {place_text(x, y, z)}")
     return "\n".join(lines)

@@ -117,6 +117,7 @@ def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> Estimat
         dynamic_pressure_std=0.0,
         mach_number=flown.mach_number,
         static_pressure=flown.static_pressure,
+        q_source="independent",
     )
     return found
 

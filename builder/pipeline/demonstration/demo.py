@@ -64,6 +64,7 @@ from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
@@ -77,6 +78,9 @@ HELD_OUT_VERSION = 2
 
 COMMUNICATION_STEP_SIZE = 0.01
 """Time between communication points of the demonstration flight [s]: 100 Hz."""
+
+MEASURED = {f"estimator.{Q_SOURCE}": float(QSource.INDEPENDENT)}
+"""Start value of the flight, in which the dynamic pressure is a measurement of its own."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -173,7 +177,7 @@ def run_demo(
         make_independent_flows(pipeline)
         run.make_flight_model()
     _fmus(pipeline, MAP if run is None else CALIBRATED, takes_zeros=run is not None)
-    recording = _flight(pipeline, {} if run is None else run.start_values())
+    recording = _flight(pipeline, MEASURED | ({} if run is None else run.start_values()))
     score = score_flight(recording, bound=bound_in_flight(_map(pipeline, run), recording))
     held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
     _figures(pipeline, recording, physics)

@@ -12,7 +12,7 @@ from builder.trial.score import Score, by_name, score_of
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
@@ -87,7 +87,9 @@ def flown_estimators(
         )
         health = recording[f"{estimator}.health.state"].astype(np.int64)
     else:
-        one = Estimator(inverse_map).estimate(strain, q, mach_number=mach, altitude=altitude)
+        one = Estimator(inverse_map).estimate(
+            strain, q, mach_number=mach, altitude=altitude, q_source=QSource.INDEPENDENT
+        )
         columns = [AIR_DATA_NAMES.index(name) for name in COMPARED_AIR_DATA]
         flown, std, health = one.coefficients, one.coefficients_std, np.asarray(one.health)
         air, air_std = one.air_data.value[:, columns], one.air_data.std[:, columns]

@@ -35,7 +35,7 @@ from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.native.package import shipped_libraries
@@ -127,8 +127,8 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
     pressure = np.array([condition.dynamic_pressure for condition in flown.conditions])
     stated = pressure * (1.0 + built.dynamic_pressure.item())
     parameters = tuple(pipeline.vehicle.conditions.parameters)
-    flow = (MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
-    rows, cost = [], []
+    flow = (Q_SOURCE, MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
+    rows, cost, measured = [], [], float(QSource.INDEPENDENT)
     with (
         pipeline.reporter.stage("Flight: the estimator FMU") as progress,
         FmuStep(pipeline.path("estimator.fmu"), flow, (CHI_SQUARE_LIMIT, *OF_ROLLING)) as step,
@@ -136,7 +136,9 @@ def _recording(pipeline: Pipeline, flown: FlownPath, built: AsBuilt) -> Recordin
         of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
         for i, condition in enumerate(flown.conditions):
             values = dict(
-                zip(flow, (condition.mach_number, condition.altitude, *condition.parameters), strict=True)
+                zip(
+                    flow, (measured, condition.mach_number, condition.altitude, *condition.parameters), strict=True
+                )
             )
             begun = perf_counter()
             result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.other_inputs})

@@ -24,8 +24,10 @@ from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast
-K, NEW_ZEROS, RENEWED = 34, 12, 28
-"""Steps, the one with other zero offsets, and one from which on a native FMU has made the matrices for them."""
+K, NEW_ZEROS, RENEWED = 80, 12, 72
+"""Steps, the one with other zero offsets, and one from which on a native FMU has made the matrices for them.
+
+Strain of the stream fits no flight, so that steps are long."""
 
 VALUES = {
     "mach_number": 6.0,
@@ -36,6 +38,11 @@ VALUES = {
     "static_pressure_std": 150.0,
     "total_temperature": 1770.0,
     "total_temperature_std": 20.0,
+    "q_source": 1.0,
+    "measured_angle_of_attack": 0.03,
+    "measured_angle_of_attack_std": 0.05,
+    "measured_sideslip_angle": -0.01,
+    "measured_sideslip_angle_std": 0.05,
     **{f"temperature[{i + 1}]": REFERENCE + 10.0 * i for i in range(4)},
     "parameter.fin_deg": 1.5,
     "parameter.power": 0.2,

@@ -15,6 +15,7 @@ from raw_fmu import ERROR, OK, Fmu2, Fmu3, first_zero, of_filter, write_resource
 from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import with_temperature
 
+from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -23,6 +24,9 @@ from strainfmu.interface.input_names import NOT_KNOWN
 pytestmark = pytest.mark.fast
 
 N_P, N_T = len(PARAMETERS), 3
+
+N_LAST = len(LAST_INPUTS) + 1
+"""Inputs behind those of flow parameters, and whether loads are usable."""
 
 
 def whole(kind: str) -> InverseMap:
@@ -121,10 +125,13 @@ def test_outputs_do_not_depend_on_it_but_health(case: NativeCase) -> None:
 def test_scalars_of_fmi_3(case: NativeCase) -> None:
     fmu = Fmu3(str(case.resources), case.n).start()
     reference = (
-        Fmu3.TIME + of_filter(case.inverse_map) + (0 if not case.inverse_map.has_other_loads else 1 + 4 + 12)
+        Fmu3.TIME
+        - N_LAST
+        + of_filter(case.inverse_map)
+        + (0 if not case.inverse_map.has_other_loads else 1 + 4 + 12)
     )
     assert fmu.set("Float64", c_double, [reference + i for i in range(N_P)], [5.0, 0.2, 1.5]) == OK
     status, found = fmu.get("Float64", c_double, [reference + N_P + i for i in range(N_P)], N_P)
     assert status == OK
     assert found.tolist() == [0.125, 0.0, 0.25]
-    assert fmu.get("Float64", c_double, [reference + 2 * N_P], 1)[0] == OK  # the time
+    assert fmu.get("Float64", c_double, [reference + 2 * N_P + N_LAST], 1)[0] == OK  # the time

@@ -214,28 +214,28 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
     chi_square = SignalLayout(
         name="ChiSquare", start=0, length=16, scale=0.1, not_available=65535, comment="65535: not available"
     )
+    verdict = (
+        SignalLayout(name="Causes", start=0, length=16, comment=_CAUSES_TEXT),
+        _answered(0),
+        SignalLayout(name="GaugesUsed", start=0, length=8),
+        _health(0, 7),
+        _usable(0),
+        SignalLayout(
+            name="EnvelopeScore8",
+            start=0,
+            length=8,
+            scale=0.1,
+            not_available=255,
+            comment="Deviations by which it leaves what the map covers, 0 inside; 254: 25.4 and above",
+        ),
+    )
     last_age = SignalLayout(name="LastAge16", start=0, length=16, scale=10.0, unit="ms", not_available=65535)
     return [
         words("Coefficients1", *coefficients[:3]),
         words("Coefficients2", *coefficients[3:], chi_square),
         words("Deviations1", *deviations[:3]),
         words("Deviations2", *deviations[3:], _age(0, order)),
-        words(
-            "Verdict",
-            SignalLayout(name="Causes", start=0, length=16, comment=_CAUSES_TEXT),
-            _answered(0),
-            SignalLayout(name="GaugesUsed", start=0, length=8),
-            _health(0, 7),
-            _usable(0),
-            SignalLayout(
-                name="EnvelopeScore8",
-                start=0,
-                length=8,
-                scale=0.1,
-                not_available=255,
-                comment="Deviations by which it leaves what the map covers, 0 inside; 254: 25.4 and above",
-            ),
-        ),
+        words("Verdict", *verdict),
         words("LastValid1", *lasts[:3], period=None),
         words("LastValid2", *lasts[3:], last_age, period=None),
         words(
