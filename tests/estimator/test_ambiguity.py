@@ -195,7 +195,7 @@ def test_no_combination_becomes_more_certain(
     """Not q_inf, and no moment about another point, although correlated errors have factors of their own."""
     found, start = estimator.estimate(flights[1]), np.array([one.state for one in narrow])
     std = np.sqrt(np.array([np.diagonal(one.state_covariance) for one in narrow]))
-    same = np.flatnonzero(np.all(np.abs(found.state - start) < 1e-6 * std, axis=1))
+    same = np.flatnonzero(np.all(np.abs(found.state - start) < 5e-7 * std, axis=1))
     assert len(same) > 50
     for name in ("state_covariance", "load_covariance", "coefficient_covariance"):
         before, wide = np.array([getattr(narrow[k], name) for k in same]), getattr(found, name)[same]
