@@ -246,7 +246,7 @@ static void filter_outputs(Estimator *e) {
     if (estimator_filters(e)) {
         filtered_outputs(&e->filter, &e->flight, e->inputs.value[filter_setting(&e->inputs)]);
     } else {
-        filter_no_sample(&e->filter, &e->inputs);
+        filter_without(&e->filter);
     }
 }
 

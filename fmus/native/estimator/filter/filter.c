@@ -123,9 +123,13 @@ int filter_sample(Filter *filter, const Inputs *inputs, double time_constant) {
     return 1;
 }
 
-double filter_no_sample(Filter *filter, const Inputs *inputs) {
+void filter_without(Filter *filter) {
     filter->is_sample = filter->is_filtered = filter->coasts = 0;
     filter->part_left = 1.0;
+}
+
+double filter_no_sample(Filter *filter, const Inputs *inputs) {
+    filter_without(filter);
     return filter->track.has_last != 0.0 && holds(filter, inputs) ? clock_now(filter) - filter->track.clock : -1.0;
 }
 

@@ -56,6 +56,9 @@ void filter_reset(Filter *filter);
    there is no sample, where they are no numbers to calculate with. */
 int filter_sample(Filter *filter, const Inputs *inputs, double time_constant);
 
+/* Note that no sample is filtered, as where the filter is off. */
+void filter_without(Filter *filter);
+
 /* There is no sample. Time since the last one that was filtered with the same zeros and settings [s]; negative for none. */
 double filter_no_sample(Filter *filter, const Inputs *inputs);
 

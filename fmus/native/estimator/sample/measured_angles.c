@@ -10,6 +10,10 @@
 
 void measured_angles(const Inputs *inputs, MeasuredAngles *angles) {
     const double attack = known_angle(inputs, MEASURED_ATTACK), sideslip = known_angle(inputs, MEASURED_SIDESLIP);
+    if (isnan(attack) && isnan(sideslip)) {
+        *angles = (MeasuredAngles){.count = 0};
+        return;
+    }
     const double stated[2] = {last_input(inputs, MEASURED_ATTACK_STD), last_input(inputs, MEASURED_SIDESLIP_STD)};
     const int known[2] = {fabs(attack) < LARGEST_ANGLE, fabs(sideslip) < LARGEST_ANGLE};
     angles->count = (size_t)known[0] + (size_t)known[1];
