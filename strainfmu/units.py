@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from math import pi
 
+_MICROSTRAIN = (
+    *("um/m", "µm/m", "μm/m", "µε", "με", "microstrain"),
+    *(f"{micro}{strain}" for micro in "uµμ" for strain in ("e", "E", "strain", "Strain")),
+)
+
 STRAIN_UNITS = {
-    **dict.fromkeys(("um/m", "µm/m", "μm/m", "ue", "µe", "ustrain", "microstrain", "µε", "με"), 1e-6),
+    **dict.fromkeys(_MICROSTRAIN, 1e-6),
     **dict.fromkeys(("mm/m",), 1e-3),
     **dict.fromkeys(("percent", "%"), 1e-2),
-    **dict.fromkeys(("m/m", "1", "strain"), 1.0),
+    **dict.fromkeys(("m/m", "1", "strain", "Strain"), 1.0),
 }
 """Factor to m/m."""
 

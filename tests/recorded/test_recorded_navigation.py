@@ -182,3 +182,18 @@ def test_navigation_that_cannot_be_used_is_named(
     (said,) = found.account.lines()
     assert said.startswith("DEGRADED: 3 of 3 samples (100 %): gauges are missing or navigation is left out, ")
     assert said.endswith(f"most often to blame: '{column.partition(' ')[0]}' (in 3)")
+
+
+def test_a_computed_pressure_is_not_to_blame(tmp_path: Path) -> None:
+    """It is left out in every sample; a gauge that is missing makes the state DEGRADED."""
+    q = 0.7 * STATIC * MACH**2
+    columns = {"mach_number": MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q}
+    head, *rows = written(tmp_path, columns).read_text(encoding="utf-8").splitlines()
+    rows = [",".join([*row.split(",")[:1], "", *row.split(",")[2:]]) for row in rows]  # the first gauge is missing
+    path = tmp_path / "lost.csv"
+    path.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    save_inverse_map(whole_map(), tmp_path / "map.h5")
+    found = estimate_file(tmp_path / "map.h5", path, tmp_path / "loads.csv")
+    (line,) = found.account.lines()
+    assert line.startswith("DEGRADED: 3 of 3")
+    assert "dynamic_pressure" not in line

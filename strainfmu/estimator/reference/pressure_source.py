@@ -116,10 +116,10 @@ def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error:
     mach_std = np.where(no_mach, DAY_OF_MACH * mach, stated_mach)
     relative = given[f"{STATIC_PRESSURE}{STD}"] / given[STATIC_PRESSURE]
     pressure_std = np.where(np.isnan(relative), DAY_OF_PRESSURE, relative)
-    with np.errstate(invalid="ignore"):  # q may be infinite
+    with np.errstate(invalid="ignore"):  # q and M may be infinite
         source = pressure_source(given, mach_std, pressure_std, DEVIATION_OF_AIR, std / q)
-    of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
-    own = q * computed_pressure_error(mach, mach_std, of_pressure)
+        of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
+        own = q * computed_pressure_error(mach, mach_std, of_pressure)
     return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(given, own))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -50,6 +51,9 @@ from strainfmu.units import STRAIN_UNITS
 
 _QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
 
+_NUMBERED_TIME = re.compile(r"(?:time|zeit|temps)\s*\d+\b", re.IGNORECASE)
+"""Names of columns of time of recorders with several rates, as "Time  2 - slow"."""
+
 LARGEST_WHOLE = 64 * 2**20
 """Length [bytes] of a text up to which it is read whole."""
 
@@ -93,7 +97,12 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
         return plain_name(name) in known or last_name(name) in known
 
     order = mapping.date_order or wanted.date_order
+    if wanted.date_order not in (None, order):
+        raise InputError(
+            f"--date-order {wanted.date_order}: expected that of {mapping.path}, [time] date_order = '{order}'"
+        )
     with open_channels(path, Reading(is_known=is_known, date_order=order)) as file:
+        _check_one_clock(file, mapping)
         gauges = _gauges(mapping, wanted)
         channels = {entry.name: gauges[entry.gauge] for entry in mapping.channels}
         excluded = excluded_gauges(mapping.path, wanted, channels)
@@ -105,6 +114,18 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
             names = [name for name in file.names if is_known(name)]
             of_pieces = _of_pieces(file, names, mapping, wanted, gauges)
         yield of_pieces or _strains_of(file, mapping, wanted, gauges)
+
+
+def _check_one_clock(file: ChannelFile, mapping: ChannelMap) -> None:
+    """Refuse a text with numbered columns of time, as of recorders with several rates."""
+    if file.lines is None:
+        return
+    numbered = [name for name in file.names if _NUMBERED_TIME.match(name)]
+    if len(numbered) > 1:
+        raise InputError(
+            f"{file.path}: columns '{numbered[0]}' and '{numbered[1]}': expected one time for all columns of a "
+            "text, got two; record a file for each rate, or one rate for all"
+        )
 
 
 def _strains_of(

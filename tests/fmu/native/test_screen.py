@@ -38,4 +38,5 @@ def test_screen_changes_nothing(case: NativeCase, screen: Path) -> None:
     # Twelve alarm scales, two masks, with and without AVX2. Half of the biases are above the threshold, and many
     # are so close to it that the screen leaves them to z itself.
     assert tried > 4 * 12 * 100
-    assert 0.03 * tried < decided_by_screen < 0.5 * tried
+    # It bounds variances over a range of pressures, so that it leaves more to z than half of the rest.
+    assert 0.02 * tried < decided_by_screen < 0.5 * tried

@@ -72,6 +72,14 @@ def test_catman_with_rows_of_channel_information(tmp_path: Path) -> None:
     )
 
 
+def test_two_rates_of_catman_are_refused(tmp_path: Path) -> None:
+    """Columns behind the second time are at its times, which a table of one time cannot state."""
+    head, *rows = "Zeit  1 - schnell;DMS 1;DMS 2;Zeit  2 - langsam;q", "0,00;1;2;0,00;5", "0,01;1;2;0,04;6"
+    ports = PORTS.replace("Standardmessrate", "schnell") + "[defaults]\nunit = 'um/m'\n"
+    with pytest.raises(InputError, match="'Zeit  1 - schnell' and 'Zeit  2 - langsam': expected one time"):
+        read(tmp_path / "two.txt", "\r\n".join([head, *rows]), channels=ports)
+
+
 UNITS = {
     "square brackets": "time [ms],G0 [um/m],G1 [um/m]\n",
     "round brackets": "Time (ms),G0 (µm/m),G1(um/m)\n",
@@ -171,6 +179,10 @@ def test_the_order_of_dates_in_channels_toml(tmp_path: Path) -> None:
     np.testing.assert_allclose(block.time, [0.0, 86400.0])
     with pytest.raises(InputError, match=r"state --date-order day or month, or \[time\] date_order"):
         read(tmp_path / "d.csv", text, channels=toml.partition("\n")[2])
+    with pytest.raises(
+        InputError, match=r"--date-order month: expected that of .*channels.toml, \[time\] date_order = 'day'"
+    ):
+        read(tmp_path / "d.csv", text, channels=toml, order="month")
 
 
 NUMERALS = {

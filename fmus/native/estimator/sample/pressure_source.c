@@ -33,7 +33,7 @@ static int is_computed(const Inputs *inputs, double pressure, double mach_std, d
 PressureSource pressure_source(const Inputs *inputs, double mach_std, double pressure_std, double altitude_std,
                                double dynamic_std) {
     const double stated = last_input(inputs, Q_SOURCE), altitude = known_input(inputs, ALTITUDE);
-    if (stated > 0.5 && stated < MACH_AND_ALTITUDE + 0.5) {
+    if (stated > 0.5 && stated < (double)MACH_AND_ALTITUDE + 0.5) {
         return (PressureSource)(stated + 0.5);
     }
     if (is_computed(inputs, known_input(inputs, STATIC_PRESSURE), mach_std, pressure_std, dynamic_std)) {
