@@ -203,7 +203,7 @@ static void use(Estimator *e) {
         scalar[DYNAMIC_PRESSURE_STD] = step % 3 ? NAN : 0.1 * e->map.dynamic_pressure;
         scalar[MACH_NUMBER] = step % 2 ? NAN : 6.0;
         scalar[ALTITUDE] = step % 4 ? 3e3 * step : NAN;
-        if (e->flight.filter.present) { /* off, then on from the fifth step to the last but one */
+        if (e->filter.present) { /* off, then on from the fifth step to the last but one */
             e->inputs.value[filter_setting(&e->inputs)] = step < 4 || step == 9 ? 0.0 : 1.0;
         }
         for (size_t t = 0; e->thermal.present && t < e->thermal.map.n_sensors; t++) { /* others read in every third step */
@@ -212,7 +212,7 @@ static void use(Estimator *e) {
             e->inputs.value[first_temperature(&e->inputs) + t] = reads ? reading : NAN;
         }
         estimator_before_change(e);
-        if (e->flight.present) {
+        if (e->flight.present || e->filter.present) {
             estimator_step(e, 0.01 * step);
         }
         const int health = (int)estimator_outputs(e)[HEALTH_STATE];
