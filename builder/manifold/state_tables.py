@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,6 +108,10 @@ def _of_any_shape(
     field = None
     if entry.keep_field:
         field = shape_field(vehicle, snapshots, problem, process, found.overpressure, between)
+
+    def of_other_flow(other: Snapshots) -> FloatArray:
+        return condition_tables(other, operator, _is_vented(vehicle)).coefficients
+
     return StateTables(
         mach_knots=found.mach_knots,
         incidence_knots=found.incidence_knots,
@@ -116,21 +121,23 @@ def _of_any_shape(
         overpressure=found.overpressure,
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
-        considered=_difference_of_any_shape(vehicle, snapshots, operator, found.coefficients),
+        considered=_difference(vehicle, snapshots, found.coefficients, of_other_flow),
         field=field,
         slopes=found.slopes,
     )
 
 
-def _difference_of_any_shape(
-    vehicle: Vehicle, snapshots: Snapshots, operator: FloatArray, coefficients: FloatArray
+def _difference(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    coefficients: FloatArray,
+    tables_of: Callable[[Snapshots], FloatArray],
 ) -> FloatArray | None:
     """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None
-    tables = condition_tables(newtonian, operator, _is_vented(vehicle)).coefficients
-    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables - coefficients)
+    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables_of(newtonian) - coefficients)
 
 
 def _of_revolution(
@@ -151,6 +158,11 @@ def _of_revolution(
     along, around = gaussian_process_shapes(
         grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
     )
+
+    def of_other_flow(other: Snapshots) -> FloatArray:
+        others = flow_amplitudes(other)
+        return _tables(others.less_ambient() if _is_vented(vehicle) else others, response)[1]
+
     return StateTables(
         mach_knots=flows.mach,
         incidence_knots=knots,
@@ -160,21 +172,9 @@ def _of_revolution(
         overpressure=overpressure,
         incidence_limit=float(flows.incidence[-1]),
         crossflow_range=None,
-        considered=_difference_of_revolution(vehicle, snapshots, response, coefficients),
+        considered=_difference(vehicle, snapshots, coefficients, of_other_flow),
         field=flight_field(vehicle, snapshots, problem, grid, of_grid) if entry.keep_field else None,
     )
-
-
-def _difference_of_revolution(
-    vehicle: Vehicle, snapshots: Snapshots, response: FloatArray, coefficients: FloatArray
-) -> FloatArray | None:
-    """Return the tables of newtonian flow less ``coefficients`` of ``snapshots``, at one standard deviation."""
-    newtonian = newtonian_snapshots(vehicle, snapshots)
-    if newtonian is None:
-        return None
-    flows = flow_amplitudes(newtonian)
-    _, tables = _tables(flows.less_ambient() if _is_vented(vehicle) else flows, response)
-    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables - coefficients)
 
 
 def _check_flows(flows: FlowAmplitudes) -> None:

@@ -45,7 +45,7 @@ class GivenAirData:
     source : what q_inf is computed from besides the Mach number; None for the exact q_inf, M and p_inf.
     mach_off : error of the Mach number in all inputs [1].
     altitude_off : error of the altitude in all inputs [m].
-    day : pressure of the day over that of the standard atmosphere [1].
+    day : the day's pressure over the pressure of the standard atmosphere [1].
     angles : whether angle of attack and sideslip are given, with errors of the default deviation.
     """
 
@@ -105,7 +105,7 @@ def computed_kinds() -> list[Kind]:
                 "dynamic pressure computed",
                 f"from M and altitude, a day {percent:+g} % off",
                 "within" if percent <= 10.0 else "outside",
-                "q_inf and p_inf are those of the standard atmosphere, which the day's are not.",
+                "q_inf and p_inf are computed by the standard atmosphere; the day's differ.",
                 GivenAirData(source="altitude", day=1.0 + 0.01 * percent),
             )
             for percent in (7.0, 10.0, -10.0)

@@ -22,13 +22,13 @@ from scipy.special import chdtri
 
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
-from builder.stress.run import check_fit, of_map
+from builder.stress.run import vehicle_and_flows
 from builder.trial.alarm_levels import alarm_ratios, ratios_and_health
 from builder.trial.readings import ReadFlights, read_flights
 from builder.trial.vehicles import drawn_vehicles
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError, StrainfmuError
@@ -148,16 +148,12 @@ def main() -> None:
         raise InputError("expected --samples from 1 on and --seed from 0 on")
     if options.estimator is not None and (reason := wrong_estimator(options.estimator)) is not None:
         raise InputError(f"--estimator: {reason}")
-    inverse_map, table = load_inverse_map(options.map), load_flow_table(options.flows)
+    inverse_map = load_inverse_map(options.map)
     if options.estimator == "nonlinear" and inverse_map.manifold is None:
         raise InputError(f"{options.map}: holds no tables of the nonlinear estimator")
     if options.estimator == "linear":
         inverse_map = inverse_map.without_tables()
-    vehicle = of_map(load_vehicle(options.vehicle), inverse_map)
-    check_fit(vehicle, inverse_map, options.map)
-    resolution = vehicle.resolution.truth
-    if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
-        raise InputError(f"{options.flows}: flows of another [resolution.truth] than that of {options.vehicle}")
+    vehicle, table = vehicle_and_flows(options.vehicle, inverse_map, options.map, options.flows)
     structure, reporter = true_structure(vehicle), ConsoleReporter(Console())
     with reporter.stage("Flights of the independent model") as progress:
         found = false_alarms(

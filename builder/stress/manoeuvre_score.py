@@ -44,7 +44,7 @@ class Flown:
 
 @dataclass(kw_only=True, eq=False)
 class Sums:
-    """Sums over the samples of all draws of one estimator; those of quantities are (m,)."""
+    """Sums over the samples of all draws of one estimator, (m,) for m quantities."""
 
     samples: int = 0
     detected: int = 0
@@ -83,7 +83,7 @@ def _quantities(found: Estimate) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ManoeuvreScore:
-    """The score of a ``manoeuvre`` by one estimator; a ``time_constant`` of 0 is that of single samples."""
+    """The score of a ``manoeuvre`` by one estimator; a ``time_constant`` of 0 stands for single samples."""
 
     manoeuvre: Manoeuvre
     estimator: str

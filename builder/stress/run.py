@@ -35,7 +35,7 @@ from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table, save_flow_table
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
@@ -165,6 +165,24 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     of_form = {"estimator": "linear"} if absolute else {"gamma": 1.0}
     entries = vehicle.map.model_copy(update={"form": inverse_map.form, **of_form})
     return vehicle.model_copy(update={"conditions": conditions, "map": entries})
+
+
+def vehicle_and_flows(
+    vehicle_path: Path, inverse_map: InverseMap, map_path: Path, flows: Path
+) -> tuple[Vehicle, FlowTable]:
+    """Return the vehicle of ``inverse_map`` and the ``flows`` of its independent model.
+
+    Raises
+    ------
+    InputError
+        A file is missing or damaged, or the three do not belong together.
+    """
+    table, vehicle = load_flow_table(flows), of_map(load_vehicle(vehicle_path), inverse_map)
+    check_fit(vehicle, inverse_map, map_path)
+    resolution = vehicle.resolution.truth
+    if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
+        raise InputError(f"{flows}: flows of another [resolution.truth] than that of {vehicle_path}")
+    return vehicle, table
 
 
 def _flows(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:

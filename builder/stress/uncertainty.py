@@ -26,15 +26,15 @@ from typing import Any
 import numpy as np
 
 from builder.stress.flows import newtonian_flows
-from builder.stress.run import check_fit, of_map
+from builder.stress.run import vehicle_and_flows
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.readings import ReadFlights, read_flights
 from builder.trial.run import estimates
 from builder.trial.score import Score, by_name, score_of
 from builder.trial.vehicles import drawn_vehicles
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
@@ -160,9 +160,8 @@ def main() -> None:
     options = parser.parse_args()
     if min(options.conditions, options.vehicles) < 1 or options.seed < 0:
         raise InputError("expected --conditions and --vehicles from 1 on and --seed from 0 on")
-    inverse_map, table = load_inverse_map(options.map), load_flow_table(options.flows)
-    vehicle = of_map(load_vehicle(options.vehicle), inverse_map)
-    check_fit(vehicle, inverse_map, options.map)
+    inverse_map = load_inverse_map(options.map)
+    vehicle, table = vehicle_and_flows(options.vehicle, inverse_map, options.map, options.flows)
     trial = {"conditions": options.conditions, "vehicles": options.vehicles, "seed": options.seed}
     entries: list[dict[str, Any]] = []
     names = " ".join(f"{name:>5s}" for name in COEFFICIENT_NAMES)

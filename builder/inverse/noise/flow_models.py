@@ -1,6 +1,6 @@
 """Difference of two flow models: what a flow may err by that no campaign of one model shows.
 
-Modified newtonian theory gives the pressure on any surface at once, by other equations than those of the
+Modified newtonian theory gives the pressure on any surface at once, by other equations than the
 snapshots. The difference, flow by flow, stands for the model-form error: it has the shape that another flow model
 has, and grows with the incidence as its loads do.
 """
@@ -42,7 +42,10 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
 
 
 def newtonian_difference(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> Ensemble | None:
-    """Return newtonian flow less ``ensemble``, that of ``snapshots``, at one standard deviation; None as above."""
+    """Return newtonian flow less ``ensemble``, that of ``snapshots``, at one standard deviation.
+
+    None where :func:`newtonian_snapshots` gives none.
+    """
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None

@@ -49,9 +49,8 @@ def files_by_literal() -> Counter[str]:
 
 def test_few_files_hold_the_name_of_a_signal() -> None:
     if not (ROOT / "pyproject.toml").is_file():
-        pytest.skip(
-            "installed without its sources"
-        )  # the count reads the sources, which an installed package lacks
+        # The count reads the sources, which an installed package lacks.
+        pytest.skip("installed without its sources")
     with_sensors_and_loads = with_temperature(with_sensors(with_further_tables(whole_map())))
     names = [one["name"] for one in estimator_contents(with_sensors_and_loads)["signals"]]
     assert len(names) > 80
