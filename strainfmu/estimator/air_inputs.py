@@ -32,6 +32,10 @@ class QSource(IntEnum):
     """Computed from Mach number and the standard atmosphere, or that of the day, at the altitude."""
 
 
+LARGEST_DIFFERENCE = 1.5e-3
+"""Largest relative difference of a computed dynamic pressure from what it is computed from, by rounding."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class AirInput:
     """An input for flow or navigation.

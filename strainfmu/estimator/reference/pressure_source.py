@@ -14,6 +14,7 @@ from strainfmu.estimator.air_inputs import (
     ANGLE_ERROR,
     DYNAMIC_PRESSURE,
     LARGEST_ANGLE,
+    LARGEST_DIFFERENCE,
     MACH_NUMBER,
     MEASURED_ANGLES,
     Q_SOURCE,
@@ -23,9 +24,6 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.arguments import given as positive
 from strainfmu.estimator.signal_names import NOT_KNOWN
-
-LARGEST_DIFFERENCE = 1.5e-3
-"""Largest relative difference of a computed dynamic pressure from what it is computed from, by rounding."""
 
 PART_OF_DEVIATION = 0.05
 """The same over the standard deviation of the difference of independent values: one in 25 of these is as near."""

@@ -11,11 +11,10 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.air_data import NAVIGATION
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, LARGEST_DIFFERENCE, MACH_NUMBER, Q_SOURCE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.pressure_source import LARGEST_DIFFERENCE
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.strain_level import LevelReference
