@@ -226,7 +226,7 @@ void estimator_follow_tare(Estimator *e) {
     if (e->tare.flags.is_up != 0.0 && !e->tare.up) {
         estimator_before_change(e);
     }
-    if (tare_follow(&e->tare, e->map.mean_strain)) {
+    if (tare_follow(&e->tare)) {
         e->outdated = e->noise_outdated = 1;
     }
 }

@@ -61,11 +61,11 @@ from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH, OF_READINGS
 from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING, default_settings
 from strainfmu.estimator.signal_names import TARE
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
+from strainfmu.estimator.zeros.load_patterns import load_odds, load_patterns
 from strainfmu.estimator.zeros.tare import (
     LEAST_GAUGES,
     LEAST_PART,
     LEAST_SAMPLES,
-    LIKE_LOAD,
     LOUD,
     MOVED,
     OWN_FACTOR,
@@ -181,7 +181,7 @@ def _envelope(inverse_map: InverseMap) -> Values:
 
 
 def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
-    """Return limits, the noise of each strain gauge, and the strain of the loads that act meanwhile."""
+    """Return limits, noise of each strain gauge, strain of the loads that act meanwhile, and of flights."""
     return {
         **vars(TareLimits()),
         "least_samples": float(LEAST_SAMPLES),
@@ -190,10 +190,11 @@ def _tare(inverse_map: InverseMap, known: KnownStrain) -> Values:
         "own_factor": OWN_FACTOR,
         "moved": MOVED,
         "loud": LOUD,
-        "like_load": LIKE_LOAD,
         "noise_std": inverse_map.noise_std[: inverse_map.n_strain_gauges],
         "known_strain": known.value,
         "known_std": known.std,
+        "pattern": load_patterns(inverse_map),
+        "load_odds": load_odds(inverse_map),
     }
 
 

@@ -29,9 +29,6 @@ MOVED = 6.0
 LOUD = 10.0
 """Times the map's noise that readings may scatter by."""
 
-LIKE_LOAD = 5.0
-"""Deviations of random zeros by which readings may lie along the strain of the mean flight."""
-
 
 class TareFault(IntFlag):
     """Why zeros are not to be used: bits of ``strainload.h``, and the last one where there is no core."""

@@ -101,8 +101,8 @@ def _faults(
         f"expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
         TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * of['largest']:.4g} "
         f"um/m, expected at most {1e6 * limits.zero:g} um/m",
-        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * abs(of['along']):.3g} um/m of them lie along the "
-        f"strain of the mean flight, expected at most {1e6 * of['along_limit']:.3g} um/m of random zeros",
+        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * of['along']:.3g} um/m of them lie along the "
+        f"strain of flights, expected at most {1e6 * of['along_limit']:.3g} um/m of random zeros",
     }
     return tuple(line for fault, line in lines.items() if fault in reasons)
 

@@ -24,6 +24,7 @@ pytestmark = pytest.mark.fast
 DAMAGES = 1500
 ENTRY_SIZE, TABLE_AT = 80, 48
 FREE_LENGTH = {
+    "tare.pattern",
     "envelope.layers",
     "flight.common_error",
     "flight.shapes",

@@ -396,7 +396,7 @@ void sl_tare(StrainLoad *handle, const double *limits, size_t count, const doubl
     if (tare->present) {
         const Floating host = floating_enter();
         use_limits(tare, &e->tare.limits, limits);
-        tare_whole(tare, e->map.mean_strain, count, strain, dynamic_pressure);
+        tare_whole(tare, count, strain, dynamic_pressure);
         write_tare(tare, tare->judged, outcome);
         floating_leave(&host);
     }
@@ -412,7 +412,7 @@ int sl_tare_step(StrainLoad *handle, const double *limits, int is_up, const doub
     const Floating host = floating_enter();
     use_limits(tare, &e->tare.limits, limits);
     tare->up = is_up != 0;
-    const int changed = tare_follow(tare, e->map.mean_strain);
+    const int changed = tare_follow(tare);
     if (tare_is_averaging(tare)) {
         tare_set_reading(tare, strain);
         tare_take(tare, dynamic_pressure);

@@ -25,19 +25,21 @@ static int parse(MapFile *file, size_t n, TareLimits *limits) {
     limits->own_factor = take_limit(file, "tare.own_factor", 0.0);
     limits->moved = take_limit(file, "tare.moved", 0.0);
     limits->loud = take_limit(file, "tare.loud", 0.0);
-    limits->like_load = take_limit(file, "tare.like_load", 0.0);
     limits->noise_std = map_positives(file, "tare.noise_std", n);
     limits->known = map_doubles(file, "tare.known_strain", n);
     limits->known_std = map_doubles(file, "tare.known_std", n);
+    limits->n_patterns = map_length(file, "tare.pattern", 0, 1, n);
+    limits->pattern = map_doubles(file, "tare.pattern", limits->n_patterns, n);
+    limits->load_odds = map_doubles(file, "tare.load_odds", n + 1);
     for (size_t i = 0; file->good && i < n; i++) {
         map_require(file, limits->known_std[i] >= 0.0, "tare.known_std", "no number below zero");
     }
     return file->good;
 }
 
-static int allocate(size_t n_gauges, double largest_zero, Tare *tare) {
+static int allocate(size_t n_gauges, size_t n_patterns, double largest_zero, Tare *tare) {
     const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
-    const size_t count = 2 * zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n);
+    const size_t count = 2 * zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n, n_patterns);
     tare->memory = calloc(1, count * sizeof(double) + n);
     if (tare->memory == NULL) {
         return 0;
@@ -61,11 +63,11 @@ int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare)
     if (!map_has(file, "tare")) {
         return file->good;
     }
-    return parse(file, n_gauges, &tare->limits) && (allocate(n_gauges, largest_zero, tare) || map_no_memory(file));
+    return parse(file, n_gauges, &tare->limits) && (allocate(n_gauges, tare->limits.n_patterns, largest_zero, tare) || map_no_memory(file));
 }
 
 int tare_like(const Tare *other, Tare *tare) {
-    if (other->present && !allocate(other->n_gauges, other->largest_zero, tare)) {
+    if (other->present && !allocate(other->n_gauges, other->limits.n_patterns, other->largest_zero, tare)) {
         return 0;
     }
     tare->limits = other->limits;
@@ -94,19 +96,19 @@ static int refuse(Tare *tare) {
 }
 
 /* Judge the readings in the window; whether its zeros may be used. */
-static int judge_window(Tare *tare, const double *mean_strain) {
+static int judge_window(Tare *tare) {
     tare->verdict = (TareVerdict){.samples = tare->window.counts.samples};
     if (tare->window.counts.samples < tare->limits.least_samples) {
         tare->verdict.faults = TARE_SHORT;
     } else {
         window_statistics(&tare->window, tare->limits.least_part, &tare->found);
-        tare_judge(tare, mean_strain);
+        tare_judge(tare);
     }
     return tare->verdict.faults == 0.0;
 }
 
-static int finish(Tare *tare, const double *mean_strain) {
-    if (!judge_window(tare, mean_strain)) {
+static int finish(Tare *tare) {
+    if (!judge_window(tare)) {
         return refuse(tare);
     }
     memcpy(tare->zero, tare->judged, (2 * tare->n_gauges + 1) * sizeof *tare->zero);
@@ -116,7 +118,7 @@ static int finish(Tare *tare, const double *mean_strain) {
     return 1;
 }
 
-int tare_follow(Tare *tare, const double *mean_strain) {
+int tare_follow(Tare *tare) {
     const int was_up = tare->flags.is_up != 0.0;
     tare->flags.is_up = tare->up;
     if (tare->up && !was_up) {
@@ -124,7 +126,7 @@ int tare_follow(Tare *tare, const double *mean_strain) {
         tare->verdict = (TareVerdict){0};
         window_begin(&tare->window);
     }
-    return was_up && !tare->up && tare_is_averaging(tare) && finish(tare, mean_strain);
+    return was_up && !tare->up && tare_is_averaging(tare) && finish(tare);
 }
 
 void tare_take(Tare *tare, double dynamic_pressure) {
@@ -146,8 +148,7 @@ void tare_set_reading(Tare *tare, const double *strain) {
     }
 }
 
-void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain,
-                const double *dynamic_pressure) {
+void tare_whole(Tare *tare, size_t count, const double *strain, const double *dynamic_pressure) {
     double largest = 0.0, without = 0.0;
     window_begin(&tare->window);
     for (size_t k = 0; k < count; k++) {
@@ -159,7 +160,7 @@ void tare_whole(Tare *tare, const double *mean_strain, size_t count, const doubl
             without += 1.0;
         }
     }
-    judge_window(tare, mean_strain);
+    judge_window(tare);
     tare->verdict.dynamic_pressure = largest;
     tare->verdict.samples_without = without;
     tare->verdict.faults += largest > tare->limits.dynamic_pressure ? (double)TARE_PRESSURE : 0.0;

@@ -1,7 +1,7 @@
 /* A tare by the edges of the input `tare`: while it is true readings are averaged, then judged, and become the zeros;
    or of a whole window of readings at once. tare_judge.h has the formulas.
 
-   Limits and the strain of known loads are part "tare" of resources/map.bin. */
+   Limits and the strain of flights and of known loads are part "tare" of resources/map.bin. */
 
 #ifndef TARE_H
 #define TARE_H
@@ -16,8 +16,8 @@ void tare_free(Tare *tare);
 int tare_like(const Tare *other, Tare *tare);
 void tare_reset(Tare *tare);
 
-/* Take in the input at a step or an event; whether there are other zeros now. mean_strain (n_gauges) is the map's. */
-int tare_follow(Tare *tare, const double *mean_strain);
+/* Take in the input at a step or an event; whether there are other zeros now. */
+int tare_follow(Tare *tare);
 
 /* Take in tare->reading (n_gauges), NaN for gauges not in use, and the dynamic pressure [Pa], NaN if it is not known. */
 void tare_take(Tare *tare, double dynamic_pressure);
@@ -29,8 +29,7 @@ static inline int tare_is_averaging(const Tare *tare) {
 
 /* Judge a window of `count` samples at once: strain (count, n_gauges), dynamic_pressure (count) [Pa], NaN where there
    is none. The outcome is in judged and verdict; the state of a tare by edges stays, its window does not. */
-void tare_whole(Tare *tare, const double *mean_strain, size_t count, const double *strain,
-                const double *dynamic_pressure);
+void tare_whole(Tare *tare, size_t count, const double *strain, const double *dynamic_pressure);
 
 /* Set tare->reading; what is not finite, or so large that its square might not be, is none. */
 void tare_set_reading(Tare *tare, const double *strain);

@@ -3,16 +3,19 @@
 #include <math.h>
 #include <string.h>
 
-#define LEAST_LIKE_LOAD 8 /* gauges, below which strain has no pattern */
+#include "../numerics/triangles.h"
+
+#define LEAST_OWN_PART 1e-12 /* of the square of a pattern, that the patterns before do not make up */
 
 /* Arrays (n_gauges) in the scratch: fine is the variance of the means of stretches over that of independent readings,
-   coarse the same of pairs of them; then rises over the window, and deviations of the zeros; then rows for sorting. */
+   coarse the same of pairs of them; then rises over the window, and deviations of the zeros; then rows for sorting, and the directions
+   (n_patterns, n_gauges) of loads. */
 typedef struct {
-    double *fine, *coarse, *rise, *std, *sorted;
+    double *fine, *coarse, *rise, *std, *sorted, *direction;
 } Judgement;
 
-size_t judge_doubles(size_t n_gauges) {
-    return 5 * n_gauges;
+size_t judge_doubles(size_t n_gauges, size_t n_patterns) {
+    return (5 + n_patterns) * n_gauges;
 }
 
 /* The middle one of `count` numbers, in an order of their own afterwards; the mean of two of an even number. */
@@ -171,25 +174,54 @@ static void judge_size(Tare *tare) {
     add_fault(v, TARE_TOO_LARGE, fabs(v->largest) > tare->limits.zero);
 }
 
-/* Zeros are random from gauge to gauge; the strain of a flight has a pattern. */
-static void judge_pattern(Tare *tare, const double *mean_strain, size_t n_reading, double *sorted) {
-    const double *value = tare->found.mean;
-    double along = 0.0, size = 0.0, square = 0.0;
-    for (size_t i = 0; i < tare->n_gauges; i++) { /* those that do not read are 0 in value alone */
-        along += value[i] * mean_strain[i];
-        square += value[i] * value[i];
-        size += tare->found.reads[i] ? mean_strain[i] * mean_strain[i] : 0.0;
+/* Make the patterns of load orthonormal over the gauges that read, by modified Gram-Schmidt; the number of them. A
+   pattern that the others make up has no direction of its own. */
+static size_t load_directions(const Tare *tare, size_t wanted, double *direction) {
+    const size_t n = tare->n_gauges;
+    size_t count = 0;
+    for (size_t p = 0; p < wanted; p++) {
+        double *row = direction + count * n, whole = 0.0, left = 0.0;
+        for (size_t i = 0; i < n; i++) {
+            row[i] = tare->found.reads[i] ? tare->limits.pattern[p * n + i] : 0.0;
+            whole += row[i] * row[i];
+        }
+        for (size_t k = 0; k < count; k++) {
+            const double *before = direction + k * n, part = dot(n, before, row);
+            for (size_t i = 0; i < n; i++) {
+                row[i] -= part * before[i];
+            }
+        }
+        left = dot(n, row, row);
+        if (left > LEAST_OWN_PART * whole) {
+            for (size_t i = 0; i < n; i++) {
+                row[i] /= sqrt(left);
+            }
+            count++;
+        }
     }
-    if (n_reading < LEAST_LIKE_LOAD || !(size > 0.0)) {
+    return count;
+}
+
+/* Zeros are random from gauge to gauge; the strain of flights has patterns. */
+static void judge_pattern(Tare *tare, size_t n_reading, Judgement *j) {
+    const size_t n = tare->n_gauges, most = n_reading / GAUGES_PER_PATTERN;
+    const size_t wanted = tare->limits.n_patterns < most ? tare->limits.n_patterns : most;
+    const size_t count = load_directions(tare, wanted, j->direction);
+    const double *value = tare->found.mean; /* 0 of gauges that do not read */
+    double along = 0.0;
+    if (count == 0) {
         return;
     }
-    const double part = along / sqrt(size), left = square - part * part;
-    const double rest = sqrt((left > 0.0 ? left : 0.0) / (double)(n_reading - 1));
-    memcpy(sorted, tare->limits.noise_std, tare->n_gauges * sizeof *sorted);
-    const double noise = median(sorted, tare->n_gauges);
-    tare->verdict.along = part;
-    tare->verdict.along_limit = tare->limits.like_load * (rest > noise ? rest : noise);
-    add_fault(&tare->verdict, TARE_LIKE_LOAD, fabs(part) > tare->verdict.along_limit);
+    for (size_t k = 0; k < count; k++) {
+        const double part = dot(n, value, j->direction + k * n);
+        along += part * part;
+    }
+    memcpy(j->sorted, tare->limits.noise_std, n * sizeof *j->sorted);
+    const double noise = median(j->sorted, n), left = dot(n, value, value) - along;
+    const double of_noise = noise * noise * (double)(n_reading - count);
+    tare->verdict.along = sqrt(along);
+    tare->verdict.along_limit = sqrt(tare->limits.load_odds[n_reading] * (left > of_noise ? left : of_noise));
+    add_fault(&tare->verdict, TARE_LIKE_LOAD, tare->verdict.along > tare->verdict.along_limit);
 }
 
 /* Zeros and deviations of the window, and their size. */
@@ -214,10 +246,10 @@ static void set_zeros(Tare *tare, const double *std, size_t n_reading) {
     add_fault(v, TARE_FEW_GAUGES, v->gauges < tare->limits.least_gauges * (double)n);
 }
 
-void tare_judge(Tare *tare, const double *mean_strain) {
+void tare_judge(Tare *tare) {
     const size_t n = tare->n_gauges;
-    const Judgement j = {tare->scratch, tare->scratch + n, tare->scratch + 2 * n, tare->scratch + 3 * n,
-                         tare->scratch + 4 * n};
+    Judgement j = {tare->scratch,         tare->scratch + n,     tare->scratch + 2 * n,
+                   tare->scratch + 3 * n, tare->scratch + 4 * n, tare->scratch + 5 * n};
     size_t n_reading = 0;
     set_deviations(tare, &j);
     for (size_t i = 0; i < n; i++) {
@@ -227,6 +259,6 @@ void tare_judge(Tare *tare, const double *mean_strain) {
     judge_drift(tare, j.rise);
     judge_scatter(tare);
     judge_size(tare);
-    judge_pattern(tare, mean_strain, n_reading, j.sorted);
+    judge_pattern(tare, n_reading, &j);
     set_zeros(tare, j.std, n_reading);
 }

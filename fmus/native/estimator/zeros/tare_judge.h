@@ -13,10 +13,10 @@
 #include "tare_state.h"
 
 /* Number of doubles of its scratch. */
-size_t judge_doubles(size_t n_gauges);
+size_t judge_doubles(size_t n_gauges, size_t n_patterns);
 
 /* Set tare->judged and tare->verdict from tare->found; all that speaks against the zeros is in the verdict. A gauge
    that does not read gets 0 with the largest deviation there is. */
-void tare_judge(Tare *tare, const double *mean_strain);
+void tare_judge(Tare *tare);
 
 #endif

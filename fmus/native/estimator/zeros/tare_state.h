@@ -6,6 +6,8 @@
 #include "../map/container.h"
 #include "tare_window.h"
 
+#define GAUGES_PER_PATTERN 4 /* that read, at least: with fewer any zeros look like load */
+
 enum { TARE_IDLE, TARE_AVERAGING, TARE_DONE, TARE_REFUSED };
 
 /* Why zeros are not to be used: bits. */
@@ -23,9 +25,13 @@ enum {
 /* Of the map; the arrays point into the bytes of the file. */
 typedef struct {
     double dynamic_pressure, zero, drift; /* largest [Pa], [1], and rise over the window [1] */
-    double least_samples, least_part, least_gauges, own_factor, moved, loud, like_load;
+    double least_samples, least_part, least_gauges, own_factor, moved, loud;
     const double *noise_std;         /* (n_gauges) [1] */
     const double *known, *known_std; /* (n_gauges) strain of the loads that act meanwhile, and its deviation [1] */
+    size_t n_patterns;
+    const double *pattern;   /* (n_patterns, n_gauges) strain of flights, to any scale */
+    const double *load_odds; /* (n_gauges + 1) by the number of gauges that read: sum of squares along patterns, over that
+                                of the rest, that random zeros stay below */
 } TareLimits;
 
 /* What is serialised, as float64, with the arrays of the zeros and of the window behind it. */
@@ -44,7 +50,7 @@ typedef struct {
     double drifting_gauge, drift;             /* the largest rise over the window that is one */
     double moving_gauge, scatter;             /* the largest by the noise of the gauge */
     double largest_gauge, largest;            /* the largest reading less known strain */
-    double along, along_limit;                /* part along the strain of the mean flight, and of random zeros */
+    double along, along_limit;                /* root of the sum of squares along strain of flights, and of random zeros */
 } TareVerdict;
 
 typedef struct {

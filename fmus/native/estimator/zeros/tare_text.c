@@ -34,9 +34,9 @@ static void reason(const Tare *tare, char text[MODEL_TEXT_SIZE]) {
                  v->largest_gauge, MICRO * v->largest, MICRO * limits->zero);
     } else if (has(v, TARE_LIKE_LOAD)) {
         snprintf(text, MODEL_TEXT_SIZE,
-                 "readings look like load: %.3g um/m of them lie along the strain of the mean flight, expected at most "
-                 "%.3g um/m of random zeros",
-                 MICRO * fabs(v->along), MICRO * v->along_limit);
+                 "readings look like load: %.3g um/m of them lie along the strain of flights, expected at most %.3g um/m "
+                 "of random zeros",
+                 MICRO * v->along, MICRO * v->along_limit);
     } else {
         snprintf(text, MODEL_TEXT_SIZE, "%.0f of %lu gauges read", v->gauges, (unsigned long)tare->n_gauges);
     }
