@@ -134,12 +134,13 @@ def run_calibrate(
         vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn, independent=independent
     )
     made = calibration_by(test, test_path, parts, reporter, accept)
+    made = replace(made, inverse_map=with_zeros(made.inverse_map, made.estimate))
     save_inverse_map(made.inverse_map, output)
     page, zeros = output.with_suffix(PAGE), zeros_beside(output)
     write_zeros_of(made.estimate, zeros, output.name)
     start = (
-        f"zeros of the {structure.n_gauges} gauges as the test found them: {zeros}; subtract them with --zeros "
-        f"{zeros.name} (estimate, bridge, replay), or take the tare; their standard deviations stand in the map"
+        f"zero offsets of the {structure.n_gauges} gauges by the test: part of {output.name}, which starts from "
+        f"them, as its FMUs do; {zeros.name} has them for other maps (--zeros); a tare replaces them"
     )
     with reporter.stage("Report"):
         write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
@@ -149,6 +150,13 @@ def run_calibrate(
 def zeros_beside(output: Path) -> Path:
     """Return where the zeros of a calibrated map are written."""
     return output.with_name(f"{output.stem}{ZEROS}")
+
+
+def with_zeros(inverse_map: InverseMap, found: Estimate) -> InverseMap:
+    """Return ``inverse_map`` with the zero offsets that a test found; their covariance is part of its noise."""
+    zero = np.zeros(inverse_map.n_gauges)
+    zero[: found.parameters.n_gauges] = found.parameters.zero
+    return replace(inverse_map, zero_offset=zero)
 
 
 def write_zeros_of(found: Estimate, path: Path, map_name: str) -> None:

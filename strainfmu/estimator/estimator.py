@@ -42,7 +42,7 @@ from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, STRAIN, TEMPERATURE, THRUST
 from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
 
@@ -160,7 +160,8 @@ class Estimator:
         *,
         filter_time_constant: float = 0.0,
     ) -> None:
-        """Prepare ``inverse_map``; None takes the settings that it was built with, and zero offsets of 0.
+        """Prepare ``inverse_map``; None takes the settings that it was built with, and the zero offsets that it
+        holds.
 
         ``filter_time_constant`` [s] is that of :meth:`track`, 0 for none: see :meth:`filter`.
 
@@ -175,7 +176,7 @@ class Estimator:
             inverse_map,
             native_resource(inverse_map, ""),
             settings or default_settings(inverse_map),
-            zeros or no_zeros(inverse_map.n_strain_gauges),
+            zeros or zeros_of_map(inverse_map),
             filter_time_constant,
         )
 

@@ -128,6 +128,7 @@ class NumpyCore:
         self._values = np.zeros(_size(self.settings))
         settings = default_settings(inverse_map)
         self._values[: len(SETTING_NAMES)] = [getattr(settings, name) for name in SETTING_NAMES]
+        self._values[self.settings[ZERO]] = inverse_map.zero_offset[: inverse_map.n_strain_gauges]
 
     def copy(self) -> NumpyCore:
         """Return another one of the same map with the same settings."""

@@ -47,6 +47,7 @@ class FmuContents:
     vehicle : its name.
     gauges : names of the gauges, order of the strains.
     gauge_noise : standard deviation of the noise of each gauge [m/m].
+    gauge_zeros : zero offsets that are subtracted unless others are given [m/m]; none where they are 0.
     positions : of each gauge, order of the strains.
     temperature_sensors : names of the temperature sensors, order of the inputs.
     envelope_score_limit : envelope score above which the estimator says OUTSIDE [1].
@@ -58,6 +59,7 @@ class FmuContents:
     vehicle: str = ""
     gauges: tuple[str, ...] = ()
     gauge_noise: tuple[float, ...] = ()
+    gauge_zeros: tuple[float, ...] = ()
     positions: tuple[Position, ...] = ()
     temperature_sensors: tuple[str, ...] = ()
     envelope_score_limit: float | None = None
@@ -71,10 +73,12 @@ def estimator_contents(inverse_map: InverseMap) -> dict[str, Any]:
     n, manifold = inverse_map.n_strain_gauges, inverse_map.manifold
     limit = inverse_map.envelope_score_limit if manifold is None else outside_score(manifold)
     ranges, groups = all_ranges(inverse_map), groups_of_outputs(inverse_map)
+    zeros = inverse_map.zero_offset[:n].tolist()
     return {
         "vehicle": inverse_map.vehicle,
         "gauges": list(inverse_map.gauge_names[:n]),
         "gauge_noise_um_per_m": [float(f"{1e6 * std:.6g}") for std in inverse_map.noise_std[:n]],
+        **({"gauge_zeros_um_per_m": [1e6 * one for one in zeros]} if any(zeros) else {}),
         "gauge_positions": [_stated_position(*at) for at in inverse_map.gauge_position[:n].tolist()],
         "sensors": dict(zip(inverse_map.gauge_names[n:], sensor_names(inverse_map), strict=True)),
         "temperature_sensors": list(inverse_map.thermal.sensor_names),
@@ -106,11 +110,13 @@ def contents_from(text: bytes) -> FmuContents:
     if not isinstance(held, dict):
         return FmuContents()
     noise = _list(held.get("gauge_noise_um_per_m"), _number)
+    zeros = _list(held.get("gauge_zeros_um_per_m"), _number)
     limit = held.get("envelope_score_limit")
     return FmuContents(
         vehicle=str(held.get("vehicle", "")),
         gauges=_list(held.get("gauges"), _text),
         gauge_noise=tuple(1e-6 * one for one in noise),
+        gauge_zeros=tuple(1e-6 * one for one in zeros),
         positions=_list(held.get("gauge_positions"), _position),
         temperature_sensors=_list(held.get("temperature_sensors"), _text),
         envelope_score_limit=limit if _number(limit) is not None else None,

@@ -89,6 +89,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     """
     gauges = (*reading_names(inverse_map), *valid_names(inverse_map.n_gauges))
     strain_gauges = inverse_map.gauge_names[: inverse_map.n_strain_gauges]
+    zero_offset = inverse_map.zero_offset[: len(strain_gauges)].tolist()
     linear = (
         *_estimated_coefficients(inverse_map, gauges),
         *_estimated_loads(inverse_map, gauges),
@@ -98,7 +99,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
         *_parameters(inverse_map),
     )
     whole = linear if inverse_map.manifold is None else flight_interface(linear, inverse_map.manifold, gauges)
-    whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges), inverse_map.thermal)
+    whole = with_temperature_inputs(with_zero_parameters(whole, strain_gauges, zero_offset), inverse_map.thermal)
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
     whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
     whole = with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)

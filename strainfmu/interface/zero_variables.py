@@ -22,22 +22,26 @@ def zero_names(n_gauges: int) -> tuple[str, ...]:
     return (*(f"zero[{i}]" for i in each), *(f"zero_std[{i}]" for i in each), ZERO_COMMON_STD)
 
 
-def with_zero_parameters(interface: Sequence[Variable], gauge_names: Sequence[str]) -> tuple[Variable, ...]:
+def with_zero_parameters(
+    interface: Sequence[Variable], gauge_names: Sequence[str], zero_offset: Sequence[float]
+) -> tuple[Variable, ...]:
     """Return ``interface`` with the zeros of the gauges behind it, on which all outputs depend but one.
 
-    The number of gauges in use follows from the readings as they come.
+    The zeros start from ``zero_offset``, the map's [m/m]. The number of gauges in use follows from the readings as
+    they come.
     """
     names = zero_names(len(gauge_names))
+    start = dict(zip(names, zero_offset, strict=False))
     outputs = tuple(
         replace(one, initially_depends_on=(*one.initially_depends_on, *names))
         if one.causality == "output" and one.name != VALID_GAUGES
         else one
         for one in interface
     )
-    return (*outputs, *(_parameter(name, gauge_names) for name in names))
+    return (*outputs, *(_parameter(name, gauge_names, start.get(name, 0.0)) for name in names))
 
 
-def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
+def _parameter(name: str, gauge_names: Sequence[str], start: float) -> Variable:
     array, _, index = name.partition("[")
     text = "Standard deviation of an error that all zeros have in common"
     if index:
@@ -55,6 +59,6 @@ def _parameter(name: str, gauge_names: Sequence[str]) -> Variable:
         display_unit="um/m",
         minimum=-LARGEST_ZERO if array == ZERO else 0.0,
         maximum=LARGEST_ZERO,
-        start=0.0,
+        start=start,
         array=array if index else None,
     )

@@ -13,7 +13,6 @@ from typing import Literal
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import AIR_INPUTS
 from strainfmu.estimator.health import USABLE_STATES
@@ -136,7 +135,7 @@ def estimate_file(
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
     time_constant : of a filter over time [s], None for none. Needs a map.
     smooth : whether to smooth what it has filtered. The output says both.
-    zeros : file of what the gauges read without strain (zeros.toml), None for 0.
+    zeros : file of what the gauges read without strain (zeros.toml), None for what ``source`` holds.
     accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
     exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels.
     columns : "all", or "plain": time, loads, angles in degrees, health in words.
@@ -177,12 +176,16 @@ def estimate_file(
                 plan,
                 estimator.gauge_names,
                 estimator.reference,
-                zero=0.0 if zeros is None else load_zeros(zeros, estimator.gauge_names).value,
+                zero=estimator.zero,
                 accepts_level=not check_level,
                 accepts_held=accept_held,
                 is_joined=channels is not None,
             )
-            notes = [*opened.notes, *_unused_inputs(source, estimator, plan)]
+            notes = [
+                *opened.notes,
+                *_unused_inputs(source, estimator, plan),
+                *_own_zeros(source, estimator, zeros),
+            ]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.other_columns, estimator.row_names if residuals else ())
             made = filter_attributes(estimator)
@@ -244,6 +247,14 @@ def _wanted(
         reference=estimator.reference,
         sensors=estimator.sensor_names,
     )
+
+
+def _own_zeros(source: Path, estimator: BlockEstimator, zeros: Path | None) -> list[str]:
+    """Return the line that zero offsets of a calibration are subtracted."""
+    if zeros is not None or not estimator.zero.any():
+        return []
+    rms = 1e6 * float(np.sqrt(np.mean(estimator.zero**2)))
+    return [f"{source}: its calibration's zero offsets are subtracted, {rms:.3g} um/m rms; --zeros states others"]
 
 
 def _check_field(path: Path, inverse_map: InverseMap | None, source: Path, time_constant: float | None) -> None:

@@ -33,6 +33,7 @@ from builder.pipeline.calibrate import (
     calibration_by,
     with_levels,
     write_report,
+    with_zeros,
     write_zeros_of,
 )
 from builder.pipeline.demonstration.flight_score import SCORE_VERSION
@@ -144,7 +145,7 @@ class AsBuiltRun:
                 reporter.note(fault.line)
             title = f"{vehicle.name}: calibration by {TEST}"
             write_report(made, title, vehicle.reference.moment_station_m, path.with_suffix(".html"))
-            save_inverse_map(made.inverse_map, path)
+            save_inverse_map(with_zeros(made.inverse_map, found), path)
             write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
         def exact(path: Path) -> None:
@@ -154,7 +155,7 @@ class AsBuiltRun:
             save_inverse_map(with_levels(made, self._parts, known, pipeline.reporter), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
-        holds = "the map as calibrated, with its report (.html); zeros.toml holds the zeros that are taken off"
+        holds = "the map as calibrated, with zero offsets and report (.html); zeros.toml: zero offsets for other maps"
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
 

@@ -88,6 +88,9 @@ static int create(Estimator *e, MapFile *file) {
         || !other_loads_create(file, map->n_gauges, map->n_states, &e->other_loads)) {
         return 0;
     }
+    if (!inputs_parse(file, &e->inputs)) {
+        return 0;
+    }
     e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
     if (!allocate(e)) {
         return map_no_memory(file);

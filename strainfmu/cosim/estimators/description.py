@@ -80,6 +80,12 @@ def noise_std_of(contents: FmuContents, n_gauges: int) -> FloatArray | None:
     return noise if noise.shape == (n_gauges,) and bool((noise > 0.0).all()) else None
 
 
+def zero_offset_of(contents: FmuContents, n_gauges: int) -> FloatArray:
+    """Return (n_d,) the zero offsets that an FMU subtracts unless others are given [m/m]; 0 without any."""
+    zero = np.array(contents.gauge_zeros, dtype=float)
+    return zero if zero.shape == (n_gauges,) else np.zeros(n_gauges)
+
+
 def sensor_range_of(description: Any) -> float:
     """Return the largest |strain| of a working gauge [m/m] by an FMU; that of maps if it states none."""
     start = next((v.start for v in description.modelVariables if v.name == OF_READINGS), None)

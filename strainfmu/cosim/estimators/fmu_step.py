@@ -27,6 +27,7 @@ from strainfmu.cosim.estimators.description import (
     reading_units,
     sensor_range_of,
     stated_names,
+    zero_offset_of,
 )
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
@@ -70,6 +71,7 @@ class FmuStep:
     pressure_nominal : nominal value of q_inf [Pa].
     sensor_range : largest |strain| of a working gauge [m/m], at the start.
     noise_std : (n_d,) standard deviations of the gauges' noise [m/m] in the FMU's map, None if it states none.
+    zero_offset : (n_d,) zeros that are subtracted [m/m]: the map's, until others are given.
 
     Raises
     ------
@@ -123,6 +125,7 @@ class FmuStep:
         self.pressure_nominal = float(pressure.nominal or 1.0)
         self.sensor_range = sensor_range_of(self._description)
         self.noise_std = noise_std_of(contents, self.n_gauges)
+        self.zero_offset = zero_offset_of(contents, self.n_gauges)
         self._time = 0.0
         self._retried = False
         self._inputs = np.zeros(len(self._set))
@@ -218,6 +221,7 @@ class FmuStep:
         """
         self.require_zero_inputs()
         by_name = {variable.name: variable for variable in self._description.modelVariables}
+        self.zero_offset = zeros.value
         names = zero_names(self.n_gauges)
         values = np.concatenate([zeros.value, zeros.std, [zeros.common_std]])
         self._zeros = [by_name[name] for name in names], values

@@ -22,7 +22,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.offers import groups_of_outputs
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, OTHER_AIR_DATA, given_flow, given_thrust
 from strainfmu.interface.other_load_variables import other_load_values
 from strainfmu.interface.parameter_variables import (
@@ -109,7 +109,7 @@ class MapStep:
 
     def set_zeros(self, zeros: GaugeZeros | None) -> None:
         """Take ``zeros`` off the strains from the next step on, which goes on from the state of the last."""
-        known = no_zeros(self._map.n_strain_gauges) if zeros is None else zeros
+        known = zeros_of_map(self._map) if zeros is None else zeros
         self._estimator = self._estimator.with_zeros(known)
 
     def __call__(

@@ -100,6 +100,8 @@ class InverseMap:
     form : one of :data:`FORMS`.
     fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as those of an
         internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for none.
+    zero_offset : (n_d,) reading of each strain gauge without strain [m/m], by the calibration of the map;
+        estimators subtract it where they are given no other zero offsets; its errors are part of the noise; 0 without.
     gauge_error_product : (21, n_d) [(m/m)^2], common_error : (n_t, 6, n_d) [m/m], mean_product : (21,) [1], see
         :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; 0 and no terms where no error follows the
         current strain.
@@ -150,6 +152,7 @@ class InverseMap:
     form: str = "absolute"
     fixed_strain: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     fixed_load: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
+    zero_offset: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     gauge_error_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     common_error: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     mean_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
@@ -303,6 +306,7 @@ def _units(case: int) -> dict[str, str]:
         "error_load": "N, N.m",
         "fixed_strain": "m/m",
         "fixed_load": "N, N.m",
+        "zero_offset": "m/m",
         "gauge_error_product": "(m/m)^2",
         "common_error": "m/m",
         "dynamic_pressure_range": "Pa",

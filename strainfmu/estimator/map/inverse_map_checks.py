@@ -117,6 +117,7 @@ def check_arrays(inverse_map: InverseMap) -> None:
         "coefficient_range": (5, 2),
         "fixed_strain": (n_d,),
         "fixed_load": (n_f,),
+        "zero_offset": (n_d,),
         "gauge_error_product": (21, n_d),
         "common_error": (*inverse_map.common_error.shape[:1], 6, n_d),
         "mean_product": (21,),

@@ -48,6 +48,7 @@ def neutral_arrays(inverse_map: InverseMap) -> dict[str, Any]:
         "triangle": np.zeros((0, 3), dtype=np.int32),
         "fixed_strain": np.zeros(n_d),
         "fixed_load": np.zeros(len(inverse_map.load_of_mean)),
+        "zero_offset": np.zeros(n_d),
         "gauge_error_product": np.zeros((21, n_d)),
         "common_error": np.zeros((0, 6, n_d)),
         "mean_product": np.zeros(21),

@@ -159,6 +159,7 @@ def _settings(inverse_map: InverseMap) -> Values:
         "smallest": SMALLEST_SETTING,
         "largest": LARGEST_SETTING,
         "largest_zero": LARGEST_ZERO,
+        "zero_offset": inverse_map.zero_offset[: inverse_map.n_strain_gauges],
         "not_known": NOT_KNOWN,
     }
 

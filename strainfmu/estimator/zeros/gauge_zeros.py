@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
+
+if TYPE_CHECKING:
+    from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_ZERO = 0.05
 """Largest zero and largest standard deviation of one [m/m]: the strain that foil gauges stand."""
@@ -59,6 +63,7 @@ def zero_fault(name: str, value: float) -> str:
     return f"{name}: expected {smallest:g} to {LARGEST_ZERO:g} m/m, got {value:g}"
 
 
-def no_zeros(n_gauges: int) -> GaugeZeros:
-    """Return zeros of 0, exactly known."""
-    return GaugeZeros(value=np.zeros(n_gauges), std=np.zeros(n_gauges))
+def zeros_of_map(inverse_map: InverseMap) -> GaugeZeros:
+    """Return the zeros that a map holds, whose errors are part of its noise; 0 without a calibration."""
+    value = inverse_map.zero_offset[: inverse_map.n_strain_gauges]
+    return GaugeZeros(value=value, std=np.zeros(len(value)))

@@ -1,9 +1,9 @@
 """Whether readings of a tare look like load: the strain of flights, and how much of random zeros lies along it.
 
-The strain of every flow of the map is a sum of a few patterns: the mean flow's and one for each pressure mode. Zeros
-are random from gauge to gauge. With k orthonormal patterns of n gauges, the part b of their sum of squares that lies
-along the patterns has the distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size. Source: the F test
-of a linear model, Rao, *Linear Statistical Inference and its Applications* (1973), section 4b.2.
+The strain of every flow of the map is a sum of a few patterns: the mean flow's and one for each pressure mode.
+Zeros are random from gauge to gauge. With k orthonormal patterns of n gauges, the part b of their sum of squares
+that lies along the patterns has the distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size.
+Source: the F test of a linear model, Rao, *Linear Statistical Inference and its Applications* (1973), section 4b.2.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def load_odds(inverse_map: InverseMap) -> FloatArray:
 
 
 def largest_part(n_patterns: int, n_gauges: int, probability: float) -> float:
-    """Return the part of the sum of squares that random zeros have along patterns with no more than ``probability``.
+    """Return the part of the sum of squares along patterns that random zeros exceed with ``probability``.
 
     An odd number of patterns counts as the next even one, whose limit is a little higher.
     """

@@ -102,7 +102,7 @@ def is_usual(run: ReferenceRun) -> bool:
 def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun:
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
     rows, truth = readings.drawn(seed)
-    rows = rounded(rows * inverse_map.sensors.scale)
+    rows = rounded(rows * inverse_map.sensors.scale + inverse_map.zero_offset)
     values = np.array(
         [
             [*output_values(one, has_other_outputs(inverse_map)), float(TareState.IDLE)]

@@ -70,6 +70,7 @@ class BlockEstimator(Protocol):
     ----------
     inputs : quantities beside strain and q_inf that it takes, of ``FLOW_NAMES``.
     reference : the level of strains that it expects.
+    zero : (n_d,) zero offsets that it subtracts from strain [m/m].
     has_residuals : whether it gives the z of each gauge.
     envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
     other_columns : names and units of its own columns of the output, of ``other_values``.
@@ -90,6 +91,7 @@ class BlockEstimator(Protocol):
     other_columns: tuple[tuple[str, str], ...]
     inputs: tuple[str, ...]
     reference: LevelReference
+    zero: FloatArray
     has_residuals: bool
     envelope_score_limit: float
     inverse_map: InverseMap | None

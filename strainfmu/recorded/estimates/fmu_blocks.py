@@ -73,6 +73,7 @@ class FmuBlocks:
             dynamic_pressure=step.pressure_nominal,
             sensor_range=step.sensor_range,
         )
+        self.zero = step.zero_offset
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         n = len(block.time)

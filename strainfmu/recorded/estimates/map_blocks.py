@@ -63,6 +63,7 @@ class MapBlocks:
         self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
         self.sensor_names = inverse_map.thermal.sensor_names
         self.reference = _level_reference(inverse_map)
+        self.zero = estimator.zeros.value
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
         return self.block_estimates(self.estimates(block))

@@ -48,6 +48,15 @@ size_t parameter_beyond(const Inputs *in) {
     return parameter_outside(in->parameters, in->value + first_parameter(in), in->map->not_known);
 }
 
+int inputs_parse(MapFile *file, Inputs *in) {
+    const double largest = in->map->largest_zero;
+    in->zero_offset = map_doubles(file, "settings.zero_offset", in->sensors->n_strains);
+    for (size_t i = 0; file->good && i < in->sensors->n_strains; i++) {
+        map_require(file, fabs(in->zero_offset[i]) <= largest, "settings.zero_offset", "zeros in their range");
+    }
+    return file->good;
+}
+
 void inputs_reset(Inputs *in) {
     const size_t n = in->map->n_gauges;
     double *scalar = in->value + n;
@@ -62,6 +71,7 @@ void inputs_reset(Inputs *in) {
     scalar[REFERENCE_AREA] = in->map->reference_area;
     scalar[REFERENCE_LENGTH] = in->map->reference_length;
     scalar[MOMENT_STATION] = in->map->moment_station;
+    memcpy(scalar + N_ALL_SCALARS, in->zero_offset, in->sensors->n_strains * sizeof *scalar);
     for (size_t k = 0; k < in->parameters->count; k++) {
         in->value[first_parameter(in) + k] = in->map->not_known;
     }

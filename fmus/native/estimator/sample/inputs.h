@@ -51,6 +51,7 @@ typedef struct {
     const SensorRows *sensors;         /* behind the strain gauges */
     const FlowParameters *parameters;  /* of the flow */
     size_t n_temperatures;             /* sensors of temperature */
+    const double *zero_offset;         /* (n_strains) start values of the zeros, of the map's calibration [1] */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
     double *value;                     /* (inputs_count) readings, scalars, zeros, temperatures, .. */
     unsigned char *valid;              /* (n_gauges) 1 for the gauges that the caller trusts */
@@ -119,6 +120,9 @@ static inline double moment_shift(const Inputs *inputs) {
 
 /* The parameter of the flow that leaves its range; SIZE_MAX for none. */
 size_t parameter_beyond(const Inputs *inputs);
+
+/* Read the start values of the zeros. 1; 0 after a message. */
+int inputs_parse(MapFile *file, Inputs *inputs);
 
 /* Give inputs and settings their start values. */
 void inputs_reset(Inputs *inputs);
