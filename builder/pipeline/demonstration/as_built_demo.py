@@ -32,8 +32,8 @@ from builder.pipeline.calibrate import (
     IndependentModel,
     calibration_by,
     with_levels,
-    write_report,
     with_zeros,
+    write_report,
     write_zeros_of,
 )
 from builder.pipeline.demonstration.flight_score import SCORE_VERSION
