@@ -155,7 +155,7 @@ class AsBuiltRun:
             save_inverse_map(with_levels(made, self._parts, known, pipeline.reporter), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
-        holds = "the map as calibrated, with zero offsets and report (.html); zeros.toml: zero offsets for other maps"
+        holds = "the map as calibrated, zero offsets and report (.html); zeros.toml: the offsets for other maps"
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
 

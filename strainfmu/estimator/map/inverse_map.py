@@ -100,8 +100,8 @@ class InverseMap:
     form : one of :data:`FORMS`.
     fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as those of an
         internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for none.
-    zero_offset : (n_d,) reading of each strain gauge without strain [m/m], by the calibration of the map;
-        estimators subtract it where they are given no other zero offsets; its errors are part of the noise; 0 without.
+    zero_offset : (n_d,) reading of each strain gauge without strain [m/m], by the map's calibration; 0 without
+        one. Estimators subtract it unless other zero offsets are given; its errors are part of the noise.
     gauge_error_product : (21, n_d) [(m/m)^2], common_error : (n_t, 6, n_d) [m/m], mean_product : (21,) [1], see
         :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; 0 and no terms where no error follows the
         current strain.

@@ -3,7 +3,7 @@
 The strain of every flow of the map is a sum of a few patterns: the mean flow's and one for each pressure mode.
 Zeros are random from gauge to gauge. With k orthonormal patterns of n gauges, the part b of their sum of squares
 that lies along the patterns has the distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size.
-Source: the F test of a linear model, Rao, *Linear Statistical Inference and its Applications* (1973), section 4b.2.
+Source: the F test of a linear model, Rao, *Linear Statistical Inference and its Applications*, section 4b.2.
 """
 
 from __future__ import annotations
