@@ -39,9 +39,20 @@ static void set_state(const FlightSolver *solver, size_t start, size_t which, do
     state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
 }
 
+/* Slopes at p_inf = 1 Pa in the middle of the ranges. */
+static void set_slopes(FlightSolver *solver) {
+    const double *middle = solver->map->crossflow_middle;
+    const double state[N_STATES] = {solver->search_mach[SEARCH_MACHS / 2], middle[0], middle[1], 0.0};
+    flight_response(&solver->tables, solver->wide, state, &solver->response);
+    for (size_t k = 0; k < 2; k++) {
+        memcpy(solver->search_slope[k], solver->response.jacobian[STATE_U + k], solver->n_gauges * sizeof(double));
+    }
+}
+
 void flight_search_prepare(FlightSolver *solver) {
     const size_t n = solver->n;
     set_states(solver);
+    set_slopes(solver);
     double state[N_STATES] = {0.0};
     for (size_t i = 0; i < SEARCH_STARTS; i++) {
         for (size_t k = 0; k < SEARCH_STATES; k++) {
