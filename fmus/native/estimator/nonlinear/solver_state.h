@@ -28,8 +28,10 @@ typedef struct {
 /* Iterations to each side of a state, of which navigation does not state the pressure: policies/ambiguity.c. */
 #define ASIDE_ITERATIONS 3
 
-/* Iterations from the mirror image of a state: policies/mirror_image.c. They are those of a start of the search. */
-#define MIRROR_ITERATIONS 4
+/* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: the mirror
+   image and the best other minima of the search's states: policies/other_solutions.c. */
+#define MOST_MINIMA 3
+#define MOST_OTHERS (1 + MOST_MINIMA)
 
 #define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
 
@@ -45,8 +47,8 @@ typedef struct {
     double widening[N_WIDENING];                       /* factors on deviations, for what else fits; 0 for none, */
     double widened_covariance[N_STATES * N_STATES];    /* of the state with them; those of the loads have them */
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
-    double mirror_part;            /* of the squared difference to a mirror image that counts as variance; 0 for none, */
-    double mirror_state[N_STATES]; /* whose state this is */
+    size_t n_others; /* other solutions that fit, whose squared differences count as variance by these parts */
+    double other_part[MOST_OTHERS], other_state[MOST_OTHERS][N_STATES];
 } Solution;
 
 /* Where a search ended, of what navigation told with these precisions. */

@@ -9,7 +9,7 @@
 #include "ambiguity.h"
 #include "fall_back.h"
 #include "flight_outputs.h"
-#include "mirror_image.h"
+#include "other_solutions.h"
 
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 typedef enum { FITS_NOT, ALARMS, FITS } Quality;
@@ -134,11 +134,11 @@ void flight_track_update(Flight *flight, size_t used) {
     const Quality found = solve_best(flight, used, &searched, &by_search);
     widen(flight, found, &searched, by_search);
     if (tables_count(flight, found)) {
-        flight_look_at_mirror_image(&flight->solver);
+        flight_look_for_others(&flight->solver);
     }
     flight_set_gauge_residuals(&flight->solver);
     const int fits = flight_conclude(flight, used);
     const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
-    flight_fall_back(flight, fits, to_return);
+    flight_fall_back(flight, used, fits, to_return);
     set_next(flight, searched, fits, to_return);
 }

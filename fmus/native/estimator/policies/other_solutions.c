@@ -1,0 +1,183 @@
+#include "other_solutions.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../nonlinear/flight_loads.h"
+#include "../nonlinear/flight_search.h"
+#include "../nonlinear/flight_solve.h"
+#include "../numerics/cholesky.h"
+#include "ambiguity.h"
+
+/* Squares of distances, in standard deviations: of strain, from which a state and its mirror image are distinct without an
+   iteration, and from which the first iteration from a state reaches no solution; of states, up to which two are the same. */
+#define DISTINCT 1e3
+#define PREDICTED 1e2
+#define SAME 1.0
+
+/* Another solution counts wholly up to an excess of -2 ln likelihood of UNLIKELY[0], and not at all from UNLIKELY[1] on.
+   One that is better by more than BETTER takes the place of the solution. */
+#define BETTER 9.0
+static const double UNLIKELY[2] = {16.0, 25.0};
+
+/* Part of the square of a difference that counts as variance: three standard deviations reach half of it beyond. */
+#define PART 0.25
+
+/* Solutions of a sample; the first is the one that was found. */
+typedef struct {
+    size_t count;
+    double state[1 + MOST_OTHERS][N_STATES], deviance[1 + MOST_OTHERS];
+} Solutions;
+
+/* What flight_solve_again leaves out of a solution. */
+typedef struct {
+    double weighted_at[N_STATES], widening[N_WIDENING], residual[N_NAVIGATION];
+} Kept;
+
+static int gauges_are_lost(const FlightSolver *solver) {
+    size_t lost = 0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        lost += !solver->sample.used[g];
+    }
+    return lost > 0;
+}
+
+/* The mirror image of a state in the plane through the axis that the gauges in use are nearest to: across it they hold the
+   minimum information on u and w. Its normal is an eigenvector of the information's matrix, and the reflection follows
+   from the matrix. 0 where gauges hold as much along the plane, or read state and image so differently that no iteration
+   is needed. */
+static int mirror_image(const FlightSolver *solver, const double *state, double *image) {
+    double of_u = 0.0, of_w = 0.0, of_both = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        const double weight = solver->sample.used[g] ? solver->search_weight[g] : 0.0;
+        const double by_u = weight * solver->search_slope[0][g], by_w = weight * solver->search_slope[1][g];
+        of_u += by_u * by_u;
+        of_w += by_w * by_w;
+        of_both += by_u * by_w;
+    }
+    const double difference = 0.5 * (of_u - of_w), radius = sqrt(difference * difference + of_both * of_both);
+    if (!(radius > 0.0)) {
+        return 0;
+    }
+    const double cosine = difference / radius, sine = of_both / radius; /* of twice the plane's roll angle */
+    memcpy(image, state, N_STATES * sizeof *image);
+    image[STATE_U] = cosine * state[STATE_U] + sine * state[STATE_W];
+    image[STATE_W] = sine * state[STATE_U] - cosine * state[STATE_W];
+    const double u = image[STATE_U] - state[STATE_U], w = image[STATE_W] - state[STATE_W];
+    const double pressure = solver->response.pressure, across = 0.5 * (of_u + of_w) - radius;
+    return pressure * pressure * across * (u * u + w * w) < DISTINCT;
+}
+
+/* Whether the first iteration from a state may reach a cost. */
+static int may_reach(FlightSolver *solver, const double *state, double cost) {
+    double inverse[N_STATES * N_STATES];
+    flight_linearise_at(solver, state);
+    invert_small(N_STATES, solver->hessian, inverse);
+    return solver->cost - quadratic(N_STATES, solver->gradient, inverse, solver->gradient) < cost + PREDICTED;
+}
+
+/* Whether the state of the problem is one of the solutions. */
+static int is_among(const FlightSolver *solver, const Solutions *all) {
+    int found = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        double apart[N_STATES];
+        for (size_t k = 0; k < N_STATES; k++) {
+            apart[k] = all->state[s][k] - solver->state[k];
+        }
+        found |= quadratic(N_STATES, apart, solver->hessian, apart) < SAME;
+    }
+    return found;
+}
+
+/* The solution and others, from its mirror image and the minima of the search. The problem is another one afterwards; it
+   is the same where there is nothing to look at, which is 0. */
+static int find_solutions(FlightSolver *solver, Solutions *all) {
+    double start[MOST_OTHERS][N_STATES];
+    size_t count = flight_search_minima(solver, all->state[0], start);
+    count += (size_t)mirror_image(solver, all->state[0], start[count]);
+    if (count == 0) {
+        return 0;
+    }
+    flight_linearise_anew(solver, all->state[0]);
+    all->deviance[0] = flight_deviance(solver);
+    const double cost = solver->cost;
+    for (size_t s = 0; s < count; s++) {
+        if (!may_reach(solver, start[s], cost)) {
+            continue;
+        }
+        const double deviance = flight_iterate_start(solver, start[s]);
+        if (!is_among(solver, all)) {
+            memcpy(all->state[all->count], start[s], sizeof start[s]);
+            all->deviance[all->count++] = deviance;
+        }
+    }
+    return 1;
+}
+
+/* 1 below the first of UNLIKELY, 0 above the second. */
+static double weight_of(double excess) {
+    return 1.0 - clipped((excess - UNLIKELY[0]) / (UNLIKELY[1] - UNLIKELY[0]), 0.0, 1.0);
+}
+
+static void add_difference(size_t order, double part, const double *value, const double *other, double *covariance) {
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            covariance[i * order + j] += part * ((other[i] - value[i]) * (other[j] - value[j]));
+        }
+    }
+}
+
+/* The solution from the best of all on, with the differences to the others. */
+static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
+    Solution *found = &solver->solution;
+    double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
+    size_t other[MOST_OTHERS], n_others = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        const double weight = weight_of(all->deviance[s] - all->deviance[best]);
+        if (s == best || !(weight > 0.0)) {
+            continue;
+        }
+        flight_linearise_anew(solver, all->state[s]);
+        invert_small(N_STATES, solver->hessian, found->state_covariance);
+        flight_set_loads(solver);
+        memcpy(loads[n_others], found->loads, sizeof found->loads);
+        memcpy(coefficients[n_others], found->coefficients, sizeof found->coefficients);
+        part[n_others] = PART * weight;
+        other[n_others++] = s;
+    }
+    flight_solve_again(solver, best == 0 ? kept->weighted_at : all->state[best], all->state[best]);
+    memcpy(found->navigation_residual, kept->residual, sizeof kept->residual);
+    if (kept->widening[0] != 0.0) {
+        flight_widen(solver, kept->widening);
+    }
+    found->n_others = n_others;
+    for (size_t s = 0; s < n_others; s++) {
+        const double *state = all->state[other[s]];
+        found->other_part[s] = part[s];
+        memcpy(found->other_state[s], state, sizeof found->other_state[s]);
+        add_difference(N_STATES, part[s], found->state, state, found->widened_covariance);
+        add_difference(N_LOADS, part[s], found->loads, loads[s], found->load_covariance);
+        add_difference(N_LOADS, part[s], found->coefficients, coefficients[s], found->coefficient_covariance);
+    }
+}
+
+void flight_look_for_others(FlightSolver *solver) {
+    const Solution *found = &solver->solution;
+    Solutions all = {.count = 1};
+    Kept kept;
+    if (!gauges_are_lost(solver)) {
+        return;
+    }
+    memcpy(all.state[0], found->state, sizeof found->state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.widening, found->widening, sizeof kept.widening);
+    memcpy(kept.residual, found->navigation_residual, sizeof kept.residual);
+    if (!find_solutions(solver, &all)) {
+        return;
+    }
+    size_t best = 0;
+    for (size_t s = 1; s < all.count; s++) {
+        best = all.deviance[s] < all.deviance[0] - BETTER && all.deviance[s] < all.deviance[best] ? s : best;
+    }
+    conclude(solver, &all, best, &kept);
+}
