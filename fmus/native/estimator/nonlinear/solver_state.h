@@ -28,10 +28,10 @@ typedef struct {
 /* Iterations to each side of a state, of which navigation does not state the pressure: policies/ambiguity.c. */
 #define ASIDE_ITERATIONS 3
 
-/* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: the mirror
-   image and the best other minima of the search's states: policies/other_solutions.c. */
+/* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: mirror images
+   and the best other minima of the search's states: policies/other_solutions.c. */
 #define MOST_MINIMA 3
-#define MOST_OTHERS (1 + MOST_MINIMA)
+#define MOST_OTHERS (2 + MOST_MINIMA)
 
 #define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
 

@@ -13,7 +13,7 @@
    iteration, and from which the first iteration from a state reaches no solution; of states, up to which two are the same. */
 #define DISTINCT 1e3
 #define PREDICTED 1e2
-#define SAME 1.0
+#define SAME 0.1
 
 /* Another solution counts wholly up to an excess of -2 ln likelihood of UNLIKELY[0], and not at all from UNLIKELY[1] on.
    One that is better by more than BETTER takes the place of the solution. */
@@ -42,11 +42,10 @@ static int gauges_are_lost(const FlightSolver *solver) {
     return lost > 0;
 }
 
-/* The mirror image of a state in the plane through the axis that the gauges in use are nearest to: across it they hold the
-   minimum information on u and w. Its normal is an eigenvector of the information's matrix, and the reflection follows
-   from the matrix. 0 where gauges hold as much along the plane, or read state and image so differently that no iteration
-   is needed. */
-static int mirror_image(const FlightSolver *solver, const double *state, double *image) {
+/* The minimum information that the gauges in use hold on a direction of (u, w), per square of p_inf and radian, and the unit
+   vector of that direction: the normal of the plane through the axis that they are nearest to. 0 where they hold as much on
+   every direction. */
+static int nearest_plane(const FlightSolver *solver, double normal[2], double *information) {
     double of_u = 0.0, of_w = 0.0, of_both = 0.0;
     for (size_t g = 0; g < solver->n_gauges; g++) {
         const double weight = solver->sample.used[g] ? solver->search_weight[g] : 0.0;
@@ -60,12 +59,35 @@ static int mirror_image(const FlightSolver *solver, const double *state, double 
         return 0;
     }
     const double cosine = difference / radius, sine = of_both / radius; /* of twice the plane's roll angle */
-    memcpy(image, state, N_STATES * sizeof *image);
-    image[STATE_U] = cosine * state[STATE_U] + sine * state[STATE_W];
-    image[STATE_W] = sine * state[STATE_U] - cosine * state[STATE_W];
-    const double u = image[STATE_U] - state[STATE_U], w = image[STATE_W] - state[STATE_W];
-    const double pressure = solver->response.pressure, across = 0.5 * (of_u + of_w) - radius;
-    return pressure * pressure * across * (u * u + w * w) < DISTINCT;
+    const double larger = sqrt(0.5 * (1.0 + fabs(cosine))), smaller = -0.5 * sine / larger;
+    normal[0] = cosine < 0.0 ? larger : smaller;
+    normal[1] = cosine < 0.0 ? smaller : larger;
+    *information = 0.5 * (of_u + of_w) - radius;
+    return 1;
+}
+
+/* Starts from the mirror image of a state; their number. Next to the plane, where iterations that have come upon it stay,
+   they are one on each side. None where gauges read state and image so differently that no iteration is needed. */
+static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
+    const double *half = solver->map->crossflow_half, pressure = solver->response.pressure;
+    const double near = 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
+    double normal[2], information;
+    if (!nearest_plane(solver, normal, &information)) {
+        return 0;
+    }
+    const double off = normal[0] * state[STATE_U] + normal[1] * state[STATE_W];
+    const double reach = fabs(off) > near ? fabs(off) : near;
+    if (pressure * pressure * information * (4.0 * reach * reach) > DISTINCT) {
+        return 0;
+    }
+    const size_t count = fabs(off) > near ? 1 : 2;
+    for (size_t s = 0; s < count; s++) {
+        const double to = count == 1 ? -off : s == 0 ? near : -near;
+        memcpy(start[s], state, N_STATES * sizeof *state);
+        start[s][STATE_U] += (to - off) * normal[0];
+        start[s][STATE_W] += (to - off) * normal[1];
+    }
+    return count;
 }
 
 /* Whether the first iteration from a state may reach a cost. */
@@ -89,12 +111,12 @@ static int is_among(const FlightSolver *solver, const Solutions *all) {
     return found;
 }
 
-/* The solution and others, from its mirror image and the minima of the search. The problem is another one afterwards; it
+/* The solution and others, from mirror images and the minima of the search. The problem is another one afterwards; it
    is the same where there is nothing to look at, which is 0. */
 static int find_solutions(FlightSolver *solver, Solutions *all) {
     double start[MOST_OTHERS][N_STATES];
     size_t count = flight_search_minima(solver, all->state[0], start);
-    count += (size_t)mirror_image(solver, all->state[0], start[count]);
+    count += mirror_starts(solver, all->state[0], start + count);
     if (count == 0) {
         return 0;
     }
