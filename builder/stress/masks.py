@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -97,7 +98,9 @@ def masks_of(inverse_map: InverseMap, random: np.random.Generator, halves: int =
     for count in range(1, len(rows)):
         for lost in combinations(rows, count):
             name = " and ".join(f"{one:g}" for one in lost) + " deg lost"
-            yield Mask(group=f"{count} of {len(rows)} rows lost", name=name, used=~np.isin(roll, lost), drawn=False)
+            yield Mask(
+                group=f"{count} of {len(rows)} rows lost", name=name, used=~np.isin(roll, lost), drawn=False
+            )
     for direction, kept in (("hoop", axial), ("axial", ~axial)):
         if not 0 < kept.sum() < n_d:
             continue
@@ -129,7 +132,7 @@ def masks_of(inverse_map: InverseMap, random: np.random.Generator, halves: int =
 def score(estimator: Estimator, flights: ReadFlights, mask: Mask, rows: slice) -> MaskScore:
     """Return the score of the samples ``rows`` of ``flights`` with the gauges of ``mask`` alone."""
     truth = np.repeat(flights.coefficients, flights.vehicles, axis=0)[rows]
-    known = {name: np.asarray(value)[rows] for name, value in flights.known.items()}
+    known: dict[str, Any] = {name: np.asarray(value)[rows] for name, value in flights.known.items()}
     if not estimator.is_nonlinear:
         known = {name: value for name, value in known.items() if name != "static_pressure"}
     strain = np.where(mask.used, flights.strain[rows], np.nan)

@@ -1,8 +1,9 @@
-"""Lost gauges: mirror images of the flow are inside the uncertainty, and few gauges give no loads of the tables."""
+"""Lost gauges: mirror images of the flow are inside the uncertainty; few gauges give no loads of the tables."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -58,13 +59,13 @@ def responses(estimator: Estimator, state: FloatArray) -> tuple[FloatArray, Floa
     return value[:, :N_D], value[:, N_D:]
 
 
-def air_of(state: FloatArray) -> dict[str, FloatArray]:
+def air_of(state: FloatArray) -> dict[str, Any]:
     mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
     return {"mach_number": mach, "static_pressure": pressure, "dynamic_pressure": 0.7 * mach**2 * pressure}
 
 
 def linearised(
-    estimator: Estimator, strain: FloatArray, used: BoolArray, start: FloatArray, air: dict[str, float]
+    estimator: Estimator, strain: FloatArray, used: BoolArray, start: FloatArray, air: dict[str, Any]
 ) -> NonlinearEstimate:
     """Return what the linearised problem about the solution from ``start`` (4,) has."""
     manifold = estimator.inverse_map.manifold
@@ -118,7 +119,7 @@ def test_a_step_goes_over_to_the_image_that_measured_angles_are_of(estimator: Es
     """A track in the wrong image, whose strain fits, follows the angles in the step that gives them."""
     used, state = plane_of(0), np.array([[6.0, 0.08, 0.08, np.log(PRESSURE)]])
     strain, loads = responses(estimator, state)
-    air = {name: float(value[0]) for name, value in air_of(state).items()} | {"q_source": 1.0}
+    air: dict[str, Any] = {name: float(value[0]) for name, value in air_of(state).items()} | {"q_source": 1.0}
     flight, read = estimator.filter(0.0), np.where(used, strain, np.nan)[0]
     wrong = image_of(state, 0)
     mirrored = responses(estimator, wrong)[0][0]
@@ -137,7 +138,7 @@ def test_fewer_gauges_than_flight_state_quantities_give_no_loads_of_the_tables(e
     """Four give some; three do not, and without q_inf the linear map gives none either."""
     state = flights(seed=9, count=1)
     strain, _ = responses(estimator, state)
-    air = {name: float(value[0]) for name, value in air_of(state).items()} | {"q_source": 1.0}
+    air: dict[str, Any] = {name: float(value[0]) for name, value in air_of(state).items()} | {"q_source": 1.0}
     for count, given, expected in (
         (4, air, False),
         (3, {name: value for name, value in air.items() if name != "dynamic_pressure"}, True),

@@ -10,7 +10,7 @@
 #include "ambiguity.h"
 
 /* Squares of distances, in standard deviations: of strain, from which a state and its mirror image are distinct without an
-   iteration, and from which the first iteration from a state reaches no solution; of states, up to which two are the same. */
+   iteration, and above which the first iteration must come; of states, up to which two are the same. */
 #define DISTINCT 1e3
 #define PREDICTED 1e2
 #define SAME 0.1
@@ -66,11 +66,16 @@ static int nearest_plane(const FlightSolver *solver, double normal[2], double *i
     return 1;
 }
 
+/* The distance [rad] from a plane up to which a state is next to it: half of that between two incidences of the search. */
+static double next_to_plane(const FlightMap *map) {
+    const double *half = map->crossflow_half;
+    return 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
+}
+
 /* Starts from the mirror image of a state; their number. Next to the plane, where iterations that have come upon it stay,
    they are one on each side. None where gauges read state and image so differently that no iteration is needed. */
 static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
-    const double *half = solver->map->crossflow_half, pressure = solver->response.pressure;
-    const double near = 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
+    const double near = next_to_plane(solver->map), pressure = solver->response.pressure;
     double normal[2], information;
     if (!nearest_plane(solver, normal, &information)) {
         return 0;
@@ -90,12 +95,24 @@ static size_t mirror_starts(const FlightSolver *solver, const double *state, dou
     return count;
 }
 
-/* Whether the first iteration from a state may reach a cost. */
-static int may_reach(FlightSolver *solver, const double *state, double cost) {
-    double inverse[N_STATES * N_STATES];
-    flight_linearise_at(solver, state);
+/* Whether iterations from a start may end in another solution than a state, at about the same cost, by the first of them: it
+   leads to a place that is farther from the state than from the start, and than half the distance next to a plane. */
+static int leads_elsewhere(FlightSolver *solver, const double *start, const double *state, double cost) {
+    double inverse[N_STATES * N_STATES], from_start = 0.0, from_state = 0.0;
+    flight_linearise_at(solver, start);
     invert_small(N_STATES, solver->hessian, inverse);
-    return solver->cost - quadratic(N_STATES, solver->gradient, inverse, solver->gradient) < cost + PREDICTED;
+    for (size_t k = STATE_U; k <= STATE_W; k++) {
+        double step = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step += inverse[k * N_STATES + j] * solver->gradient[j];
+        }
+        const double apart = start[k] + step - state[k];
+        from_start += step * step;
+        from_state += apart * apart;
+    }
+    const double gained = quadratic(N_STATES, solver->gradient, inverse, solver->gradient);
+    const double near = 0.5 * next_to_plane(solver->map);
+    return from_state > from_start && from_state > near * near && solver->cost - gained < cost + PREDICTED;
 }
 
 /* Whether the state of the problem is one of the solutions. */
@@ -111,22 +128,25 @@ static int is_among(const FlightSolver *solver, const Solutions *all) {
     return found;
 }
 
-/* The solution and others, from mirror images and the minima of the search. The problem is another one afterwards; it
-   is the same where there is nothing to look at, which is 0. */
+/* The solution and others, from mirror images and the minima of the search. The problem is another one afterwards; it is
+   the same where nothing leads to another solution, which is 0. */
 static int find_solutions(FlightSolver *solver, Solutions *all) {
     double start[MOST_OTHERS][N_STATES];
-    size_t count = flight_search_minima(solver, all->state[0], start);
-    count += mirror_starts(solver, all->state[0], start + count);
+    const double cost = solver->cost;
+    size_t starts = flight_search_minima(solver, all->state[0], start), count = 0;
+    starts += mirror_starts(solver, all->state[0], start + starts);
+    for (size_t s = 0; s < starts; s++) {
+        if (leads_elsewhere(solver, start[s], all->state[0], cost)) {
+            memmove(start[count++], start[s], sizeof start[s]);
+        }
+    }
     if (count == 0) {
+        flight_linearise_at(solver, all->state[0]);
         return 0;
     }
     flight_linearise_anew(solver, all->state[0]);
     all->deviance[0] = flight_deviance(solver);
-    const double cost = solver->cost;
     for (size_t s = 0; s < count; s++) {
-        if (!may_reach(solver, start[s], cost)) {
-            continue;
-        }
         const double deviance = flight_iterate_start(solver, start[s]);
         if (!is_among(solver, all)) {
             memcpy(all->state[all->count], start[s], sizeof start[s]);
