@@ -29,7 +29,8 @@ class HealthState(IntEnum):
     fits a known pressure, and sigma has grown accordingly. Or matrices for other standard deviations of zero
     offsets are being made over several steps: the old ones, and the old zero offsets, are in use."""
     UNIDENTIFIED = 5
-    """Gauges are missing and the others do not identify the state: nothing can be computed."""
+    """Gauges are missing and the others do not identify the state: nothing can be computed. Of the nonlinear
+    estimator, fewer than four are left and the linear map does not identify the loads."""
     SUSPECT = 6
     """The chi-square is in order, but one gauge does not fit the others: its z is above its alarm level."""
     OUTSIDE = 7

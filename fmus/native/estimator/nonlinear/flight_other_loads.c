@@ -1,7 +1,9 @@
 #include "flight_other_loads.h"
 
 #include <math.h>
+#include <string.h>
 
+#include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
 #include "flight_loads.h"
 
@@ -17,7 +19,7 @@ int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_ga
 
 size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges) {
     const size_t m = map->tables.n_rows;
-    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * in_lanes(n_gauges);
+    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * (in_lanes(n_gauges) + MOST_OTHERS);
 }
 
 void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, double **doubles) {
@@ -27,6 +29,8 @@ void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, d
         response_arrays(map, &other_loads->response, doubles);
         other_loads->turned = *doubles;
         *doubles += map->n_rows * in_lanes(n_gauges);
+        other_loads->others = *doubles;
+        *doubles += map->n_rows * MOST_OTHERS;
     }
 }
 
@@ -38,6 +42,37 @@ static double widening_of(const double *of_five, const OtherLoadsMap *map, size_
         largest = of_five[i] > largest ? of_five[i] : largest;
     }
     return like < N_LOADS ? of_five[like] : largest;
+}
+
+/* The tables at other solutions. */
+static void set_others(FlightOtherLoads *other_loads, const FlightSolver *solver) {
+    const size_t m = other_loads->map.tables.n_rows;
+    const Solution *found = &solver->solution;
+    for (size_t s = 0; s < found->n_others; s++) {
+        flight_response(&other_loads->tables, solver->wide, found->other_state[s], &other_loads->response);
+        memcpy(other_loads->others + s * m, other_loads->response.value, m * sizeof(double));
+    }
+}
+
+/* Variances of load j and of its coefficient by other solutions, of a dynamic pressure. Strain corrects all alike. */
+static void of_others(const FlightOtherLoads *other_loads, const FlightSolver *solver, size_t j, double dynamic,
+                      double reference, double variance[2]) {
+    const Solution *found = &solver->solution;
+    const double own = other_loads->response.value[j];
+    variance[0] = variance[1] = 0.0;
+    for (size_t s = 0; s < found->n_others; s++) {
+        const double load = other_loads->others[s * other_loads->map.tables.n_rows + j];
+        const double mach = found->other_state[s][STATE_MACH];
+        const double other = solver->map->half_gamma * mach * mach * exponential(found->other_state[s][STATE_PRESSURE]);
+        const double apart = (load / other - own / dynamic) / reference;
+        variance[0] += found->other_part[s] * ((load - own) * (load - own));
+        variance[1] += found->other_part[s] * (apart * apart);
+    }
+}
+
+/* A standard deviation with another variance, which is 0 of most samples. */
+static double joined(double std, double variance) {
+    return variance > 0.0 ? sqrt(std * std + variance) : std;
 }
 
 /* Load j at the solution, in the outputs. */
@@ -68,14 +103,18 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;
     const double of_other = is_widened ? widening_of(widening + N_LOADS, &out->map, j) : 1.0;
+    double others[2];
+    of_others(other_loads, solver, j, pressure->dynamic, reference, others);
     out->value[OTHER_LOADS][j] = load;
-    out->value[OTHER_LOADS_STD][j] = of_load * sqrt(variance);
+    out->value[OTHER_LOADS_STD][j] = joined(of_load * sqrt(variance), others[0]);
     out->value[OTHER_COEFFICIENTS][j] = turn * (scale * load);
-    out->value[OTHER_COEFFICIENTS_STD][j] = of_other * turn * sqrt(pressure->wider * of_both);
+    out->value[OTHER_COEFFICIENTS_STD][j] =
+        joined(of_other * turn * sqrt(pressure->wider * of_both), turn * turn * others[1]);
 }
 
 void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, OtherLoads *out) {
     const size_t m = other_loads->map.tables.n_rows;
+    set_others(other_loads, solver);
     flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     flight_turn(solver, other_loads->map.strain_covariance, m, other_loads->turned);
     const PressureErrors pressure = flight_pressure_errors(solver);

@@ -22,6 +22,7 @@ typedef struct {
     FlightTables tables;
     Response response;
     double *turned; /* (n_loads, n) L^-1 of strain_covariance, n_gauges in lanes */
+    double *others; /* (MOST_OTHERS, n_loads) of the tables at other solutions */
 } FlightOtherLoads;
 
 /* Read the part of n_loads loads beside the tables of `flight`. 1; 0 with a text. */

@@ -11,6 +11,7 @@
 
 #define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
 #define LARGEST_PRESSURE 5e5
+#define NEIGHBOURHOOD 1.5 /* distances of two incidences of the search within which a minimum is another one's */
 #define LARGEST_EXCESS 5.0 /* of ln of a start's pressure over the range of the tables: solve.py */
 
 static const double TWO_PI = 6.2831853071795862;
@@ -39,9 +40,20 @@ static void set_state(const FlightSolver *solver, size_t start, size_t which, do
     state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
 }
 
+/* Slopes at p_inf = 1 Pa in the middle of the ranges. */
+static void set_slopes(FlightSolver *solver) {
+    const double *middle = solver->map->crossflow_middle;
+    const double state[N_STATES] = {solver->search_mach[SEARCH_MACHS / 2], middle[0], middle[1], 0.0};
+    flight_response(&solver->tables, solver->wide, state, &solver->response);
+    for (size_t k = 0; k < 2; k++) {
+        memcpy(solver->search_slope[k], solver->response.jacobian[STATE_U + k], solver->n_gauges * sizeof(double));
+    }
+}
+
 void flight_search_prepare(FlightSolver *solver) {
     const size_t n = solver->n;
     set_states(solver);
+    set_slopes(solver);
     double state[N_STATES] = {0.0};
     for (size_t i = 0; i < SEARCH_STARTS; i++) {
         for (size_t k = 0; k < SEARCH_STATES; k++) {
@@ -136,25 +148,31 @@ static double against_angles(const FlightSolver *solver, size_t start, size_t wh
     return cost;
 }
 
-/* The best state at an incidence, by its index. */
-static void set_start(FlightSolver *solver, size_t start, double *state) {
-    const size_t n = solver->n;
+/* Strain of the sample in the search, in deviations times these, and squares of the latter; 0 of gauges not in use. */
+static void weigh_strain(const FlightSolver *solver, double *weighted, double *square) {
     const Sample *sample = &solver->sample;
-    double *weighted = solver->turned, *square = solver->turned + n;
-    memset(weighted, 0, 2 * n * sizeof *weighted);
+    memset(weighted, 0, solver->n * sizeof *weighted);
+    memset(square, 0, solver->n * sizeof *square);
     for (size_t g = 0; g < solver->n_gauges; g++) {
         const double weight = sample->used[g] ? solver->search_weight[g] : 0.0;
         square[g] = weight * weight;
         weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * square[g] : 0.0;
     }
-    double dot[SEARCH_STATES], size[SEARCH_STATES], by_strain[SEARCH_STATES], log_pressure[SEARCH_STATES];
+}
+
+/* What the states at an incidence, by its index, cost, and ln p_inf there; less a constant. */
+static void set_costs(FlightSolver *solver, size_t start, double *cost, double *log_pressure) {
+    const size_t n = solver->n;
+    double *weighted = solver->turned, *square = solver->turned + n;
+    weigh_strain(solver, weighted, square);
+    double dot[SEARCH_STATES], size[SEARCH_STATES], by_strain[SEARCH_STATES];
     double pressure[SEARCH_STATES], of_navigation[SEARCH_STATES];
     for (size_t k = 0; k < SEARCH_STATES; k++) {
         CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
                                       &dot[k], &size[k]);
         by_strain[k] = clipped(dot[k] / (size[k] > 1e-300 ? size[k] : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
     }
-    memcpy(log_pressure, by_strain, sizeof log_pressure);
+    memcpy(log_pressure, by_strain, sizeof by_strain);
     logarithms(SEARCH_STATES, log_pressure);
     Knowledge known = {.of_mach = 0.0};
     for (size_t k = 0; k < SEARCH_STATES; k++) {
@@ -166,20 +184,30 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
     }
     memcpy(pressure, log_pressure, sizeof pressure);
     exponentials(SEARCH_STATES, pressure);
-    double lowest = INFINITY;
     for (size_t k = 0; k < SEARCH_STATES; k++) {
-        double cost = (pressure[k] * pressure[k] * size[k] - 2.0 * pressure[k] * dot[k]) + of_navigation[k];
+        cost[k] = (pressure[k] * pressure[k] * size[k] - 2.0 * pressure[k] * dot[k]) + of_navigation[k];
         if (solver->angles.count > 0) {
-            cost += against_angles(solver, start, k);
-        }
-        if (k == 0 || cost < lowest) {
-            lowest = cost;
-            set_state(solver, start, k, state);
-            state[STATE_PRESSURE] = log_pressure[k];
+            cost[k] += against_angles(solver, start, k);
         }
     }
+}
+
+/* A state of the search with its ln p_inf. */
+static void set_start_at(const FlightSolver *solver, size_t start, size_t which, double log_pressure, double *state) {
     const double *range = solver->map->log_pressure_range;
-    state[STATE_PRESSURE] = clipped(state[STATE_PRESSURE], range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
+    set_state(solver, start, which, state);
+    state[STATE_PRESSURE] = clipped(log_pressure, range[0] - LARGEST_EXCESS, range[1] + LARGEST_EXCESS);
+}
+
+/* The best state at an incidence, by its index. */
+static void set_start(FlightSolver *solver, size_t start, double *state) {
+    double cost[SEARCH_STATES], log_pressure[SEARCH_STATES];
+    set_costs(solver, start, cost, log_pressure);
+    size_t best = 0;
+    for (size_t k = 1; k < SEARCH_STATES; k++) {
+        best = cost[k] < cost[best] ? k : best;
+    }
+    set_start_at(solver, start, best, log_pressure[best], state);
 }
 
 /* The search of this step that was of the same navigation: it is as it was, and so is where it ends. */
@@ -225,4 +253,77 @@ size_t flight_search_ends(FlightSolver *solver) {
 
 void flight_solve_cold(FlightSolver *solver) {
     flight_solve_from(solver, solver->end[flight_search_ends(solver)]);
+}
+
+/* States at an incidence and a roll angle, the best Mach number of each. */
+typedef struct {
+    double cost[SEARCH_STARTS][SEARCH_ROLLS], log_pressure[SEARCH_STARTS][SEARCH_ROLLS];
+    size_t which[SEARCH_STARTS][SEARCH_ROLLS];
+} Directions;
+
+static void set_directions(FlightSolver *solver, Directions *all) {
+    double cost[SEARCH_STATES], log_pressure[SEARCH_STATES];
+    for (size_t start = 0; start < SEARCH_STARTS; start++) {
+        set_costs(solver, start, cost, log_pressure);
+        for (size_t roll = 0; roll < SEARCH_ROLLS; roll++) {
+            size_t best = roll;
+            for (size_t k = roll + SEARCH_ROLLS; k < SEARCH_STATES; k += SEARCH_ROLLS) {
+                best = cost[k] < cost[best] ? k : best;
+            }
+            all->which[start][roll] = best;
+            all->cost[start][roll] = cost[best];
+            all->log_pressure[start][roll] = log_pressure[best];
+        }
+    }
+}
+
+/* Whether no neighbour costs less: those around, and of the smallest incidence those on the other side. */
+static int is_minimum(const Directions *all, size_t start, size_t roll) {
+    const double cost = all->cost[start][roll];
+    int least = 1;
+    for (size_t by = SEARCH_ROLLS - 1; by <= SEARCH_ROLLS + 1; by++) {
+        const size_t beside = (roll + by) % SEARCH_ROLLS, opposite = (beside + SEARCH_ROLLS / 2) % SEARCH_ROLLS;
+        const double inner = start > 0 ? all->cost[start - 1][beside] : all->cost[0][opposite];
+        const double outer = start + 1 < SEARCH_STARTS ? all->cost[start + 1][beside] : INFINITY;
+        least = least && cost <= all->cost[start][beside] && cost <= inner && cost <= outer;
+    }
+    return least;
+}
+
+/* Whether a state is in the neighbourhood of another one, by the distance of the incidences. */
+static int is_near(const FlightSolver *solver, const double *state, const double *other) {
+    double square = 0.0;
+    for (size_t k = 0; k < 2; k++) {
+        const double apart = (state[STATE_U + k] - other[STATE_U + k]) / solver->map->crossflow_half[k];
+        square += apart * apart * (double)(SEARCH_STARTS * SEARCH_STARTS);
+    }
+    return square < NEIGHBOURHOOD * NEIGHBOURHOOD;
+}
+
+size_t flight_search_minima(FlightSolver *solver, const double *state, double minimum[MOST_MINIMA][N_STATES]) {
+    Directions all;
+    double cost[MOST_MINIMA];
+    size_t count = 0;
+    set_directions(solver, &all);
+    for (size_t start = 0; start < SEARCH_STARTS; start++) {
+        for (size_t roll = 0; roll < SEARCH_ROLLS; roll++) {
+            double one[N_STATES];
+            set_start_at(solver, start, all.which[start][roll], all.log_pressure[start][roll], one);
+            if (!is_minimum(&all, start, roll) || is_near(solver, one, state)) {
+                continue;
+            }
+            size_t at = count < MOST_MINIMA ? count++ : MOST_MINIMA;
+            for (; at > 0 && all.cost[start][roll] < cost[at - 1]; at--) {
+                if (at < MOST_MINIMA) {
+                    cost[at] = cost[at - 1];
+                    memcpy(minimum[at], minimum[at - 1], sizeof one);
+                }
+            }
+            if (at < MOST_MINIMA) {
+                cost[at] = all.cost[start][roll];
+                memcpy(minimum[at], one, sizeof one);
+            }
+        }
+    }
+    return count;
 }

@@ -13,6 +13,9 @@ void flight_solve_cold(FlightSolver *solver);
 size_t flight_search_ends(FlightSolver *solver);
 int flight_search_kept(const FlightSolver *solver);
 
+/* The best minima of the search's states, over incidence and roll angle, that are not near a state; their number. */
+size_t flight_search_minima(FlightSolver *solver, const double *state, double minimum[MOST_MINIMA][N_STATES]);
+
 /* Fill in the states of the search, or the weights of the gauges in it alone. */
 void flight_search_prepare(FlightSolver *solver);
 void flight_search_weigh(FlightSolver *solver);

@@ -265,6 +265,7 @@ void flight_settle(FlightSolver *solver) {
     invert_small(N_STATES, solver->hessian, found->state_covariance);
     memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
     memset(found->widening, 0, sizeof found->widening);
+    found->n_others = 0;
     found->chi_square = solver->cost - cost_of_angles(solver);
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
@@ -299,6 +300,11 @@ void flight_solve_again(FlightSolver *solver, const double *weighted_at, const d
     evaluate(solver, state);
     linearise(solver);
     flight_settle(solver);
+}
+
+void flight_linearise_at(FlightSolver *solver, const double *state) {
+    evaluate(solver, state);
+    linearise(solver);
 }
 
 void flight_linearise_anew(FlightSolver *solver, const double *state) {

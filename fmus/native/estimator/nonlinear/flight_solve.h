@@ -14,9 +14,11 @@ void flight_solve_warm(FlightSolver *solver, const double *state);
 void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
 
 /* The parts of it: S renewed half-way, and what tells the best end of a search; the solution from a state; the problem about
-   a state weighted by S there; -2 ln likelihood of the problem, less a constant; the solution at its state. */
+   a state weighted by the last S, and by S there; -2 ln likelihood of the problem, less a constant; the solution at its
+   state. */
 double flight_iterate_start(FlightSolver *solver, double *state);
 void flight_solve_from(FlightSolver *solver, const double *state);
+void flight_linearise_at(FlightSolver *solver, const double *state);
 void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
 void flight_settle(FlightSolver *solver);

@@ -9,7 +9,7 @@ size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
                                 ? 0
                                 : flight_tables_doubles(&map->considered) + response_doubles(&map->considered) + n;
     return considered + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
-         + SEARCH_STARTS * SEARCH_STATES * n + (4 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
+         + SEARCH_STARTS * SEARCH_STATES * n + (6 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
 }
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
@@ -34,6 +34,8 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->inverse = taken(doubles, n * n);
     solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
     solver->search_weight = taken(doubles, n);
+    solver->search_slope[0] = taken(doubles, n);
+    solver->search_slope[1] = taken(doubles, n);
     solver->sample.strain = taken(doubles, n);
     solver->solution.standardised_residual = taken(doubles, n);
     solver->squares = taken(doubles, n);

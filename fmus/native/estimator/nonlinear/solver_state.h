@@ -28,6 +28,11 @@ typedef struct {
 /* Iterations to each side of a state, of which navigation does not state the pressure: policies/ambiguity.c. */
 #define ASIDE_ITERATIONS 3
 
+/* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: mirror images
+   and the best other minima of the search's states: policies/other_solutions.c. */
+#define MOST_MINIMA 3
+#define MOST_OTHERS (2 + MOST_MINIMA)
+
 #define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
 
 /* Estimates of a sample, about the map's moment point and references. */
@@ -42,6 +47,8 @@ typedef struct {
     double widening[N_WIDENING];                       /* factors on deviations, for what else fits; 0 for none, */
     double widened_covariance[N_STATES * N_STATES];    /* of the state with them; those of the loads have them */
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
+    size_t n_others; /* other solutions that fit, whose squared differences count as variance by these parts */
+    double other_part[MOST_OTHERS], other_state[MOST_OTHERS][N_STATES];
 } Solution;
 
 /* Where a search ended, of what navigation told with these precisions. */
@@ -71,6 +78,7 @@ typedef struct {
     double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
     double *search_weight;                        /* (n) 1 over the deviation of each gauge */
+    double *search_slope[2];                      /* (n) of strain by u and w in the middle of the ranges, per p_inf [1/Pa] */
     MeasuredAngles angles;
     Sample sample;
     Solution solution;

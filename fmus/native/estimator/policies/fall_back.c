@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "../linear/linear.h"
+#include "flight_outputs.h"
 
 /* Loads of the linear map in place of those of the tables, where it has some. */
 static void fall_back(Flight *flight) {
@@ -12,9 +13,21 @@ static void fall_back(Flight *flight) {
     }
 }
 
-void flight_fall_back(Flight *flight, int fits, double to_return) {
-    if (!fits || to_return > 0.0) {
+/* Whether gauges are lost and fewer are in use than the flight state has quantities: solutions of the tables' problem are too
+   many then, and too close together, to find them all. */
+static int too_few(const Flight *flight, size_t used) {
+    return used < N_STATES && used < flight->solver.n_gauges;
+}
+
+void flight_fall_back(Flight *flight, size_t used, int fits, double to_return) {
+    const int few = too_few(flight, used);
+    if (!fits || to_return > 0.0 || few) {
         fall_back(flight);
+    }
+    if (few && !flight->flag[LINEAR_LOADS]) {
+        flight_set_nothing_known(flight);
+        flight->output[HEALTH_STATE] = UNIDENTIFIED;
+        flight->fits = 0;
     }
     if (fits && flight->flag[LINEAR_LOADS] && flight->output[HEALTH_STATE] == (double)OK) {
         flight->output[HEALTH_STATE] = DEGRADED;

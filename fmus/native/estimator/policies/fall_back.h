@@ -6,8 +6,9 @@
 #include "flight_state.h"
 
 /* Loads of the linear map in place of those of the tables, where it has some, and where these do not fit or have not for
-   long enough. */
-void flight_fall_back(Flight *flight, int fits, double to_return);
+   long enough, or where fewer gauges are left than the flight state has quantities; UNIDENTIFIED where it has none
+   then. */
+void flight_fall_back(Flight *flight, size_t used, int fits, double to_return);
 
 /* Steps since the last search of the tables, as the step leaves them. */
 double flight_since_search(const Flight *flight, int searched);

@@ -101,7 +101,7 @@ void flight_other_loads_update(Flight *flight) {
     flight->loads->outdated = 0;
     if (!flight->present || flight->flag[LINEAR_LOADS]) {
         linear_other_loads_update(flight->linear);
-    } else if (flight->output[VALID_GAUGES] == 0.0) {
+    } else if (flight->output[VALID_GAUGES] == 0.0 || flight->output[HEALTH_STATE] == (double)UNIDENTIFIED) {
         other_loads_unknown(flight->loads);
     } else {
         flight_other_loads_at(&flight->other_loads, &flight->solver, flight->inputs, flight->loads);
@@ -109,13 +109,14 @@ void flight_other_loads_update(Flight *flight) {
 }
 
 /* flight_track.c solves from the last state and by a search, each with all of navigation and without what is inconsistent.
-   Then it may go over to another end of the searches, and looks to both sides of what it has found. */
+   Then it may go over to another end of the searches, looks to both sides of what it has found, and for other solutions
+   where gauges are lost. */
 size_t flight_most_iterations(const Flight *flight) {
     const FlightMap *map = &flight->map;
     const size_t start = (size_t)map->start_iterations, cold = (size_t)map->cold_iterations;
     const size_t attempts = 2, sides = 2;
     return attempts * ((size_t)map->warm_iterations + cold) + KEPT_SEARCHES * SEARCH_STARTS * start + cold
-         + sides * ASIDE_ITERATIONS;
+         + sides * ASIDE_ITERATIONS + MOST_OTHERS * start;
 }
 
 void flight_renew(Flight *flight) {

@@ -9,6 +9,7 @@
 #include "ambiguity.h"
 #include "fall_back.h"
 #include "flight_outputs.h"
+#include "other_solutions.h"
 
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 typedef enum { FITS_NOT, ALARMS, FITS } Quality;
@@ -90,20 +91,24 @@ static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_se
     return found;
 }
 
+/* Whether loads of the tables count: those of the linear map stand in where strain does not fit and there are some. */
+static int tables_count(const Flight *flight, Quality found) {
+    return found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
+}
+
 /* Where navigation does not tell the pressure, widen the solution by what else fits: of a search, of another one where it
    is time for that, or what the last one has found. Where loads of the linear map stand in, nothing is looked for. */
 static void widen(Flight *flight, Quality found, int *searched, int by_search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
     const int known = base->widening[0] != 0.0, due = !known || base->since_search >= flight->map.search_every;
-    const int counts = found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
     if (!flight_pressure_untold(solver)) {
         memcpy(flight->next.widening, by_search ? solver->solution.widening : base->widening, sizeof base->widening);
         return;
     }
     if (by_search) {
         widen_by(solver, flight_widen_searched);
-    } else if (due && counts) {
+    } else if (due && tables_count(flight, found)) {
         widen_by(solver, flight_search_more);
         *searched = 1;
     } else if (known) {
@@ -128,9 +133,12 @@ void flight_track_update(Flight *flight, size_t used) {
     int searched, by_search;
     const Quality found = solve_best(flight, used, &searched, &by_search);
     widen(flight, found, &searched, by_search);
+    if (tables_count(flight, found)) {
+        flight_look_for_others(&flight->solver);
+    }
     flight_set_gauge_residuals(&flight->solver);
     const int fits = flight_conclude(flight, used);
     const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
-    flight_fall_back(flight, fits, to_return);
+    flight_fall_back(flight, used, fits, to_return);
     set_next(flight, searched, fits, to_return);
 }

@@ -1,0 +1,225 @@
+#include "other_solutions.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "../nonlinear/flight_loads.h"
+#include "../nonlinear/flight_search.h"
+#include "../nonlinear/flight_solve.h"
+#include "../numerics/cholesky.h"
+#include "ambiguity.h"
+
+/* Squares of distances, in standard deviations: of strain, from which a state and its mirror image are distinct without an
+   iteration, and above which the first iteration must come; of states, up to which two are the same. */
+#define DISTINCT 1e3
+#define PREDICTED 1e2
+#define SAME 0.1
+
+/* Another solution counts wholly up to an excess of -2 ln likelihood of UNLIKELY[0], and not at all from UNLIKELY[1] on.
+   One that is better by more than BETTER takes the place of the solution. */
+#define BETTER 9.0
+static const double UNLIKELY[2] = {16.0, 25.0};
+
+/* Part of the square of a difference that counts as variance: three standard deviations reach half of it beyond. */
+#define PART 0.25
+
+/* Solutions of a sample; the first is the one that was found. */
+typedef struct {
+    size_t count;
+    double state[1 + MOST_OTHERS][N_STATES], deviance[1 + MOST_OTHERS];
+} Solutions;
+
+/* What flight_solve_again leaves out of a solution. */
+typedef struct {
+    double weighted_at[N_STATES], widening[N_WIDENING], residual[N_NAVIGATION];
+} Kept;
+
+static int gauges_are_lost(const FlightSolver *solver) {
+    size_t lost = 0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        lost += !solver->sample.used[g];
+    }
+    return lost > 0;
+}
+
+/* The minimum information that the gauges in use hold on a direction of (u, w), per square of p_inf and radian, and the unit
+   vector of that direction: the normal of the plane through the axis that they are nearest to. 0 where they hold as much on
+   every direction. */
+static int nearest_plane(const FlightSolver *solver, double normal[2], double *information) {
+    double of_u = 0.0, of_w = 0.0, of_both = 0.0;
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        const double weight = solver->sample.used[g] ? solver->search_weight[g] : 0.0;
+        const double by_u = weight * solver->search_slope[0][g], by_w = weight * solver->search_slope[1][g];
+        of_u += by_u * by_u;
+        of_w += by_w * by_w;
+        of_both += by_u * by_w;
+    }
+    const double difference = 0.5 * (of_u - of_w), radius = sqrt(difference * difference + of_both * of_both);
+    if (!(radius > 0.0)) {
+        return 0;
+    }
+    const double cosine = difference / radius, sine = of_both / radius; /* of twice the plane's roll angle */
+    const double larger = sqrt(0.5 * (1.0 + fabs(cosine))), smaller = -0.5 * sine / larger;
+    normal[0] = cosine < 0.0 ? larger : smaller;
+    normal[1] = cosine < 0.0 ? smaller : larger;
+    *information = 0.5 * (of_u + of_w) - radius;
+    return 1;
+}
+
+/* The distance [rad] from a plane up to which a state is next to it: half of that between two incidences of the search. */
+static double next_to_plane(const FlightMap *map) {
+    const double *half = map->crossflow_half;
+    return 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
+}
+
+/* Starts from the mirror image of a state; their number. Next to the plane, where iterations that have come upon it stay,
+   they are one on each side. None where gauges read state and image so differently that no iteration is needed. */
+static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
+    const double near = next_to_plane(solver->map), pressure = solver->response.pressure;
+    double normal[2], information;
+    if (!nearest_plane(solver, normal, &information)) {
+        return 0;
+    }
+    const double off = normal[0] * state[STATE_U] + normal[1] * state[STATE_W];
+    const double reach = fabs(off) > near ? fabs(off) : near;
+    if (pressure * pressure * information * (4.0 * reach * reach) > DISTINCT) {
+        return 0;
+    }
+    const size_t count = fabs(off) > near ? 1 : 2;
+    for (size_t s = 0; s < count; s++) {
+        const double to = count == 1 ? -off : s == 0 ? near : -near;
+        memcpy(start[s], state, N_STATES * sizeof *state);
+        start[s][STATE_U] += (to - off) * normal[0];
+        start[s][STATE_W] += (to - off) * normal[1];
+    }
+    return count;
+}
+
+/* Whether iterations from a start may end in another solution than a state, at about the same cost, by the first of them: it
+   leads to a place that is farther from the state than from the start, and than half the distance next to a plane. */
+static int leads_elsewhere(FlightSolver *solver, const double *start, const double *state, double cost) {
+    double inverse[N_STATES * N_STATES], from_start = 0.0, from_state = 0.0;
+    flight_linearise_at(solver, start);
+    invert_small(N_STATES, solver->hessian, inverse);
+    for (size_t k = STATE_U; k <= STATE_W; k++) {
+        double step = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            step += inverse[k * N_STATES + j] * solver->gradient[j];
+        }
+        const double apart = start[k] + step - state[k];
+        from_start += step * step;
+        from_state += apart * apart;
+    }
+    const double gained = quadratic(N_STATES, solver->gradient, inverse, solver->gradient);
+    const double near = 0.5 * next_to_plane(solver->map);
+    return from_state > from_start && from_state > near * near && solver->cost - gained < cost + PREDICTED;
+}
+
+/* Whether the state of the problem is one of the solutions. */
+static int is_among(const FlightSolver *solver, const Solutions *all) {
+    int found = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        double apart[N_STATES];
+        for (size_t k = 0; k < N_STATES; k++) {
+            apart[k] = all->state[s][k] - solver->state[k];
+        }
+        found |= quadratic(N_STATES, apart, solver->hessian, apart) < SAME;
+    }
+    return found;
+}
+
+/* The solution and others, from mirror images and the minima of the search. The problem is another one afterwards; it is
+   the same where nothing leads to another solution, which is 0. */
+static int find_solutions(FlightSolver *solver, Solutions *all) {
+    double start[MOST_OTHERS][N_STATES];
+    const double cost = solver->cost;
+    size_t starts = flight_search_minima(solver, all->state[0], start), count = 0;
+    starts += mirror_starts(solver, all->state[0], start + starts);
+    for (size_t s = 0; s < starts; s++) {
+        if (leads_elsewhere(solver, start[s], all->state[0], cost)) {
+            memmove(start[count++], start[s], sizeof start[s]);
+        }
+    }
+    if (count == 0) {
+        flight_linearise_at(solver, all->state[0]);
+        return 0;
+    }
+    flight_linearise_anew(solver, all->state[0]);
+    all->deviance[0] = flight_deviance(solver);
+    for (size_t s = 0; s < count; s++) {
+        const double deviance = flight_iterate_start(solver, start[s]);
+        if (!is_among(solver, all)) {
+            memcpy(all->state[all->count], start[s], sizeof start[s]);
+            all->deviance[all->count++] = deviance;
+        }
+    }
+    return 1;
+}
+
+/* 1 below the first of UNLIKELY, 0 above the second. */
+static double weight_of(double excess) {
+    return 1.0 - clipped((excess - UNLIKELY[0]) / (UNLIKELY[1] - UNLIKELY[0]), 0.0, 1.0);
+}
+
+static void add_difference(size_t order, double part, const double *value, const double *other, double *covariance) {
+    for (size_t i = 0; i < order; i++) {
+        for (size_t j = 0; j < order; j++) {
+            covariance[i * order + j] += part * ((other[i] - value[i]) * (other[j] - value[j]));
+        }
+    }
+}
+
+/* The solution from the best of all on, with the differences to the others. */
+static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
+    Solution *found = &solver->solution;
+    double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
+    size_t other[MOST_OTHERS], n_others = 0;
+    for (size_t s = 0; s < all->count; s++) {
+        const double weight = weight_of(all->deviance[s] - all->deviance[best]);
+        if (s == best || !(weight > 0.0)) {
+            continue;
+        }
+        flight_linearise_anew(solver, all->state[s]);
+        invert_small(N_STATES, solver->hessian, found->state_covariance);
+        flight_set_loads(solver);
+        memcpy(loads[n_others], found->loads, sizeof found->loads);
+        memcpy(coefficients[n_others], found->coefficients, sizeof found->coefficients);
+        part[n_others] = PART * weight;
+        other[n_others++] = s;
+    }
+    flight_solve_again(solver, best == 0 ? kept->weighted_at : all->state[best], all->state[best]);
+    memcpy(found->navigation_residual, kept->residual, sizeof kept->residual);
+    if (kept->widening[0] != 0.0) {
+        flight_widen(solver, kept->widening);
+    }
+    found->n_others = n_others;
+    for (size_t s = 0; s < n_others; s++) {
+        const double *state = all->state[other[s]];
+        found->other_part[s] = part[s];
+        memcpy(found->other_state[s], state, sizeof found->other_state[s]);
+        add_difference(N_STATES, part[s], found->state, state, found->widened_covariance);
+        add_difference(N_LOADS, part[s], found->loads, loads[s], found->load_covariance);
+        add_difference(N_LOADS, part[s], found->coefficients, coefficients[s], found->coefficient_covariance);
+    }
+}
+
+void flight_look_for_others(FlightSolver *solver) {
+    const Solution *found = &solver->solution;
+    Solutions all = {.count = 1};
+    Kept kept;
+    if (!gauges_are_lost(solver)) {
+        return;
+    }
+    memcpy(all.state[0], found->state, sizeof found->state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.widening, found->widening, sizeof kept.widening);
+    memcpy(kept.residual, found->navigation_residual, sizeof kept.residual);
+    if (!find_solutions(solver, &all)) {
+        return;
+    }
+    size_t best = 0;
+    for (size_t s = 1; s < all.count; s++) {
+        best = all.deviance[s] < all.deviance[0] - BETTER && all.deviance[s] < all.deviance[best] ? s : best;
+    }
+    conclude(solver, &all, best, &kept);
+}

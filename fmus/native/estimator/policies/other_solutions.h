@@ -1,0 +1,13 @@
+/* Other flows that gauges in use read alike where some are lost: mirror images of gauges near one plane through the axis,
+   several solutions of a few gauges. docs/explanation/nonlinear_estimator.md. */
+
+#ifndef OTHER_SOLUTIONS_H
+#define OTHER_SOLUTIONS_H
+
+#include "../nonlinear/solver_state.h"
+
+/* Where gauges are lost, add the differences to other solutions that fit as well to the covariances, or go over to one that
+   fits better. Residuals of air data stay. */
+void flight_look_for_others(FlightSolver *solver);
+
+#endif
