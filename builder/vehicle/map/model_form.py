@@ -23,8 +23,8 @@ another flow.
 SPREAD_OF_SNAPSHOTS = 0.3
 """Fraction of the snapshots' spread over ``model_form_percent``.
 
-The spread is the same at every incidence, while a flow without incidence is symmetric whatever its equations are: a
-larger part gives the lateral loads there errors that no flow has. The difference of flow models grows with incidence.
+The spread is the same at every incidence, while every flow model gives a symmetric flow at zero incidence. There
+a larger part gives the lateral loads errors that no flow has. The difference of flow models grows with incidence.
 """
 
 LEEWARD = 2.5

@@ -16,7 +16,7 @@ MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
 """q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
 
 MACH_TOLERANCE = 0.025
-"""Relative error of a measured Mach number that the range allows: three default standard deviations of 0.05 at M 6.
+"""Relative error of a measured Mach number that the range allows: three standard deviations of 0.05 at M 6.
 
 A flight at the end of the range is inside it. At 0.01 one flight in twelve there was outside by its measured M.
 """
