@@ -1,9 +1,9 @@
 """Errors of the linear and the nonlinear estimator by total incidence, on flows of the independent model.
 
 Vehicles have installation errors drawn, at Mach numbers and altitudes between those of the snapshots. Both
-estimators are given the same readings and air data. LINEAR is a map of the linear estimator alone (`strainfmu build
---estimator linear`). It does not include the difference of flow models, and errs less at small incidence than the
-linear estimator within a map of both.
+estimators are given the same readings and air data. LINEAR is a map of the linear estimator alone, of `strainfmu
+build --estimator linear`. It does not include the difference of flow models, and errs less at small incidence than
+the linear estimator within a map of both.
 
     python -m builder.stress.incidence VEHICLE MAP FLOWS --linear LINEAR
 """

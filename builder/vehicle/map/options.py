@@ -120,11 +120,12 @@ class MapEntry(Section):
     deviation that the snapshots have about their mean (left out: 0.3 times ``model_form_percent``); and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out:
     ``model_form_percent``), all over the body at once, which gauges tell poorly and axial force follows: it widens
-    the deviations and, where there are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round
-    sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
-    difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
-    map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of
-    its difference from newtonian flow is expected by the nonlinear estimator, and by the linear map beside it.
+    the deviations and, where there are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so.
+    Of ``newtonian`` flow round sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times
+    ``model_form_percent``) of the difference between ambient pressure leeward and a Prandtl-Meyer expansion is
+    expected besides, in the linear map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten
+    times ``model_form_percent``) of its difference from newtonian flow is expected by the nonlinear estimator, and
+    by the linear map beside it.
     """
 
     form: Form = PER_PRESSURE
