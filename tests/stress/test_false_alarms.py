@@ -117,7 +117,7 @@ def test_the_interval_holds_the_rate() -> None:
 @pytest.mark.fast
 def test_no_samples_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", str(tmp_path / "f.h5"), "--samples", "0"])
-    with pytest.raises(InputError, match="--samples from 1 on"):
+    with pytest.raises(InputError, match="--samples and --vehicles from 1 on"):
         module.main()
     monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", "f.h5", "--estimator", "manifold"])
     with pytest.raises(InputError, match=r"^--estimator: .*, got 'manifold', now called 'nonlinear'$"):
