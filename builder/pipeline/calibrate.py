@@ -289,7 +289,7 @@ def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
         made,
         chi_square_scale=drawn.chi_square_scale,
         outlier_scale=drawn.outlier_scale,
-        level_exponent=drawn.level_exponent,
+        level_slope=drawn.level_slope,
     )
     if made.manifold is None or drawn.manifold is None:
         return found

@@ -29,19 +29,20 @@ PARTS, RATE_OF_PARTS = 10, 1e-3
 """Parts of the samples by incidence, and the rate of the quantiles that are compared between them."""
 
 LEAST_RANGE = 0.2
-"""Range of the logarithm of expected chi-square over the parts from which the levels follow it."""
+"""Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AlarmLevels:
     """Factors on the alarm levels of chi-square and of the squared largest |z|, and what they were set from.
 
-    The levels follow the expected chi-square over that at the mean strain to the power of 1 + ``exponent``.
+    The levels are in proportion to r (1 - ``slope`` + ``slope`` r), r the expected chi-square over that at the
+    mean strain.
     """
 
     chi_square_scale: float
     outlier_scale: float
-    exponent: float
+    slope: float
     samples: int
     rate_before: float
 
@@ -66,7 +67,7 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
         "rate_before": levels.rate_before,
         "chi_square_scale": levels.chi_square_scale,
         "outlier_scale": levels.outlier_scale,
-        "exponent": levels.exponent,
+        "slope": levels.slope,
         "used": agrees,
     }
     if not agrees:
@@ -75,7 +76,7 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
         inverse_map,
         chi_square_scale=inverse_map.chi_square_scale * levels.chi_square_scale,
         outlier_scale=inverse_map.outlier_scale * levels.outlier_scale,
-        level_exponent=min((1.0 + inverse_map.level_exponent) * (1.0 + levels.exponent) - 1.0, 1.0),
+        level_slope=levels.slope,
         provenance={**inverse_map.provenance, "alarm_levels": facts},
     )
 
@@ -100,30 +101,30 @@ def alarm_levels(
     ``incidence`` (n,) is that of the flights [rad].
     """
     ratios = np.stack([chi_square, outlier])
-    exponent = level_exponent(ratios, expected, incidence)
-    scales = alarm_scales(ratios / expected**exponent)
+    slope = level_slope(ratios, expected, incidence)
+    scales = alarm_scales(ratios / (1.0 + slope * (expected - 1.0)))
     return AlarmLevels(
         chi_square_scale=float(scales[0]),
         outlier_scale=float(scales[1]),
-        exponent=exponent,
+        slope=slope,
         samples=len(chi_square),
         rate_before=float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
     )
 
 
-def level_exponent(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:
-    """Return the power of ``expected`` (n,), 0 to 1, that quantiles of the tests ``ratios`` (t, n) rise with.
+def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:
+    """Return a, 0 to 1, of the line 1 - a + a r that quantiles of the tests ``ratios`` (t, n) follow.
 
-    It is the slope of their logarithms over :data:`PARTS` parts of the samples by ``incidence`` (n,), all tests
-    together; 0 where ``expected`` hardly changes.
+    The line is fitted over :data:`PARTS` parts of the samples by ``incidence`` (n,), r the mean of ``expected``
+    (n,) in each, to all tests together; a is 0 where r hardly changes.
     """
     parts = np.array_split(np.argsort(incidence, kind="stable"), PARTS)
-    along = np.array([np.mean(np.log(expected[part])) for part in parts])
+    along = np.array([expected[part].mean() for part in parts])
     if np.ptp(along) < LEAST_RANGE:
         return 0.0
-    tails = np.log([[tail_quantile(ratio[part], RATE_OF_PARTS) for part in parts] for ratio in ratios])
-    centred = along - along.mean()
-    return float(np.clip(np.mean(tails @ centred) / (centred @ centred), 0.0, 1.0))
+    tails = np.array([[tail_quantile(ratio[part], RATE_OF_PARTS) for part in parts] for ratio in ratios])
+    slope, at_mean = np.polyfit(along - 1.0, np.mean(tails / tails.mean(axis=1, keepdims=True), axis=0), 1)
+    return float(np.clip(slope / at_mean, 0.0, 1.0)) if at_mean > 0.0 else 1.0
 
 
 def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray]:

@@ -3,15 +3,12 @@
 #include <math.h>
 #include <string.h>
 
-#include "../../core/elementary.h"
 #include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 #include "current_errors.h"
 #include "lost_rows.h"
-
-#define LARGEST_POWER 1e100 /* expected chi-square over that of the mean strain: beyond it no power is taken */
 
 /* Whether the gain is for another prior of the states than the true one. */
 static int gain_differs(const Map *map) {
@@ -263,9 +260,7 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
         const double least = scaled->map->form.min_expected_ratio;
         step->limit_ratio = 1.0 + s * s * trace / (double)freedom;
         step->limit_ratio = step->limit_ratio > least ? step->limit_ratio : least;
-        if (scaled->map->level_exponent > 0.0 && step->limit_ratio < LARGEST_POWER) {
-            step->limit_ratio = exponential((1.0 + scaled->map->level_exponent) * logarithm(step->limit_ratio));
-        }
+        step->limit_ratio *= 1.0 + scaled->map->level_slope * (step->limit_ratio - 1.0);
     }
 }
 
