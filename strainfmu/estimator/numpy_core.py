@@ -274,7 +274,7 @@ class NumpyCore:
         known, q_std = flow.known[at], flow.std[at]
         q = np.where(known, flow.pressure[at], held.nominal_dynamic_pressure)
         of_map = estimate(held, rows, used, q, q_std, noise)
-        rise = 1.0 + held.level_slope * (of_map.expected_ratio - 1.0)
+        rise = 1.0 + held.level_slope * (of_map.expected_ratio - 1.0) if held.level_slope else 1.0
         scale = float(self._setting(OF_ALARMS)[0]) * (of_map.expected_ratio * rise)
         freedom = int(of_map.degrees_of_freedom[0])
         limit = held.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)

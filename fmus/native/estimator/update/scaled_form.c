@@ -260,7 +260,9 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
         const double least = scaled->map->form.min_expected_ratio;
         step->limit_ratio = 1.0 + s * s * trace / (double)freedom;
         step->limit_ratio = step->limit_ratio > least ? step->limit_ratio : least;
-        step->limit_ratio *= 1.0 + scaled->map->level_slope * (step->limit_ratio - 1.0);
+        if (scaled->map->level_slope > 0.0) { /* an infinite ratio stays */
+            step->limit_ratio *= 1.0 + scaled->map->level_slope * (step->limit_ratio - 1.0);
+        }
     }
 }
 
