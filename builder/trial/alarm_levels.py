@@ -25,8 +25,11 @@ LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the
 theory's."""
 
-PARTS, RATE_OF_PARTS = 10, 1e-3
-"""Parts of the samples by incidence, and the rate of the quantiles that are compared between them."""
+PARTS, RATE_OF_PARTS = 10, 2e-3
+"""Parts of the samples by incidence, and the rate of the alarms that are compared between them."""
+
+SLOPES, AS_FEW = 21, 1.1
+"""Slopes of the levels that are compared, and alarms over the fewest of these that count as as few."""
 
 LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
@@ -113,18 +116,25 @@ def alarm_levels(
 
 
 def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:
-    """Return a, 0 to 1, of the line 1 - a + a r that quantiles of the tests ``ratios`` (t, n) follow.
+    """Return a, 0 to 1, with which levels in proportion to 1 - a + a r spread alarms over the incidence.
 
-    The line is fitted over :data:`PARTS` parts of the samples by ``incidence`` (n,), r the mean of ``expected``
-    (n,) in each, to all tests together; a is 0 where r hardly changes.
+    ``ratios`` (t, n) are tests, ``expected`` (n,) is r. Of :data:`PARTS` parts of the samples by ``incidence``
+    (n,) the one with the most alarms has as few as possible, but for :data:`AS_FEW`: of such a the smallest counts.
+    It is 0 where r hardly changes.
     """
     parts = np.array_split(np.argsort(incidence, kind="stable"), PARTS)
-    along = np.array([expected[part].mean() for part in parts])
-    if np.ptp(along) < LEAST_RANGE:
+    if np.ptp([expected[part].mean() for part in parts]) < LEAST_RANGE:
         return 0.0
-    tails = np.array([[tail_quantile(ratio[part], RATE_OF_PARTS) for part in parts] for ratio in ratios])
-    slope, at_mean = np.polyfit(along - 1.0, np.mean(tails / tails.mean(axis=1, keepdims=True), axis=0), 1)
-    return float(np.clip(slope / at_mean, 0.0, 1.0)) if at_mean > 0.0 else 1.0
+    slopes = np.linspace(0.0, 1.0, SLOPES)
+    most = np.array([_most_alarms(ratios / (1.0 + one * (expected - 1.0)), parts) for one in slopes.tolist()])
+    return float(slopes[np.argmax(most <= AS_FEW * most.min())])
+
+
+def _most_alarms(ratios: FloatArray, parts: list[IntArray]) -> int:
+    """Return the largest number of alarms in one of ``parts``, at levels that :data:`RATE_OF_PARTS` exceed."""
+    level = np.quantile(ratios, 1.0 - RATE_OF_PARTS / len(ratios), axis=1)
+    above = (ratios > level[:, None]).any(axis=0)
+    return max(int(above[part].sum()) for part in parts)
 
 
 def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray]:
