@@ -118,8 +118,8 @@ def alarm_levels(
 def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:
     """Return a, 0 to 1, with which levels in proportion to 1 - a + a r spread alarms over the incidence.
 
-    ``ratios`` (t, n) are tests, ``expected`` (n,) is r. Of :data:`PARTS` parts of the samples by ``incidence``
-    (n,) the one with the most alarms has as few as possible, but for :data:`AS_FEW`: of such a the smallest counts.
+    ``ratios`` (t, n) are tests, ``expected`` (n,) is r. Samples are parted by ``incidence`` (n,); the part with
+    the most alarms has as few as possible, but for :data:`AS_FEW`: of such a the smallest one counts.
     It is 0 where r hardly changes.
     """
     parts = np.array_split(np.argsort(incidence, kind="stable"), PARTS)
