@@ -14,7 +14,7 @@ import numpy as np
 from builder.trial.conditions import flight_states
 from builder.trial.readings import ReadFlights
 from builder.trial.tail_quantile import tail_quantile
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
 from strainfmu.estimator.estimator import Estimator
@@ -133,7 +133,7 @@ def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray)
 def _most_alarms(ratios: FloatArray, parts: list[IntArray]) -> int:
     """Return the largest number of alarms in one of ``parts``, at levels that :data:`RATE_OF_PARTS` exceed."""
     level = np.quantile(ratios, 1.0 - RATE_OF_PARTS / len(ratios), axis=1)
-    above = (ratios > level[:, None]).any(axis=0)
+    above: BoolArray = np.any(ratios > level[:, None], axis=0)
     return max(int(above[part].sum()) for part in parts)
 
 
