@@ -293,7 +293,12 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
     """Return ``made`` with the factors on alarm levels of the map as drawn, those of its tables included."""
-    found = replace(made, chi_square_scale=drawn.chi_square_scale, outlier_scale=drawn.outlier_scale)
+    found = replace(
+        made,
+        chi_square_scale=drawn.chi_square_scale,
+        outlier_scale=drawn.outlier_scale,
+        level_slope=drawn.level_slope,
+    )
     if made.manifold is None or drawn.manifold is None:
         return found
     tables = replace(

@@ -14,7 +14,7 @@ import numpy as np
 from builder.trial.conditions import flight_states
 from builder.trial.readings import ReadFlights
 from builder.trial.tail_quantile import tail_quantile
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
 from strainfmu.estimator.estimator import Estimator
@@ -25,13 +25,27 @@ LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the
 theory's."""
 
+PARTS, RATE_OF_PARTS = 10, 2e-3
+"""Parts of the samples by incidence, and the rate of the alarms that are compared between them."""
+
+SLOPES, AS_FEW = 21, 1.1
+"""Slopes of the levels that are compared, and alarms over the fewest of these that count as as few."""
+
+LEAST_RANGE = 0.2
+"""Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class AlarmLevels:
-    """Factors on the alarm levels of chi-square and of the squared largest |z|, and what they were set from."""
+    """Factors on the alarm levels of chi-square and of the squared largest |z|, and what they were set from.
+
+    The levels are in proportion to r (1 - ``slope`` + ``slope`` r), r the expected chi-square over that at the
+    mean strain.
+    """
 
     chi_square_scale: float
     outlier_scale: float
+    slope: float
     samples: int
     rate_before: float
 
@@ -42,9 +56,13 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
     The rate is that of any alarm; both tests get the same rate of their own. Where a level would need a factor
     above :data:`LARGEST_SCALE`, map and independent model do not describe the same vehicle: it stays, and the
     provenance holds the factor.
+
+    Pressure that no state holds grows with the incidence, its part of the covariance does not. So chi-square rises
+    with the strain by more than what errors in proportion to strain add, and the levels follow it.
     """
-    chi_square, outlier = alarm_ratios(inverse_map, flights)
-    levels = alarm_levels(chi_square, outlier)
+    chi_square, outlier, expected = linear_tests(inverse_map, flights)
+    incidence = np.array([one.total_incidence for one in flights.conditions])
+    levels = alarm_levels(chi_square, outlier, expected, np.repeat(incidence, flights.vehicles))
     agrees = max(levels.chi_square_scale, levels.outlier_scale) <= LARGEST_SCALE
     facts = {
         "samples": levels.samples,
@@ -52,6 +70,7 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
         "rate_before": levels.rate_before,
         "chi_square_scale": levels.chi_square_scale,
         "outlier_scale": levels.outlier_scale,
+        "slope": levels.slope,
         "used": agrees,
     }
     if not agrees:
@@ -60,6 +79,7 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
         inverse_map,
         chi_square_scale=inverse_map.chi_square_scale * levels.chi_square_scale,
         outlier_scale=inverse_map.outlier_scale * levels.outlier_scale,
+        level_slope=levels.slope,
         provenance={**inverse_map.provenance, "alarm_levels": facts},
     )
 
@@ -75,19 +95,55 @@ def alarm_scales(ratios: FloatArray) -> FloatArray:
     return np.asarray(scales * tail_quantile(largest, FALSE_ALARM_PROBABILITY))
 
 
-def alarm_levels(chi_square: FloatArray, outlier: FloatArray) -> AlarmLevels:
-    """Return the levels from chi-square and the squared largest |z| (n,), each over its present level."""
-    scales = alarm_scales(np.stack([chi_square, outlier]))
+def alarm_levels(
+    chi_square: FloatArray, outlier: FloatArray, expected: FloatArray, incidence: FloatArray
+) -> AlarmLevels:
+    """Return the levels from chi-square and the squared largest |z| (n,), each over its present level.
+
+    Present levels are in proportion to ``expected`` (n,), the expected chi-square over that at the mean strain;
+    ``incidence`` (n,) is that of the flights [rad].
+    """
+    ratios = np.stack([chi_square, outlier])
+    slope = level_slope(ratios, expected, incidence)
+    scales = alarm_scales(ratios / (1.0 + slope * (expected - 1.0)))
     return AlarmLevels(
         chi_square_scale=float(scales[0]),
         outlier_scale=float(scales[1]),
+        slope=slope,
         samples=len(chi_square),
         rate_before=float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
     )
 
 
+def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:
+    """Return a, 0 to 1, with which levels in proportion to 1 - a + a r spread alarms over the incidence.
+
+    ``ratios`` (t, n) are tests, ``expected`` (n,) is r. Samples are parted by ``incidence`` (n,); the part with
+    the most alarms has as few as possible, but for :data:`AS_FEW`: of such a the smallest one counts.
+    It is 0 where r hardly changes.
+    """
+    parts = np.array_split(np.argsort(incidence, kind="stable"), PARTS)
+    if np.ptp([expected[part].mean() for part in parts]) < LEAST_RANGE:
+        return 0.0
+    slopes = np.linspace(0.0, 1.0, SLOPES)
+    most = np.array([_most_alarms(ratios / (1.0 + one * (expected - 1.0)), parts) for one in slopes.tolist()])
+    return float(slopes[np.argmax(most <= AS_FEW * most.min())])
+
+
+def _most_alarms(ratios: FloatArray, parts: list[IntArray]) -> int:
+    """Return the largest number of alarms in one of ``parts``, at levels that :data:`RATE_OF_PARTS` exceed."""
+    level = np.quantile(ratios, 1.0 - RATE_OF_PARTS / len(ratios), axis=1)
+    above: BoolArray = np.any(ratios > level[:, None], axis=0)
+    return max(int(above[part].sum()) for part in parts)
+
+
 def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray]:
     """Return chi-square and the squared largest |z| (n,) of the linear map, each over its level."""
+    return linear_tests(inverse_map, flights)[:2]
+
+
+def linear_tests(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the same, and the factor (n,) by which the levels of a sample follow its strain."""
     whole = Estimator(inverse_map.without_tables())
     n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
@@ -95,7 +151,7 @@ def alarm_ratios(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatAr
     found = whole.estimate(flights.strain, flights.known[DYNAMIC_PRESSURE])
     limit = np.asarray(found.chi_square_limit)
     worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
-    return found.chi_square / limit, worst / (threshold * limit / nominal)
+    return found.chi_square / limit, worst / (threshold * limit / nominal), limit / nominal
 
 
 def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
@@ -134,16 +190,16 @@ def ratios_and_health(
     """Return chi-square, the square of the largest residual and chi-square of the shapes (2 or 3, n) over their
     levels, and health (n,), of the nonlinear estimator.
 
-    Estimates start from the states of the flights or, with ``search``, from a search of the tables.
+    Estimates start as steps along a flight do, from the states that vehicles estimate there, or, with ``search``,
+    from a search of the tables. Weights at the true states would give other tests: a vehicle's errors last, and
+    its estimates err by as much in every step.
     """
     manifold, estimator = inverse_map.manifold, Estimator(inverse_map)
     assert manifold is not None
     scale = estimator.settings.alarm_scale
-    found = estimator.estimate(
-        flights.strain,
-        **flights.known,
-        start=None if search else np.repeat(flight_states(flights.conditions), flights.vehicles, axis=0),
-    )
+    found = estimator.estimate(flights.strain, **flights.known, start=None if search else _of_flights(flights))
+    if not search:
+        found = estimator.estimate(flights.strain, **flights.known, start=found.state)
     tests = [
         found.chi_square / np.asarray(found.chi_square_limit),
         (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
@@ -151,3 +207,8 @@ def ratios_and_health(
     if manifold.shapes.shape[1]:
         tests.append(found.discrepancy_chi_square / shape_limit(manifold, scale))
     return np.stack(tests), np.asarray(found.health)
+
+
+def _of_flights(flights: ReadFlights) -> FloatArray:
+    """Return (n, 4) the true states of the samples."""
+    return np.repeat(flight_states(flights.conditions), flights.vehicles, axis=0)

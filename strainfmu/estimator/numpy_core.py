@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES, MACH_NUMBER, STD
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
@@ -24,6 +24,7 @@ from strainfmu.estimator.map.envelope import (
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
     PRESSURE_TOLERANCE,
+    RANGE_DEVIATIONS,
     FlightRanges,
     HalfSpaces,
     flight_ranges,
@@ -226,6 +227,7 @@ class NumpyCore:
             dynamic_pressure=q,
             dynamic_pressure_std=std,
             mach_number=mach,
+            mach_number_std=np.where(np.isnan(mach_std := air[MACH_NUMBER + STD]), 0.0, mach_std),
             altitude=altitude,
         )
         parameters = flow_parameters(self._map)
@@ -273,7 +275,8 @@ class NumpyCore:
         known, q_std = flow.known[at], flow.std[at]
         q = np.where(known, flow.pressure[at], held.nominal_dynamic_pressure)
         of_map = estimate(held, rows, used, q, q_std, noise)
-        scale = float(self._setting(OF_ALARMS)[0]) * of_map.expected_ratio
+        rise = 1.0 + held.level_slope * (of_map.expected_ratio - 1.0) if held.level_slope else 1.0
+        scale = float(self._setting(OF_ALARMS)[0]) * (of_map.expected_ratio * rise)
         freedom = int(of_map.degrees_of_freedom[0])
         limit = held.chi_square_scale * scale * (chi_square_limit(freedom) if freedom > 0 else np.inf)
         level = outlier_threshold(int(used.sum()), FALSE_ALARM_PROBABILITY)
@@ -475,17 +478,19 @@ def _outside_by_navigation(
     dynamic_pressure: FloatArray,
     dynamic_pressure_std: FloatArray,
     mach_number: FloatArray,
+    mach_number_std: FloatArray,
     altitude: FloatArray,
 ) -> BoolArray:
     """Return (k,) whether q_inf [Pa], M or h [m] leave the ranges or contradict each other; NaN is not known."""
     q, mach = dynamic_pressure, mach_number
     low, high = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
     outside = (q < ranges.dynamic_pressure[0]) | (q > ranges.dynamic_pressure[1])
-    outside |= (mach < low) | (mach > high)
+    slack = RANGE_DEVIATIONS * mach_number_std
+    outside |= (mach < low - slack) | (mach > high + slack)
     outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
     if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
         return np.asarray(outside)
     with np.errstate(over="ignore", invalid="ignore"):  # of values out of range, which are outside already
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
-        allowed = PRESSURE_TOLERANCE * expected + 3.0 * dynamic_pressure_std
+        allowed = PRESSURE_TOLERANCE * expected + RANGE_DEVIATIONS * dynamic_pressure_std
         return np.asarray(outside | (np.abs(q - expected) > allowed))

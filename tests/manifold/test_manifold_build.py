@@ -92,10 +92,10 @@ def test_sizes_of_the_model_form_error() -> None:
         Noise(std_um_per_m=1.0, model="paper", **dict.fromkeys(HARDWARE_ERRORS, 0.0)),
     )
     found = model_form(MapEntry(), default)
-    assert (found.of_prior, found.of_overpressure, found.of_leeward) == pytest.approx((0.1, 0.1, 0.25))
+    assert (found.of_prior, found.of_overpressure, found.of_leeward) == pytest.approx((0.03, 0.1, 0.25))
     assert (found.process_at(10.0), found.process_at(100.0)) == pytest.approx((0.008, 0.02))
-    half = model_form(MapEntry(model_form_percent=5.0, discrepancy_of_prior_percent=3.0), default)
-    assert (half.of_prior, half.of_overpressure, half.process_at(100.0)) == pytest.approx((0.03, 0.05, 0.01))
+    half = model_form(MapEntry(model_form_percent=5.0, discrepancy_of_prior_percent=4.0), default)
+    assert (half.of_prior, half.of_overpressure, half.process_at(100.0)) == pytest.approx((0.04, 0.05, 0.01))
     none = model_form(MapEntry(discrepancy_percent=0.5), paper)
     assert (none.of_prior, none.of_overpressure, none.of_leeward, none.process_at(9.0)) == (0.0, 0.0, 0.0, 0.005)
     nothing = model_form(without_model_form(MapEntry(discrepancy_percent=0.5)), default)
@@ -139,7 +139,8 @@ def test_hardware_errors_and_discrepancy_widen_sigma(
     strain = inverse_map.mean_strain
     q = inverse_map.nominal_dynamic_pressure
     narrow, other = (Estimator(one).estimate(strain, q, mach_number=6.0) for one in (inverse_map, wide))
-    assert np.all(other.coefficients_std > 2.0 * narrow.coefficients_std)
+    # At zero incidence the discrepancy is small: the difference of flow models has no lateral part there.
+    assert np.all(other.coefficients_std > 1.7 * narrow.coefficients_std)
 
 
 def test_shapes_have_the_correlation_of_the_process(structure: StructuralModel) -> None:

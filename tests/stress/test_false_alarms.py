@@ -84,7 +84,22 @@ def test_other_flights_raise_few_alarms(
     assert many.strain == many.each["chi-square"] > 200
     linear = false_alarms(replace(calibrated, manifold=None), vehicle, true_model, table, samples=10_000, seed=4)
     assert linear.strain <= 6
-    assert set(linear.each) == set(module.TESTS[:2])
+    assert set(linear.each) == {*module.TESTS[:2], "DEGRADED", "OUTSIDE"}
+    assert linear.each["OUTSIDE"] <= 20
+
+
+def test_tenths_add_up_to_the_whole(
+    calibrated: InverseMap, vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
+) -> None:
+    """Of levels that raise many alarms: the tenths by each quantity have the mean of all."""
+    low = replace(calibrated, manifold=None, chi_square_scale=0.55)
+    found = false_alarms(low, vehicle, true_model, table, samples=8_000, vehicles=8, seed=5)
+    assert set(found.tenths) == {"Mach number", "total incidence", "roll angle", "dynamic pressure"}
+    for alarms, outside in found.tenths.values():
+        assert alarms.shape == outside.shape == (10,)
+        assert alarms.mean() == pytest.approx(found.rate / FALSE_ALARM_PROBABILITY)
+        assert outside.mean() == pytest.approx(found.each["OUTSIDE"] / found.samples)
+    assert len(found.lines()) == 3 + len(found.each) + 1 + 4
 
 
 @pytest.mark.fast
@@ -102,7 +117,7 @@ def test_the_interval_holds_the_rate() -> None:
 @pytest.mark.fast
 def test_no_samples_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", str(tmp_path / "f.h5"), "--samples", "0"])
-    with pytest.raises(InputError, match="--samples from 1 on"):
+    with pytest.raises(InputError, match="--samples and --vehicles from 1 on"):
         module.main()
     monkeypatch.setattr(sys, "argv", ["false_alarms", "v.toml", "m.h5", "f.h5", "--estimator", "manifold"])
     with pytest.raises(InputError, match=r"^--estimator: .*, got 'manifold', now called 'nonlinear'$"):

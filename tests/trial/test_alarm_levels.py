@@ -29,11 +29,36 @@ def test_levels_of_the_theory_are_found_on_data_of_the_theory() -> None:
     random, n, freedom = np.random.default_rng(3), 300_000, 49
     chi_square = random.chisquare(freedom, size=n) / chi_square_limit(freedom)
     outlier = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
-    levels = alarm_levels(chi_square, outlier)
+    levels = alarm_levels(chi_square, outlier, np.ones(n), random.uniform(size=n))
+    assert levels.slope == 0.0
     assert levels.chi_square_scale == pytest.approx(1.0, abs=0.06)
     assert levels.outlier_scale == pytest.approx(1.0, abs=0.12)
     rate = np.mean((chi_square > levels.chi_square_scale) | (outlier > levels.outlier_scale))
     assert 0.5 * FALSE_ALARM_PROBABILITY < rate < 2.0 * FALSE_ALARM_PROBABILITY
+
+
+def test_levels_follow_what_rises_with_the_incidence() -> None:
+    """Chi-square over its level rises by 0.3 of what the expected one does: a half of the samples finds it.
+
+    Of the other half the rate in each tenth is at most 3 times the mean; with constant factors half of all alarms
+    are in the last tenth.
+    """
+    random, n, freedom = np.random.default_rng(5), 600_000, 49
+    incidence = random.uniform(size=n)
+    expected = np.exp(1.5 * incidence**2 - 0.5)
+    rise = 0.7 + 0.3 * expected
+    of_gauge = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
+    ratios = np.stack([random.chisquare(freedom, size=n) / chi_square_limit(freedom), of_gauge]) * rise
+    one, other = slice(0, n // 2), slice(n // 2, n)
+    levels = alarm_levels(*ratios[:, one], expected[one], incidence[one])
+    assert levels.slope == pytest.approx(0.3, abs=0.06)
+    scales = np.array([[levels.chi_square_scale], [levels.outlier_scale]])
+    followed = (ratios[:, other] > scales * (1.0 + levels.slope * (expected[other] - 1.0))).any(axis=0)
+    assert 0.5 * FALSE_ALARM_PROBABILITY < followed.mean() < 2.0 * FALSE_ALARM_PROBABILITY
+    tenth = np.floor(10.0 * incidence[other]).astype(int)
+    assert max(followed[tenth == k].mean() for k in range(10)) < 3.0 * followed.mean()
+    fixed = (ratios[:, other] > alarm_scales(ratios[:, one])[:, None]).any(axis=0)
+    assert np.mean(tenth[fixed] == 9) > 0.5
 
 
 def test_three_tests_share_the_stated_rate() -> None:

@@ -20,6 +20,13 @@ Errors of a flow go with its dynamic pressure. A process of more than the second
 another flow.
 """
 
+SPREAD_OF_SNAPSHOTS = 0.3
+"""Fraction of the snapshots' spread over ``model_form_percent``.
+
+The spread is the same at every incidence, while every flow model gives a symmetric flow at zero incidence. There
+a larger part gives the lateral loads errors that no flow has. The difference of flow models grows with incidence.
+"""
+
 LEEWARD = 2.5
 """Fraction of the leeward difference over ``model_form_percent``."""
 
@@ -67,7 +74,7 @@ def model_form(entry: MapEntry, noise: Noise) -> ModelForm:
 
     process = entry.discrepancy_percent
     return ModelForm(
-        of_prior=size(entry.discrepancy_of_prior_percent),
+        of_prior=size(entry.discrepancy_of_prior_percent, SPREAD_OF_SNAPSHOTS),
         of_overpressure=size(entry.discrepancy_of_overpressure_percent),
         of_leeward=min(1.0, size(entry.discrepancy_of_leeward_percent, LEEWARD)),
         of_newtonian=size(entry.discrepancy_of_newtonian_percent, NEWTONIAN),

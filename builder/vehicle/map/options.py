@@ -117,14 +117,15 @@ class MapEntry(Section):
     entries that are left out: a Gaussian process of ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 %
     of q_inf, at most 2 % of p_inf, in proportion), with correlation lengths of ``discrepancy_length`` times the
     body's length along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the
-    deviation that the snapshots have about their mean (left out: ``model_form_percent``); and
-    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out: the same), all over
-    the body at once, which gauges tell poorly and axial force follows: it widens the deviations and, where there
-    are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so. Of ``newtonian`` flow round
-    sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the
-    difference between ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear
-    map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of
-    its difference from newtonian flow is expected by the nonlinear estimator, and by the linear map beside it.
+    deviation that the snapshots have about their mean (left out: 0.3 times ``model_form_percent``); and
+    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out:
+    ``model_form_percent``), all over the body at once, which gauges tell poorly and axial force follows: it widens
+    the deviations and, where there are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so.
+    Of ``newtonian`` flow round sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times
+    ``model_form_percent``) of the difference between ambient pressure leeward and a Prandtl-Meyer expansion is
+    expected besides, in the linear map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten
+    times ``model_form_percent``) of its difference from newtonian flow is expected by the nonlinear estimator, and
+    by the linear map beside it.
     """
 
     form: Form = PER_PRESSURE

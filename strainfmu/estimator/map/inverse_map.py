@@ -108,6 +108,8 @@ class InverseMap:
     dynamic_pressure_error : standard deviation of q_inf relative to q_inf, where the caller states none [1].
     chi_square_scale, outlier_scale : factors on the alarm levels of chi-square and of the square of the largest
         |z|, from data of an independent model [1].
+    level_slope : a, 0 to 1; these levels are in proportion to r (1 - a + a r), r the expected chi-square over that
+        at the mean strain.
     envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients; n = 0 for none.
     envelope_score_limit : standard deviations beyond them that count as outside [1].
     dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity; -inf to inf where
@@ -159,6 +161,7 @@ class InverseMap:
     dynamic_pressure_error: float = 0.0
     chi_square_scale: float = 1.0
     outlier_scale: float = 1.0
+    level_slope: float = field(default=0.0, metadata=OPTIONAL)
     envelope_direction: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     envelope_limit: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
     envelope_score_limit: float = DEFAULT_SCORE_LIMIT

@@ -150,6 +150,8 @@ def _check_form(inverse_map: InverseMap) -> None:
     for name in ("chi_square_scale", "outlier_scale", "envelope_score_limit"):
         if not 0.0 < getattr(inverse_map, name) < np.inf:
             raise InputError(f"inverse map: {name} is {getattr(inverse_map, name)}, must be positive")
+    if not 0.0 <= inverse_map.level_slope <= 1.0:
+        raise InputError(f"inverse map: level_slope is {inverse_map.level_slope}, must be 0 to 1")
     if not 0.0 <= inverse_map.dynamic_pressure_error < 1.0:
         raise InputError(
             f"inverse map: dynamic_pressure_error is {inverse_map.dynamic_pressure_error}, must be 0 to 1"

@@ -87,7 +87,8 @@ def nothing_of(inverse_map: InverseMap, *names: str) -> dict[str, Any]:
 
 def neutral_fields(inverse_map: InverseMap) -> list[str]:
     """Return the names of the fields of ``inverse_map`` that hold neutral values, which its file leaves out."""
-    neutral = {**neutral_arrays(inverse_map), **neutral_parts(inverse_map), "field_is_net": False}
+    neutral: dict[str, Any] = {"field_is_net": False, "level_slope": 0.0}
+    neutral = {**neutral_arrays(inverse_map), **neutral_parts(inverse_map), **neutral}
     found = {name for name, value in neutral.items() if _same(getattr(inverse_map, name), value)}
     for names in GROUPS:
         found -= set() if found.issuperset(names) else set(names)

@@ -144,6 +144,7 @@ def _linear(inverse_map: InverseMap) -> Values:
         "dynamic_pressure_error": inverse_map.dynamic_pressure_error,
         "chi_square_scale": inverse_map.chi_square_scale,
         "outlier_scale": inverse_map.outlier_scale,
+        "level_slope": inverse_map.level_slope,
     }
 
 

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scaled_maps import NOMINAL, scaled_map
 
+from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
+from strainfmu.estimator.numpy_core import NumpyCore
 
 pytestmark = pytest.mark.fast
 
 N = 18
+
+
+class ByNumpy(Estimator):
+    """An estimator on a machine without a compiled core."""
+
+    def _new_core(self, resource: bytes) -> NumpyCore:
+        return NumpyCore(self.inverse_map, resource)
 
 
 def random_errors(size: float = 1.0) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
@@ -86,3 +97,25 @@ def test_between_levels_the_covariance_is_smooth() -> None:
     middle = std_at(0.5 * (1.0 + np.sqrt(0.5)))
     assert np.all(middle < 1.02 * std_at(np.sqrt(0.5)))
     assert np.all(middle > 0.98 * std_at(1.0))
+
+
+@pytest.mark.parametrize("of", [Estimator, ByNumpy])
+@pytest.mark.parametrize("spread", [0.0, 3.0])
+def test_levels_rise_with_the_expected_chi_square_by_more(of: type[Estimator], spread: float) -> None:
+    """With a slope of 0.4 both levels are r (0.6 + 0.4 r) times those at the mean strain, instead of r."""
+    plain, _, _ = map_with_errors()
+    random, states = np.random.default_rng(3), plain.state_operator.shape[1]
+    strain = plain.mean_strain + spread * random.standard_normal((20, states)) @ plain.state_operator.T
+    before, after = (of(one).estimate(strain, NOMINAL) for one in (plain, replace(plain, level_slope=0.4)))
+    at_mean = plain.chi_square_scale * chi_square_limit(plain.residual_degrees_of_freedom)
+    ratio = np.asarray(before.chi_square_limit) / at_mean
+    assert ratio.max() > 1.2 if spread else ratio.max() < 1.0
+    rise = 0.6 + 0.4 * ratio
+    np.testing.assert_allclose(after.chi_square_limit, at_mean * ratio * rise, rtol=1e-12)
+    np.testing.assert_allclose(after.residual_limit / before.residual_limit, np.sqrt(rise), rtol=1e-12)
+    np.testing.assert_array_equal(after.coefficients, before.coefficients)
+
+
+def test_a_slope_beyond_one_is_refused() -> None:
+    with pytest.raises(InputError, match=r"level_slope is 1\.5, must be 0 to 1"):
+        replace(map_with_errors()[0], level_slope=1.5)

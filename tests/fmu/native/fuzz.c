@@ -176,7 +176,7 @@ static void check_suspects(Estimator *e) {
         return;
     }
     ScaledStep *step = &e->linear.scaled.step;
-    const double limits = e->inputs.value[e->map.n_gauges + ALARM_SCALE] * step->expected_ratio;
+    const double limits = e->inputs.value[e->map.n_gauges + ALARM_SCALE] * step->limit_ratio;
     const double threshold = m->outlier_threshold * sqrt(e->map.outlier_scale * limits);
     int above = 0;
     scaled_standardised_residuals(&e->linear.scaled, step->z);

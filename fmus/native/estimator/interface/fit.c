@@ -181,7 +181,7 @@ static void write_linear_fit(Estimator *e, double *fit, double *z) {
     if (e->map.form.follows_pressure && !e->linear.flow.known) {
         return;
     }
-    const double ratio = e->linear.scaled.step.expected_ratio;
+    const double ratio = e->linear.scaled.step.limit_ratio;
     const double scale = e->map.outlier_scale * (e->inputs.value[e->map.n_gauges + ALARM_SCALE] * ratio);
     fit[RESIDUAL_LIMIT] = m->outlier_threshold * sqrt(scale);
     memset(z, 0, e->map.n_gauges * sizeof *z);

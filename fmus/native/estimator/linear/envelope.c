@@ -6,6 +6,7 @@
 #include "../numerics/wide.h"
 
 #define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
+#define RANGE_DEVIATIONS 3.0 /* of a stated Mach number by which it may leave its range, and of q_inf: envelope.py */
 
 size_t half_space_doubles(const Envelope *envelope) {
     return dense_rows(envelope->n_half_spaces) * (dense_columns(N_ENTRIES) + 1);
@@ -28,22 +29,23 @@ void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **do
     }
 }
 
-/* Whether a value leaves a range; one that is not known does not. */
-static int leaves(const double *range, double value) {
-    return value < range[0] || value > range[1];
+/* Whether a value leaves a range by more than so much; one that is not known does not. */
+static int leaves(const double *range, double value, double slack) {
+    return value < range[0] - slack || value > range[1] + slack;
 }
 
 int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
     const double mach = flow->mach_number;
-    if (leaves(envelope->dynamic_pressure, flow->pressure) || leaves(envelope->mach_number, mach)
-        || leaves(envelope->altitude, flow->altitude)) {
+    if (leaves(envelope->dynamic_pressure, flow->pressure, 0.0)
+        || leaves(envelope->mach_number, mach, RANGE_DEVIATIONS * flow->mach_deviation)
+        || leaves(envelope->altitude, flow->altitude, 0.0)) {
         return 1;
     }
     if (isnan(mach) || isnan(flow->altitude)) {
         return 0;
     }
     const double expected = envelope->half_gamma * mach * mach * ambient_pressure(envelope, flow->altitude);
-    const double allowed = envelope->pressure_tolerance * expected + 3.0 * flow->deviation;
+    const double allowed = envelope->pressure_tolerance * expected + RANGE_DEVIATIONS * flow->deviation;
     return fabs(flow->pressure - expected) > allowed;
 }
 

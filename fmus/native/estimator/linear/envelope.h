@@ -13,6 +13,7 @@ typedef struct {
     double pressure;  /* [Pa] */
     double deviation; /* of its error [Pa]; 0 where it is not known */
     double mach_number, altitude; /* [1], [m]; NaN where not known */
+    double mach_deviation; /* stated, of the Mach number [1]; 0 for none */
 } Flow;
 
 /* Whether dynamic pressure, Mach number or altitude leave their ranges or contradict each other. */

@@ -72,7 +72,11 @@ static double pressure_deviation(const Linear *linear, double pressure) {
 /* Flow and navigation of the inputs. */
 static Flow flow_of(const Linear *linear) {
     const double pressure = scalar_input(linear->inputs, DYNAMIC_PRESSURE);
-    Flow flow = {0, pressure, 0.0, known_input(linear->inputs, MACH_NUMBER), known_input(linear->inputs, ALTITUDE)};
+    const double mach_std = known_input(linear->inputs, MACH_NUMBER_STD);
+    Flow flow = {.pressure = pressure,
+                 .mach_number = known_input(linear->inputs, MACH_NUMBER),
+                 .altitude = known_input(linear->inputs, ALTITUDE),
+                 .mach_deviation = isnan(mach_std) ? 0.0 : mach_std};
     if (!(pressure >= linear->map->min_dynamic_pressure && pressure <= linear->map->max_dynamic_pressure)) {
         return flow;
     }

@@ -77,7 +77,7 @@ void linear_outputs(Linear *linear) {
     const ScaledStep *step = &linear->scaled.step;
     double per_pressure[N_LOADS], variance[N_LOADS];
     scaled_condition(&linear->scaled, m, linear->flow.pressure, linear->inputs->strain);
-    const double limits = scalar_input(linear->inputs, ALARM_SCALE) * step->expected_ratio;
+    const double limits = scalar_input(linear->inputs, ALARM_SCALE) * step->limit_ratio;
     linear->output[CHI_SQUARE] = step->chi_square;
     linear->output[CHI_SQUARE_LIMIT] = map->chi_square_scale * m->chi_square_limit * limits;
     set_suspects(linear, m->outlier_threshold * sqrt(map->outlier_scale * limits));

@@ -85,6 +85,7 @@ static void take_arrays(MapFile *file, Map *map) {
     map->dynamic_pressure_error = map_number(file, "linear.dynamic_pressure_error");
     map->chi_square_scale = map_positive(file, "linear.chi_square_scale");
     map->outlier_scale = map_positive(file, "linear.outlier_scale");
+    map->level_slope = map_between(file, "linear.level_slope", 0.0, 1.0);
 }
 
 int map_parse(MapFile *file, Map *map) {

@@ -70,6 +70,7 @@ typedef struct {
     double min_dynamic_pressure, max_dynamic_pressure;       /* [Pa], beyond which there are no coefficients */
     double dynamic_pressure_error;                           /* relative, where no deviation is given [1] */
     double chi_square_scale, outlier_scale;                  /* factors on the limits of chi-square and of z^2 */
+    double level_slope;                                      /* by which they rise with expected chi-square besides [1] */
     double smallest_setting, largest_setting;                /* bounds on what may be set */
     double largest_zero;                                     /* the same for zeros and their deviations [1] */
     double not_known; /* start value of parameters of the flow, and a value of thrust, that means what NaN does */

@@ -242,11 +242,11 @@ EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
     }
 }
 
-/* Errors in proportion to strain at the current one: what they add to covariance and expected chi-square. */
+/* Errors in proportion to strain at the current one: what they add to covariance, expected chi-square and limits. */
 static void add_errors(Scaled *scaled, ScaledStep *step) {
     const double s = step->ratio;
     const int freedom = scaled->map->degrees_of_freedom - (int)step->n_lost;
-    step->expected_ratio = 1.0;
+    step->limit_ratio = 1.0;
     if (!scaled->map->form.has_errors) {
         memcpy(step->covariance, step->base, sizeof step->covariance);
         return;
@@ -258,8 +258,11 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
     const double trace = current_errors_add(scaled, step->base, step->covariance);
     if (freedom > 0) {
         const double least = scaled->map->form.min_expected_ratio;
-        step->expected_ratio = 1.0 + s * s * trace / (double)freedom;
-        step->expected_ratio = step->expected_ratio > least ? step->expected_ratio : least;
+        step->limit_ratio = 1.0 + s * s * trace / (double)freedom;
+        step->limit_ratio = step->limit_ratio > least ? step->limit_ratio : least;
+        if (scaled->map->level_slope > 0.0) { /* an infinite ratio stays */
+            step->limit_ratio *= 1.0 + scaled->map->level_slope * (step->limit_ratio - 1.0);
+        }
     }
 }
 

@@ -85,7 +85,8 @@ typedef struct {
     double *scratch[2];                /* (dense_rows(n_gauges)) */
     float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
     double *z;                         /* (n_gauges) left as it is where the screen in float decides */
-    double chi_square, expected_ratio; /* [1] */
+    double chi_square;                 /* [1] */
+    double limit_ratio;                /* of the limits of chi-square and z^2 over those at the mean strain [1] */
     double loads[N_LOADS], covariance[N_LOADS * N_LOADS];
 } ScaledStep;
 
