@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
+from builder.calibration.estimate.case_faults import case_faults
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from strainfmu.arrays import BoolArray, FloatArray
@@ -37,6 +38,9 @@ UNITS = (1e3, 1e-3, 1e6, 1e-6)
 FOLLOWS = 0.8
 """Correlation with prediction from which readings in another unit follow the loads; a dead gauge is below."""
 
+UNNAMED = ("gauge", "load")
+"""Kinds of faults of which no cause is known."""
+
 MOST_GAUGES = 0.34
 """Part of the gauges that may be at fault; more, and it is rather the loads or the vehicle."""
 
@@ -48,7 +52,8 @@ class Fault:
     Attributes
     ----------
     where : name of the gauge or of the load case.
-    kind : "swapped", "sign", "unit", "dead", "gauge" or "load".
+    kind : of gauges "swapped", "sign", "unit", "dead" or "gauge"; of cases "load" or those of
+        :class:`~builder.calibration.estimate.case_faults.CaseFault`.
     line : one sentence for the user.
     """
 
@@ -75,11 +80,11 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
     used = usable(model)
-    gauges = gauge_faults(model, used)
-    names = model.structure.gauges.names
-    for fault in gauges:
-        used[:, names.index(fault.where)] = False
-    found, faults = estimate(model, used), list(gauges)
+    faults = named_faults(model, used)
+    blamed = {fault.where for fault in faults}
+    used[[case.name in blamed for case in model.test.cases]] = False
+    used[:, [name in blamed for name in model.structure.gauges.names]] = False
+    found = estimate(model, used)
     while True:
         wrong = worst_load(found)
         if wrong is None:
@@ -90,6 +95,44 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
         if not used.any():
             return found, tuple(faults)
         found = estimate(model, used, start=found.vector)
+
+
+def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
+    """Return the load cases and the gauges that do not fit, before any estimate.
+
+    A gauge at fault makes cases look wrong, and a wrong case makes gauges look at fault. The cases are judged first,
+    then the gauges first; the result with fewer faults, and more of them named, counts.
+    """
+    names, gauges = [case.name for case in model.test.cases], model.structure.gauges.names
+
+    def without(faults: list[Fault]) -> BoolArray:
+        left, blamed = used.copy(), {fault.where for fault in faults}
+        left[[name in blamed for name in names]] = False
+        left[:, [name in blamed for name in gauges]] = False
+        return left
+
+    cases = wrong_cases(model, used)
+    cases_first = [*cases, *gauge_faults(model, without(cases))]
+    blamed = gauge_faults(model, used)
+    if not blamed:
+        return cases_first
+    cases = wrong_cases(model, without(blamed))
+    gauges_first = [*cases, *(gauge_faults(model, without(cases)) if cases else blamed)]
+    return min(cases_first, gauges_first, key=_count)
+
+
+def _count(found: list[Fault]) -> tuple[int, int]:
+    """Return how many faults there are, and of how many no cause is known."""
+    return len(found), sum(one.kind in UNNAMED for one in found)
+
+
+def wrong_cases(model: ReadingsModel, used: BoolArray) -> list[Fault]:
+    """Return the load cases whose readings are of another load than the one stated."""
+    names = [case.name for case in model.test.cases]
+    return [
+        Fault(where=names[one.case], kind=one.kind, line=f"load case '{names[one.case]}': {one.text}")
+        for one in case_faults(model, used)
+    ]
 
 
 def gauge_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:

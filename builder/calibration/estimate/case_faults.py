@@ -1,0 +1,248 @@
+"""Load cases whose readings are of another load than the one stated: found by the other cases, and named.
+
+The readings of each case are predicted by all other cases together, of a model that is linear at the drawing. A
+case is wrong where the readings of an eighth of its gauges are off: a gauge at fault is off in all cases, but
+alone. The case that is off most is left out first, then the others are judged again. What would make its
+readings right is its name: a factor of a unit, another sign, the loads of another case, another attitude, a
+recorder balanced again; otherwise the factor that fits best. Source: leave-one-out residuals of a Gaussian
+model, Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section 5.4.2, block by block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import chdtrc
+
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.ground_test.load_changes import cell_force
+from builder.structure.loads.applied import STANDARD_GRAVITY, Weight
+from strainfmu.arrays import BoolArray, FloatArray
+
+OFF = 4.0
+"""Standard deviations from which the reading of a gauge is off."""
+
+GAUGES_OFF = 0.12
+"""Part of the gauges of a case from which the load, not a gauge, is wrong."""
+
+MOST_CASES = 0.34
+"""Part of the cases that may be wrong; more, and it is rather the vehicle or all loads."""
+
+MODEL = 0.01
+"""Part of the strain by which the linear model may err."""
+
+FITS = 1e-3
+"""Probability from which the readings of a case fit a cause."""
+
+FACTORS = {
+    9.80665: "stated in N, applied in kgf",
+    1.0 / 9.80665: "stated in kgf, applied in N",
+    4.4482216152605: "stated in N, applied in lbf",
+    1.0 / 4.4482216152605: "stated in lbf, applied in N",
+    2.20462262185: "stated in lbf, applied in kgf",
+    1.0 / 2.20462262185: "stated in kgf, applied in lbf",
+    1000.0: "stated in N, applied in kN",
+    -1.0: "wrong sign of the load",
+    0.0: "no load acted",
+}
+"""Causes that multiply a load, by the factor."""
+
+TURNS = {90.0: "turned by 90 deg", 180.0: "turned by 180 deg", 270.0: "turned by -90 deg"}
+"""Attitudes beside the stated one, by the change of the roll angle that is up [deg]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaseFault:
+    """A load case whose readings do not fit, by its number.
+
+    Attributes
+    ----------
+    case : number of the load case.
+    kind : "unit", "sign", "no load", "duplicate", "interchanged", "mislabelled", "attitude", "balance" or "load".
+    text : what is wrong, for the user.
+    """
+
+    case: int
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Cause:
+    """Readings (n_d,) of a case by one cause, and derivatives (n_d, n) by the vector."""
+
+    kind: str
+    text: str
+    reading: FloatArray
+    columns: FloatArray
+
+
+def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
+    """Return the cases whose readings no vehicle has under the loads as stated; none where too many are wrong.
+
+    ``used`` (n_cases, n_d) are the readings to judge by.
+    """
+    screen = _Screen(model, used)
+    wrong = screen.wrong_cases()
+    return [screen.named(case, wrong) for case in sorted(wrong)]
+
+
+class _Screen:
+    """The linear model of all readings."""
+
+    def __init__(self, model: ReadingsModel, used: BoolArray) -> None:
+        self.model, self.used = model, used
+        self.predicted, jacobian = model.at_drawing()
+        self.columns = jacobian * model.std
+        self.reading = model.test.readings
+        self.noise = model.test.reading_stds**2 + (MODEL * self.predicted) ** 2
+
+    def wrong_cases(self) -> set[int]:
+        """Return the numbers of the wrong cases: the worst first, then those that are left."""
+        kept = [k for k in range(len(self.used)) if self.used[k].any()]
+        most, wrong = MOST_CASES * len(kept), set[int]()
+        while len(kept) > 2:
+            off = self._left_out(kept)
+            worst = max(off, key=lambda k: off[k][1])
+            if off[worst][0] < GAUGES_OFF:
+                return wrong
+            wrong.add(worst)
+            kept.remove(worst)
+            if len(wrong) > most:
+                return set()
+        return set()
+
+    def _left_out(self, kept: list[int]) -> dict[int, tuple[float, float]]:
+        """Return, for each case of ``kept``, the part of its gauges that are off, and its chi-square."""
+        rows = [np.flatnonzero(self.used[k]) for k in kept]
+        columns = np.concatenate([self.columns[k, at] for k, at in zip(kept, rows, strict=True)])
+        noise = np.concatenate([self.noise[k, at] for k, at in zip(kept, rows, strict=True)])
+        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in zip(kept, rows, strict=True)])
+        precision = cho_solve(cho_factor(columns @ columns.T + np.diag(noise)), np.eye(len(left)))
+        weighted = precision @ left
+        found, first = {}, 0
+        for k, at in zip(kept, rows, strict=True):
+            part = slice(first, first + len(at))
+            covariance = np.linalg.inv(precision[part, part])
+            error = covariance @ weighted[part]
+            off = np.abs(error) > OFF * np.sqrt(np.diag(covariance))
+            found[k] = float(np.mean(off)), float(error @ weighted[part])
+            first += len(at)
+        return found
+
+    def named(self, case: int, wrong: set[int]) -> CaseFault:
+        """Return what is wrong with a case, by the vehicle that the cases beside ``wrong`` show."""
+        mean, root = self._after([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
+        best, most = None, -np.inf
+        for cause in self._causes(case, wrong):
+            chance, likelihood = self._fit(case, cause, mean, root)
+            if chance > FITS and likelihood > most:
+                best, most = cause, likelihood
+        if best is not None:
+            return CaseFault(case=case, kind=best.kind, text=best.text)
+        return CaseFault(case=case, kind="load", text=self._by_a_factor(case, mean))
+
+    def _after(self, kept: list[int]) -> tuple[FloatArray, FloatArray]:
+        """Return (n,) the vector by ``kept`` in its deviations before, and (n, n) a root of its covariance."""
+        rows = [(k, np.flatnonzero(self.used[k])) for k in kept]
+        columns = np.concatenate([self.columns[k, at] for k, at in rows])
+        weight = 1.0 / np.sqrt(np.concatenate([self.noise[k, at] for k, at in rows]))
+        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in rows])
+        scaled = weight[:, None] * columns
+        value, vectors = np.linalg.eigh(np.eye(columns.shape[1]) + scaled.T @ scaled)
+        root = vectors / np.sqrt(value)
+        return root @ (root.T @ (scaled.T @ (weight * left))), root
+
+    def _fit(self, case: int, cause: _Cause, mean: FloatArray, root: FloatArray) -> tuple[float, float]:
+        """Return the probability of readings as far from a cause's, and the logarithm of their density."""
+        at = np.flatnonzero(self.used[case])
+        spread = cause.columns[at] @ root
+        noise = self.model.test.reading_stds[case, at] ** 2 + (MODEL * cause.reading[at]) ** 2
+        covariance = spread @ spread.T + np.diag(noise)
+        left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ mean
+        square = float(left @ np.linalg.solve(covariance, left))
+        return float(chdtrc(len(at), square)), -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
+
+    def _of_load(self, case: int) -> tuple[FloatArray, FloatArray]:
+        """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
+        zeros = np.array([name.startswith("zero ") for name in self.model.names])
+        return zeros, np.where(zeros, 0.0, self.columns[case])
+
+    def _causes(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
+        """Yield what the readings of a case may be of."""
+        zeros, of_load = self._of_load(case)
+        own, load = np.where(zeros, self.columns[case], 0.0), self.predicted[case]
+        for factor, text in FACTORS.items():
+            kind = {-1.0: "sign", 0.0: "no load"}.get(factor, "unit")
+            if kind == "sign" and self._weighs(case):
+                continue  # the vehicle upside down, an attitude
+            yield _Cause(kind=kind, text=text, reading=factor * load, columns=own + factor * of_load)
+        yield _Cause(kind="balance", text="the recorder was balanced again", reading=load, columns=of_load)
+        yield from self._of_other_cases(case, wrong)
+        yield from self._of_attitudes(case, zeros, own)
+
+    def _of_other_cases(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
+        names = [one.name for one in self.model.test.cases]
+        for other in range(len(names)):
+            same = np.array_equal(self.reading[case], self.reading[other], equal_nan=True)
+            if other == case or (self._weighs(case) and self._weighs(other) and not same):
+                continue  # another attitude, which has a name of its own
+            kind, text = "mislabelled", f"its readings are of the loads of '{names[other]}'"
+            noise = np.hypot(self.model.test.reading_stds[case], self.model.test.reading_stds[other])
+            difference = np.abs(self.reading[case] - self.reading[other])
+            if np.nanmax(difference / noise) < 2.0 * OFF:
+                kind, text = "duplicate", f"its readings are those of '{names[other]}'"
+            elif other in wrong:
+                kind, text = "interchanged", f"its readings are interchanged with those of '{names[other]}'"
+            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=self.columns[other])
+
+    def _weighs(self, case: int) -> bool:
+        """Return whether own weight is the only load of a case."""
+        return all(isinstance(one.load, Weight) for one in self.model.test.cases[case].loads)
+
+    def _of_attitudes(self, case: int, zeros: BoolArray, own: FloatArray) -> Iterator[_Cause]:
+        stated = self.model.test.cases[case]
+        weight = [one.load for one in stated.loads]
+        if len(weight) != 1 or not isinstance(weight[0], Weight):
+            return
+        turned = tuple(
+            replace(
+                stated,
+                name=text,
+                loads=(replace(stated.loads[0], load=_turned(weight[0], turn)),),
+            )
+            for turn, text in TURNS.items()
+        )
+        model = ReadingsModel(self.model.structure, replace(self.model.test, cases=turned), self.model.prior)
+        reading, jacobian = model.at_drawing()
+        of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]
+        of_vehicle[..., zeros[: model.n_built]] = 0.0
+        for k, one in enumerate(turned):
+            columns = own.copy()
+            columns[:, : model.n_built] += of_vehicle[k]
+            yield _Cause(kind="attitude", text=f"the vehicle is {one.name}", reading=reading[k], columns=columns)
+
+    def _by_a_factor(self, case: int, mean: FloatArray) -> str:
+        """Return by how much the loads differ at best, in words."""
+        zeros, of_load = self._of_load(case)
+        at = np.flatnonzero(self.used[case])
+        load = (self.predicted[case] + of_load @ mean)[at]
+        left = (self.reading[case] - np.where(zeros, self.columns[case], 0.0) @ mean)[at]
+        factor = float(load @ left) / max(float(load @ load), 1e-300)
+        rest = float(np.linalg.norm(left - factor * load) / max(float(np.linalg.norm(left)), 1e-300))
+        if rest > 0.5:
+            return "its readings fit no cause that is known"
+        text = f"loads differ by {factor - 1.0:+.1%} from what is stated"
+        forces = [cell_force(one.load) for one in self.model.test.cases[case].loads]
+        if len(forces) == 1 and forces[0] > 0.0:
+            more = (factor - 1.0) * forces[0]
+            text += f", by {more:+.3g} N, the weight of {more / STANDARD_GRAVITY:+.2g} kg"
+        return text
+
+
+def _turned(weight: Weight, turn: float) -> Weight:
+    """Return own weight of the vehicle turned about its axis [deg]."""
+    return replace(weight, up_roll_angle=weight.up_roll_angle + float(np.deg2rad(turn)))

@@ -1,0 +1,83 @@
+"""Load cases that are not as stated: named as what they are; sound tests and faulty gauges blame none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from builder.calibration.estimate.faults import calibrate_with_faults, named_faults
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.vehicle import usable
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.score.faults import drawn_readings, spoils
+from builder.calibration.score.wrong_cases import case_spoils, case_statistics
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import prior_std
+from builder.vehicle.file import Vehicle
+
+ERRORS = LoadErrors()
+KINDS = (
+    "kgf",
+    "lbf",
+    "case sign",
+    "no load",
+    "duplicate",
+    "interchanged",
+    "attitude",
+    "10 kg more",
+    "balanced again",
+)
+
+
+@pytest.fixture(scope="module", params=[0.05e-6, 0.5e-6], ids=["noise 0.05 um/m", "noise 0.5 um/m"])
+def model(vehicle: Vehicle, as_built: AsBuiltStructure, request: pytest.FixtureRequest) -> ReadingsModel:
+    """A test of ten pads and four attitudes."""
+    n_d = as_built.n_gauges
+    blank = tuple(
+        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, request.param))
+        for name, loads in standard_cases(10, 3.6, ERRORS)
+    )
+    test = LoadTest(gauge_names=as_built.gauges.names, cases=blank, errors=ERRORS)
+    return ReadingsModel(as_built, test, prior_std(vehicle.calibration, as_built.counts))
+
+
+def test_sound_tests_and_faulty_gauges_blame_no_case(model: ReadingsModel) -> None:
+    for draw in range(10):
+        random = np.random.default_rng([draw, 1])
+        for spoil in spoils(model).values():
+            reading, _ = drawn_readings(model, random)
+            wanted = spoil(reading, random)
+            spoiled = model.with_readings(reading)
+            assert {one.where for one in named_faults(spoiled, usable(spoiled))} <= set(wanted)
+
+
+def test_each_error_of_a_case_is_named(model: ReadingsModel) -> None:
+    assert set(case_spoils(model)) == set(KINDS)
+    for row in case_statistics(model, 3):
+        assert (row["others blamed"], row["gauges blamed"]) == (0, 0), row
+        assert row["named"] == 3 or row["fault"] == "10 kg more", row
+
+
+def test_two_errors_are_named(model: ReadingsModel) -> None:
+    rows = list(case_statistics(model, 1, pairs=True))
+    assert sum(row["named"] for row in rows) >= 0.7 * len(rows)
+    assert not any(row["gauges blamed"] for row in rows)
+
+
+def test_the_vehicle_is_estimated_without_the_case(model: ReadingsModel) -> None:
+    random = np.random.default_rng(3)
+    reading, vector = drawn_readings(model, random)
+    (name,) = case_spoils(model)["kgf"](reading, random, vector)
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert [one.line for one in faults] == [f"load case '{name}': stated in N, applied in kgf"]
+    assert found.agrees
+
+
+def test_a_mass_left_on_a_pad_is_named_before_or_by_the_estimate(model: ReadingsModel) -> None:
+    for draw in range(2):
+        random = np.random.default_rng([draw, 4])
+        reading, vector = drawn_readings(model, random)
+        wanted = case_spoils(model)["10 kg more"](reading, random, vector)
+        _, faults = calibrate_with_faults(model.with_readings(reading))
+        assert {one.where: one.kind for one in faults} == wanted
