@@ -173,6 +173,14 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             text="largest sum of delays explained by a slow clock; beyond it results are UNCONFIRMED",
             example="10.0",
         ),
+        "learn_s": Entry(
+            sets="learn_time",
+            unit="s",
+            low=0.0,
+            high=1e6,
+            text="the clock's rate is measured for so long; a delay that grows as long counts as rate; 0: never",
+            example="600.0",
+        ),
         "synchronised_ms": Entry(
             sets="synchronised",
             unit="ms",
