@@ -135,6 +135,10 @@ static int date(SbJudge *j, const SbParts *p, int is_new) {
         j->strain_time->local = p->first_time;
         j->strain_time->seconds = (double)ticks * j->clock->tick;
     }
+    /* An authenticated sender that was switched on may send its stimulus again. */
+    if (reading & SB_RESTARTED && j->proof == NULL && j->repeats != NULL && evidence_of(j, p) == CLOCK_BEGAN) {
+        sb_repeats_forget(j->repeats);
+    }
     const int is_proven =
         j->proof == NULL ? (reading & SB_RESTARTED) != 0
                          : proof_take(j->proof, j->clock, reading, p->first_time, ticks, j->found[SB_FOUND_COUNTER], is_new);
@@ -191,9 +195,6 @@ static void find_age(SbJudge *j, const SbParts *p, double now) {
     if (j->clock != NULL && readable && is_timed) {
         if (date(j, p, is_new)) {
             j->clock->before.is_set = 0;
-            if (j->proof == NULL && j->repeats != NULL) { /* an authenticated sender may begin its stimulus again */
-                sb_repeats_forget(j->repeats);
-            }
             /* The clock of q_inf may be so short that a restart looks like a delay. */
             sb_flow_reset(j->value, (int)j->n_values);
         }

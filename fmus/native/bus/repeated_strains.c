@@ -40,7 +40,7 @@ int repeats_take(SbRepeats *repeats, const SbChecks *c, const SbCycle *cycle, co
     int has_slow = 0;
     for (int64_t i = 0; i < c->n; i++) {
         if (!cycle->present[i]) {
-            return 0;
+            return r->counts > 0;
         }
         has_slow |= c->is_fast[i];
     }
@@ -48,18 +48,19 @@ int repeats_take(SbRepeats *repeats, const SbChecks *c, const SbCycle *cycle, co
     uint64_t *place = &r->hash[hash % SB_REPEATS_PLACES];
     const int is_known = *place == hash && hash != r->last;
     r->last = hash;
-    if (is_known) {
-        return log_probability(c, cycle, plausible, has_slow) + log((double)(r->n > 0 ? r->n : 1)) < r->limit;
+    r->counts -= r->counts > 0;
+    if (is_known && log_probability(c, cycle, plausible, has_slow) + log((double)(r->n > 0 ? r->n : 1)) < r->limit) {
+        r->counts = r->alarm; /* of a buffer, some cycles may never have come */
     }
     if (*place != hash) {
         *place = hash;
         r->n += r->n < SB_REPEATS_PLACES;
     }
-    return 0;
+    return r->counts > 0;
 }
 
 void sb_repeats_forget(SbRepeats *repeats) {
     memset(repeats->hash, 0, SB_REPEATS_PLACES * sizeof *repeats->hash);
-    repeats->n = 0;
+    repeats->n = repeats->counts = 0;
     repeats->last = 0;
 }

@@ -212,6 +212,7 @@ static int64_t take_jump(SbClock *c, double local, int64_t ticks, int64_t counte
     SbModel old = c->before.is_set ? c->before : c->known;
     if (!c->before.is_set) {
         old.doubt += c->count.doubt;
+        c->count_before = c->count;
         old.counter = c->count.is_set ? c->count.last : -1;
     }
     replace(c, &old, c->jumped, local);
@@ -290,8 +291,10 @@ int64_t clock_read(SbClock *c, double local, int64_t ticks, int64_t counter) {
     }
     if (c->before.is_set && follow(c, &c->before, now, ticks, 1.0, &offset)) {
         c->known = c->before;
+        c->known.doubt -= c->count_before.is_set ? c->count_before.doubt : 0.0;
         c->before.is_set = c->jumped.is_set = 0;
         begin_drift(c, now, c->known.floor);
+        c->count = c->count_before;
         return reading_of(c, c->known.floor, counter) | SB_RESUMED;
     }
     return take_jump(c, now, ticks, counter);

@@ -203,10 +203,11 @@ typedef struct {
     uint64_t *hash;                             /* (SB_REPEATS_PLACES), 0 for none */
     int64_t n;                                  /* hashes in it, at most */
     uint64_t last;                              /* of the last cycle */
+    int64_t counts, alarm;                      /* cycles for which a repetition counts, and for how many */
     double limit;                               /* logarithm of the largest probability of a repetition that is none */
 } SbRepeats;
 
-/* Forget all cycles. */
+/* Forget all cycles. A cycle with lost frames is not looked at. */
 SB_API void sb_repeats_forget(SbRepeats *repeats);
 
 /* --- frames that have been received before ------------------------------------------------------------------------ */
@@ -263,7 +264,7 @@ typedef struct {
     double shift, accuracy;            /* of a synchronised clock */
     SbModel known, jumped, before;     /* state */
     SbMinima drift, rate;              /* for what is shown; for what is corrected */
-    SbCount count;                     /* of the known clock */
+    SbCount count, count_before;       /* of the known clock, and of that before a restart */
     int64_t is_learned;                /* the pace has been measured */
     double age, uncertainty;           /* of the last reading [s] */
 } SbClock;

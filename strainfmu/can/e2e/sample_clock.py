@@ -158,6 +158,7 @@ class ClockRecord(Record):
         *((name, _Model) for name in ("known", "jumped", "before")),
         *((name, _Minima) for name in ("drift", "rate")),
         ("count", _Count),
+        ("count_before", _Count),
         ("is_learned", INTEGER),
         ("age", NUMBER),
         ("uncertainty", NUMBER),

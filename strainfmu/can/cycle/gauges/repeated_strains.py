@@ -17,9 +17,13 @@ PLACES = 1 << 16
 """``SB_REPEATS_PLACES`` of strainbus.h."""
 
 
+ALARM = 11
+"""Cycles for which one that repeats an earlier one counts: of a buffer, some may never have come before."""
+
+
 class _Repeats(Record):
     position = 17
-    _fields_ = (("hash", ARRAY), ("n", INTEGER), ("last", INTEGER), ("limit", NUMBER))
+    _fields_ = (("hash", ARRAY), ("n", INTEGER), ("last", INTEGER), ("counts", INTEGER), ("alarm", INTEGER), ("limit", NUMBER))
 
 
 class RepeatedStrains:
@@ -27,7 +31,7 @@ class RepeatedStrains:
 
     def __init__(self) -> None:
         words = np.zeros(PLACES, dtype=np.uint64)
-        self.record = _Repeats(hash=words, n=0, last=0, limit=FreezeWatch.limit)
+        self.record = _Repeats(hash=words, n=0, last=0, counts=0, alarm=ALARM, limit=FreezeWatch.limit)
         self._at, self._forget = pointer(self.record), function("sb_repeats_forget", _Repeats)
 
     def forget(self) -> None:
