@@ -192,7 +192,7 @@ LEARNING = ClockLimits(jump_tolerance=CYCLE, learn=600.0)
 
 @pytest.mark.parametrize("rate", [-90e-6, -50e-6, 0.0, 50e-6, 90e-6])
 def test_the_rate_of_a_clock_is_measured_and_its_age_stays_bounded(rate: float) -> None:
-    """Slow or fast: from ``learn`` on nothing is hidden, and the uncertainty is that of what oscillators wander."""
+    """Slow or fast: from ``learn`` on nothing is hidden, and the uncertainty is small."""
     clock = SampleClock(1e-6, 32, LEARNING)
     readings = read_all(clock, 0.0, 3000.0, rate)
     assert not any(reading.hides_delay for reading in readings[6_200:])
