@@ -23,7 +23,11 @@ ALARM = 11
 
 class _Repeats(Record):
     position = 17
-    _fields_ = (("hash", ARRAY), ("n", INTEGER), ("last", INTEGER), ("counts", INTEGER), ("alarm", INTEGER), ("limit", NUMBER))
+    _fields_ = (
+        ("hash", ARRAY),
+        *((name, INTEGER) for name in ("n", "last", "counts", "alarm")),
+        ("limit", NUMBER),
+    )
 
 
 class RepeatedStrains:
