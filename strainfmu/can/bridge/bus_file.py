@@ -322,6 +322,12 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             text="largest number of results sent a second",
             example="50.0",
         ),
+        "token": Entry(
+            sets="publish_token",
+            kind="text",
+            text="'strainfmu monitor --bus' refuses results without it: others on this host publish none",
+            example='"a long random text"',
+        ),
         "field": Entry(
             sets="publish_field",
             kind="file",
@@ -358,6 +364,7 @@ class BusDescription:
     record : recording of the bus.
     publish, http : addresses of the datagrams and of the page.
     publish_rate : largest number of results sent a second [Hz].
+    publish_token : what the datagrams state, and the page requires.
     publish_field : map with the pressure field.
     """
 
@@ -370,6 +377,7 @@ class BusDescription:
     record: Path | None = None
     publish: str | None = None
     publish_rate: float = 50.0
+    publish_token: str | None = None
     publish_field: Path | None = None
     http: str | None = None
 
