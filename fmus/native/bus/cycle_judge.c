@@ -139,12 +139,13 @@ static int date(SbJudge *j, const SbParts *p, int is_new) {
     if (reading & SB_RESTARTED && j->proof == NULL && j->repeats != NULL && evidence_of(j, p) == CLOCK_BEGAN) {
         sb_repeats_forget(j->repeats);
     }
+    const int was_proven = j->proof != NULL && j->proof->is_proven;
     const int is_proven =
         j->proof == NULL ? (reading & SB_RESTARTED) != 0
                          : proof_take(j->proof, j->clock, reading, p->first_time, ticks, j->found[SB_FOUND_COUNTER], is_new);
-    if (reading & SB_RESTARTED && !(j->proof != NULL && j->proof->accepts)) {
+    if (!(j->proof != NULL && j->proof->accepts) && (reading & SB_RESTARTED || (is_proven && !was_proven))) {
         clock_bound_restart(j->clock, evidence_of(j, p), j->found[SB_FOUND_COUNTER]);
-        j->age[1] = j->clock->known.doubt;
+        j->age[1] = j->clock->uncertainty + j->clock->known.doubt;
     }
     return is_proven;
 }

@@ -49,9 +49,8 @@ int proof_take(SbProof *p, const SbClock *clock, int64_t reading, double local, 
     if (jumped && !(reading & SB_RESTARTED)) {
         return 0;
     }
-    const int began = has_begun(p, seconds, counter) && !clock_may_be_old(clock, ticks);
     p->is_proven = p->n_new >= p->new_frames &&
-                   (p->accepts || began || was_set_ahead(p, clock, local, ticks, counter));
+                   (p->accepts || has_begun(p, seconds, counter) || was_set_ahead(p, clock, local, ticks, counter));
     if (p->is_proven) {
         keep(p, local, counter);
     }

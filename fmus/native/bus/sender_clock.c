@@ -247,14 +247,11 @@ void clock_bound_restart(SbClock *c, int evidence, int64_t counter) {
     }
     if (evidence == CLOCK_BEGAN) {
         passed += m->begin;
+        const double ahead = (double)wrapped((uint64_t)m->ticks - (uint64_t)old->ticks, c->bits) * c->tick;
+        passed = ahead >= 0.0 && ahead < passed ? ahead : passed; /* it may be a time of the clock before, too */
     }
     const double age = m->local - earliest - passed, stated = m->local - m->source - m->floor;
     m->doubt = age > stated ? age - stated : 0.0;
-}
-
-/* Whether a sample time may be of the clock before the restart, later than its last. */
-int clock_may_be_old(const SbClock *c, int64_t ticks) {
-    return c->before.is_set && wrapped((uint64_t)ticks - (uint64_t)c->before.ticks, c->bits) >= 0;
 }
 
 static int64_t read_synchronised(SbClock *c, double local, int64_t ticks) {

@@ -15,9 +15,6 @@ enum { CLOCK_CONTINUES, CLOCK_BEGAN, CLOCK_COUNTER_CONTINUES };
    present one, -1 without. */
 void clock_bound_restart(SbClock *clock, int evidence, int64_t counter);
 
-/* Whether a sample time may be of the clock before the restart. */
-int clock_may_be_old(const SbClock *clock, int64_t ticks);
-
 /* Follow a clock that begins with this sample time; `old` is the one before. */
 void clock_begin(SbClock *clock, const SbModel *old, double local, int64_t ticks);
 
