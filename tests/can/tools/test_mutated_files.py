@@ -131,6 +131,12 @@ def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -
     return found
 
 
+@pytest.mark.parametrize("seed", [15, 21, 37, 51])
+def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """By a crash, a loop, or a message of its own; it is read in a process apart."""
+    assert problems("mf4", range(seed, seed + 1), synthetic, tmp_path) == []
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_mutations(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     assert problems(kind, range(1000, 1008), synthetic, tmp_path) == []
