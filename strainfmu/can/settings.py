@@ -78,6 +78,8 @@ class BridgeSettings:
     clock_tolerance : largest difference of its rate from that [s/s]; a delay that grows faster is age.
     hidden_age : largest sum of delays that is taken for drift of the sender's clock [s]; from then on results are
         UNCONFIRMED, and what grows beyond it is age.
+    learn_time : time over which the rate of the sender's clock is measured [s]; a delay that grows steadily for so
+        long counts as rate. 0: never.
     max_uncertainty : largest uncertainty of the age of results that are VALID [s].
     synchronised : largest difference of the sender's clock from ours [s] if both are synchronised, else None.
     synchronised_shift : synchronised time less our monotonic clock [s].
@@ -86,7 +88,9 @@ class BridgeSettings:
     period_tolerance : largest difference of the sender's period from the stated one, as a fraction of it; results
         beyond it are UNCONFIRMED.
     startup_time : largest time that a sender's clock shows at its start [s].
-    alarm_cycles : cycles for which a second sender or bridge is reported after its last frame.
+    alarm_cycles : cycles for which a second bridge is reported after its last frame.
+    second_sender_cycles : cycles for which a second sender is reported after its last frame; longer if it is heard
+        again.
     late_cycles : cycles of late frames only, after which the sender is taken to have been restarted.
     burst, rate : frames of one identifier that are accepted at once, and per cycle for long.
     """
@@ -114,11 +118,13 @@ class BridgeSettings:
     clock_rate: float = 0.0
     clock_tolerance: float = 1e-4
     hidden_age: float = 0.01
+    learn_time: float = 600.0
     max_uncertainty: float = float("inf")
     synchronised: float | None = None
     synchronised_shift: float = 0.0
     startup_time: float = 0.2
     alarm_cycles: float = 10.0
+    second_sender_cycles: float = 20.0
     late_cycles: int = 3
     burst: float = 64.0
     rate: float = 3.0
@@ -136,10 +142,12 @@ class BridgeSettings:
             "period_tolerance",
             "clock_tolerance",
             "hidden_age",
+            "learn_time",
             "max_uncertainty",
             "synchronised",
             "startup_time",
             "alarm_cycles",
+            "second_sender_cycles",
         ):
             if not (getattr(self, name) or 0.0) >= 0.0:
                 raise InputError(f"{name}: expected 0 or a positive number, got {getattr(self, name):g}")

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from hmac import compare_digest
 from math import isfinite
 from typing import Any, NoReturn
 
+from strainfmu.can.bridge.displays.publisher import TOKEN
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import coefficient_names
@@ -63,8 +65,10 @@ _LATER_TEXTS = ("health_text", "suspect_gauge", "period_text")
 """Keys that a bridge of an earlier version does not send."""
 
 
-def parsed(datagram: bytes) -> dict[str, Any]:
+def parsed(datagram: bytes, token: str | None = None) -> dict[str, Any]:
     """Return the object of a datagram: {"layout": ...}, {"field": ...} or a result, flat and of known types.
+
+    ``token`` is what it must state; None: anything.
 
     Raises
     ------
@@ -72,6 +76,8 @@ def parsed(datagram: bytes) -> dict[str, Any]:
         It is none of a bridge's.
     """
     content = json.loads(datagram[:LARGEST_DATAGRAM], parse_constant=_refused)
+    if token is not None and not compare_digest(str(content.get(TOKEN)).encode(), token.encode()):
+        raise ValueError("a datagram without the token")
     if "field" in content:
         return {"field": _field(content["field"])}
     return {"layout": _layout(content["layout"])} if "layout" in content else _result(content)

@@ -36,6 +36,7 @@ class Monitor:
     ----------
     listen : host and port of the datagrams; port 0 for any.
     http : host and port of the page; port 0 for any.
+    token : what datagrams must state to be shown; None: anybody on this host may publish.
 
     Raises
     ------
@@ -43,8 +44,8 @@ class Monitor:
         An address is in use, or is not one of this host.
     """
 
-    def __init__(self, listen: tuple[str, int], http: tuple[str, int]) -> None:
-        self.state = MonitorState()
+    def __init__(self, listen: tuple[str, int], http: tuple[str, int], token: str | None = None) -> None:
+        self.state = MonitorState(token)
         self._stop = threading.Event()
         self._socket = _bound(listen)
         try:
@@ -84,12 +85,12 @@ class Monitor:
     def _receive(self) -> None:
         while not self._stop.is_set():
             try:
-                datagram = self._socket.recv(LARGEST_DATAGRAM)
+                datagram, sender = self._socket.recvfrom(LARGEST_DATAGRAM)
             except TimeoutError:
                 continue
             except OSError:
                 return
-            self.state.take(datagram, time.monotonic())
+            self.state.take(datagram, time.monotonic(), shown_address(sender[:2]))
 
 
 def shown_address(address: tuple[str, int]) -> str:

@@ -12,9 +12,13 @@ from strainfmu.can.cycle.states.words import all_words
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.events import EventLog
 from strainfmu.monitor.message import FIELD_UNITS, UNITS, parsed
 from strainfmu.monitor.shown_signals import flow_tiles, histories
+
+_LISTED = 8
+"""Largest number of publishers that are listed."""
 
 HISTORY = 60.0
 """Length of the history that a new page gets [s]."""
@@ -58,9 +62,14 @@ class Seen(NamedTuple):
 
 
 class MonitorState:
-    """The latest datagram replaces the one before: a slow page shows fewer of them, never old ones."""
+    """The latest datagram replaces the one before: a slow page shows fewer of them, never old ones.
 
-    def __init__(self) -> None:
+    ``token`` is what datagrams must state; None: anybody may publish.
+    """
+
+    def __init__(self, token: str | None = None) -> None:
+        self._token = token
+        self._publishers: dict[str, float] = {}
         self._changed = threading.Condition()
         self._latest: dict[str, Any] | None = None
         self._layout = _NO_LAYOUT
@@ -70,14 +79,17 @@ class MonitorState:
         self._last_point = self._last_time = float("-inf")
         self._worst = -1
         self._is_lost = False
-        self._events = EventLog()
+        self._events, self._answer = EventLog(), Answer()
         self.version = self.points = 0
         self.datagrams = self.refused = 0
 
-    def take(self, datagram: bytes, now: float) -> None:
-        """Take in a datagram that came at ``now`` [s, monotonic]; others than a bridge's are only counted."""
+    def take(self, datagram: bytes, now: float, publisher: str = "") -> None:
+        """Take in a datagram that came at ``now`` [s, monotonic]; others than a bridge's are only counted.
+
+        ``publisher`` is the address that it came from.
+        """
         try:
-            content = parsed(datagram)
+            content = parsed(datagram, self._token)
         except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError):
             with self._changed:
                 self.refused += 1
@@ -90,6 +102,10 @@ class MonitorState:
                 self.fields += 1
             else:
                 self._take_result(content, now)
+            recent = {who: at for who, at in self._publishers.items() if now - at <= SILENT_AFTER}
+            if publisher and len(recent) < _LISTED:
+                recent[publisher] = now
+            self._publishers = recent
             self.datagrams += 1
             self.version += 1
             self._changed.notify_all()
@@ -98,6 +114,7 @@ class MonitorState:
         self._notice_silence(now)
         self._latest, self._last_time, self._is_lost = result, now, False
         self._events.take(result)
+        self._answer.take(result)
         self._worst = max(self._worst, _severity(result["quality"]))
         if now - self._last_point >= HISTORY_PERIOD:
             kinds = (
@@ -151,8 +168,10 @@ class MonitorState:
             content: dict[str, Any] = {
                 "layout": self._layout,
                 "latest": self._latest,
+                "answer": self._answer.content(),
                 "silent": silent,
                 "silent_for_s": None if self._latest is None else round(now - self._last_time, 3),
+                "publishers": sorted(who for who, at in self._publishers.items() if now - at <= SILENT_AFTER),
                 "datagrams": self.datagrams,
                 "refused": self.refused,
                 "points": list(self._history)[len(self._history) - new :],

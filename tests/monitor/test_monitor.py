@@ -19,8 +19,10 @@ import pytest
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.displays.page_message import gauge_positions
-from strainfmu.can.bridge.displays.publisher import Publisher, parsed_address
+from strainfmu.can.bridge.displays.page_message import GaugePosition, gauge_positions
+from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.cycle.frames.account import FrameAccount
+from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
@@ -309,3 +311,42 @@ def test_monitor_as_a_command(tmp_path: Path) -> None:
     process.send_signal(signal.SIGTERM)
     out, errors = process.communicate(timeout=60)
     assert (process.returncode, out, errors) == (0, "0 datagrams, 0 refused\n", "")
+
+
+def test_a_token_limits_who_may_publish() -> None:
+    monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0), token="secret of the rack")
+    foreign = publisher(monitor.listens_at[1])
+    foreign.result(result())
+    until(lambda: monitor.state.refused == 2)
+    wrong = Publisher(
+        monitor.listens_at,
+        [GaugePosition(name, 0.5, 0.0) for name in "abc"],
+        rate=1e4,
+        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        token="another",
+    )
+    wrong.result(result())
+    until(lambda: monitor.state.refused == 4)
+    assert monitor.state.datagrams == 0
+    own = Publisher(
+        monitor.listens_at,
+        [GaugePosition(name, 0.5, 0.0) for name in "abc"],
+        rate=1e4,
+        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        token="secret of the rack",
+    )
+    own.result(result())
+    until(lambda: monitor.state.datagrams == 2)
+    assert "secret" not in get(monitor, "/state")[1].decode()
+    for one in (foreign, wrong, own):
+        one.close()
+    monitor.close()
+
+
+@pytest.mark.fast
+def test_who_publishes_is_shown_and_forgotten_when_silent() -> None:
+    state, content = MonitorState(), json.dumps({"layout": {"gauges": []}}).encode()
+    state.take(content, 0.0, "127.0.0.1:5000")
+    state.take(content, 1.0, "127.0.0.1:5001")
+    assert json.loads(state.snapshot(1.2))["publishers"] == ["127.0.0.1:5000", "127.0.0.1:5001"]
+    assert json.loads(state.snapshot(2.0))["publishers"] == ["127.0.0.1:5001"]

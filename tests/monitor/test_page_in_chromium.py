@@ -257,3 +257,54 @@ def test_gauges_anywhere_around_do_not_cover_each_other(tmp_path: Path) -> None:
         browser.close()
         publisher.close()
         monitor.close()
+
+
+SEEN_AT_ONCE = """(() => {
+  const box = id => document.getElementById(id).getBoundingClientRect();
+  const ends = ["usable", "usable_since", "usable_age", "usable_why", "now_loads"].map(id => box(id).bottom);
+  return [Math.max(...ends) <= window.innerHeight, ...["usable", "usable_why", "now_loads"].map(
+    id => document.getElementById(id).innerText)].join("|");
+})()"""
+
+
+def test_the_first_view_answers_whether_loads_may_be_used(tmp_path: Path) -> None:
+    """At 1280 and 390 px, without scrolling: usable or not, since when, why; loads with their bands; age."""
+    gauges = [GaugePosition(f"g{k}", 0.1 * k, 90.0 * k) for k in range(4)]
+    good = CycleResult(
+        time=1.0,
+        quality=Quality.DEGRADED,
+        causes=Cause.GAUGE_INVALID,
+        valid=np.array([True, True, True, False]),
+        strain=np.arange(4) * 1e-6,
+        coefficients=np.array([0.11, 0.22, 0.33, 0.44, 0.55]),
+        coefficients_std=np.full(5, 0.001),
+        age=0.002,
+        age_uncertainty=0.001,
+        health=4,
+    )
+    bad = replace(good, quality=Quality.UNCONFIRMED, causes=Cause.UNPROVEN_RESTART)
+    monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
+    browser = Browser(tmp_path / "profile", monitor.url)
+    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
+    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports)
+
+    def seen(result: CycleResult, *texts: str) -> Callable[[Any], bool]:
+        def is_seen(found: Any) -> bool:
+            publisher.result(result)
+            return shows("true|", *texts)(found)
+
+        return is_seen
+
+    try:
+        for width in (1280, 390):
+            set_width(browser, width)
+            browser.wait(
+                SEEN_AT_ONCE, seen(good, "|\u2713 LOADS USABLE|", "a gauge has no value", "0.2200 \u00b1 0.0030")
+            )
+            browser.wait(SEEN_AT_ONCE, seen(bad, "LOADS NOT USABLE", "confirm the sender"))
+        publishers = browser.value("document.getElementById('link').textContent")
+        assert "from 127.0.0.1:" in publishers
+    finally:
+        browser.close()
+        publisher.close()
+        monitor.close()

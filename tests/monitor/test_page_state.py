@@ -33,6 +33,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.cycle.states.words import BUS_WORDS, CAUSE_WORDS, HEALTH_WORDS, QUALITY_WORDS, all_words
 from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.estimator.health import HealthState
+from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.events import LISTED
 from strainfmu.monitor.message import UNITS, parsed
 from strainfmu.monitor.state import COLUMNS, SILENT_AFTER, MonitorState
@@ -334,3 +335,25 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
     assert NO_VALUE in causes
     loads = [point[COLUMNS.index("force.normal")] for point in content["points"]]
     assert any(value is not None for value in loads)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("changed", "usable", "why"),
+    [
+        ({}, True, QUALITY_WORDS[Quality.VALID]),
+        ({"usable": None}, True, QUALITY_WORDS[Quality.VALID]),
+        ({"quality_name": "DEGRADED", "causes": ["GAUGE_INVALID"]}, True, CAUSE_WORDS[Cause.GAUGE_INVALID]),
+        ({"quality_name": "UNPROTECTED"}, True, QUALITY_WORDS[Quality.UNPROTECTED]),
+        ({"quality_name": "SUSPECT", "usable": 0, "health_name": "SUSPECT", "health_text": "g3"}, False, "g3"),
+        ({"quality_name": "UNCONFIRMED", "causes": ["PERIOD"]}, False, CAUSE_WORDS[Cause.PERIOD]),
+        ({"quality_name": "STALE", "usable": None, "causes": ["OLD"]}, False, CAUSE_WORDS[Cause.OLD]),
+    ],
+)
+def test_may_these_loads_be_used(changed: dict[str, Any], usable: bool, why: str) -> None:
+    answer = Answer()
+    assert answer.content() is None
+    answer.take(parsed(json.dumps(message(1, **changed)).encode()))
+    assert answer.content() == {"usable": usable, "since": 1000.02, "why": why}
+    answer.take(parsed(json.dumps(message(2, **changed)).encode()))
+    assert (answer.content() or {})["since"] == 1000.02, "since the first of them"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import ceil
+from math import ceil, inf
 
 import numpy as np
 
@@ -335,9 +335,25 @@ class Oracle:
         for fault in self._faults:
             end = fault.start + fault.cycles
             due = end + self._settings.recovery_cycles * self._every
+            if self._second_sender_is_reported(due):
+                continue
             if due < n_cycles and not self._valid_cycles & {due - 1, due}:
                 late.append(fault)
         return late
+
+    def _second_sender_is_reported(self, number: int) -> bool:
+        """Return whether a second sender that was heard more than once is still reported, as documented."""
+        kinds = (FaultKind.CONFLICT, FaultKind.RECORDING, FaultKind.REPLAY)
+        shortest = alarm = self._settings.second_sender_cycles
+        end, until = -inf, -inf
+        for fault in self._faults:
+            if fault.kind not in kinds or fault.start > number:
+                continue
+            since = fault.start - end
+            alarm = shortest if since > 10.0 * alarm else 4.0 * alarm if since > shortest else alarm
+            end = fault.start + fault.cycles
+            until = max(until, end + alarm) if alarm > shortest else until
+        return number <= until + 1
 
 
 def run_core(

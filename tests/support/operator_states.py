@@ -125,6 +125,7 @@ def running_range(fmu: Path, samples: Sequence[FlownSample], record: Path | None
         recording = [] if record is None else ["--record", str(record)]
         bus_options = ("--interface", "udp_multicast", "--channel", GROUP, "--bus-option", f"port={port}")
         entries = ("--set", f"input.cycle_time_ms={1e3 * CYCLE:g}", "--set", f"page.publish={found[2]}")
+        entries += ("--set", "trust.restart=accept")  # the flight is repeated
         state.bridge = stack.enter_context(_process("bridge", str(fmu), *bus_options, *entries, *recording))
         assert _first_line(state.bridge)
         bus = open_bus(BusSettings(interface="udp_multicast", channel=GROUP, options={"port": port}))

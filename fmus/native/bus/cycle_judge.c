@@ -1,6 +1,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "repeated_strains.h"
 #include "restart_proof.h"
 #include "seen_frames.h"
 #include "sender_clock.h"
@@ -97,11 +98,20 @@ void sb_judge_decode(SbJudge *judge, const SbParts *parts) {
 
 /* --- time ----------------------------------------------------------------------------------------------------------- */
 
+/* What shows where the clock of a restarted sender stands: that it began behind the last strains, or the counter. */
+static int evidence_of(const SbJudge *j, const SbParts *p) {
+    if (j->proof != NULL) {
+        return j->proof->begins ? CLOCK_BEGAN : CLOCK_COUNTER_CONTINUES;
+    }
+    const SbModel *old = &j->clock->before;
+    return j->clock->known.begin <= p->first_time * j->clock->pace - old->local ? CLOCK_BEGAN : CLOCK_CONTINUES;
+}
+
 /* Date a cycle by its sample time; 1 if its sender has been proven with it. */
 static int date(SbJudge *j, const SbParts *p, int is_new) {
     const int64_t ticks = j->found[SB_FOUND_SAMPLE_TIME];
     const SbModel known = j->clock->known;
-    const int64_t reading = clock_read(j->clock, p->first_time, ticks);
+    const int64_t reading = clock_read(j->clock, p->first_time, ticks, j->found[SB_FOUND_COUNTER]);
     if (j->proof != NULL && j->clock->age > j->max_age &&
         proof_begins_again(j->proof, j->clock, p->first_time, ticks, j->found[SB_FOUND_COUNTER])) {
         clock_begin(j->clock, &known, p->first_time, ticks);
@@ -125,10 +135,19 @@ static int date(SbJudge *j, const SbParts *p, int is_new) {
         j->strain_time->local = p->first_time;
         j->strain_time->seconds = (double)ticks * j->clock->tick;
     }
-    if (j->proof == NULL) {
-        return (reading & SB_RESTARTED) != 0;
+    /* An authenticated sender that was switched on may send its stimulus again. */
+    if (reading & SB_RESTARTED && j->proof == NULL && j->repeats != NULL && evidence_of(j, p) == CLOCK_BEGAN) {
+        sb_repeats_forget(j->repeats);
     }
-    return proof_take(j->proof, j->clock, reading, p->first_time, ticks, j->found[SB_FOUND_COUNTER], is_new);
+    const int was_proven = j->proof != NULL && j->proof->is_proven;
+    const int is_proven =
+        j->proof == NULL ? (reading & SB_RESTARTED) != 0
+                         : proof_take(j->proof, j->clock, reading, p->first_time, ticks, j->found[SB_FOUND_COUNTER], is_new);
+    if (!(j->proof != NULL && j->proof->accepts) && (reading & SB_RESTARTED || (is_proven && !was_proven))) {
+        clock_bound_restart(j->clock, evidence_of(j, p), j->found[SB_FOUND_COUNTER]);
+        j->age[1] = j->clock->uncertainty + j->clock->known.doubt;
+    }
+    return is_proven;
 }
 
 /* Whether any gauge differs from a cycle that came just before and was passed over. */
@@ -183,7 +202,9 @@ static void find_age(SbJudge *j, const SbParts *p, double now) {
     } else if (j->clock == NULL && j->proof != NULL && readable) {
         proof_take_untimed(j->proof, p->first_time, is_new);
     }
-    if (j->proof != NULL && !j->proof->is_proven) {
+    /* Late strains for long, without a pause: a gateway that never catches up, or a restart whose clock looks late. */
+    j->n_late = j->clock != NULL && j->clock->age > j->max_age && !j->clock->is_synchronised ? j->n_late + 1 : 0;
+    if ((j->proof != NULL && !j->proof->is_proven) || j->n_late > j->longest_late) {
         j->found[SB_FOUND_CAUSES] |= SB_UNPROVEN_RESTART;
     }
     if (j->age[0] > j->max_age || (j->clock == NULL && j->may_be_held_back)) {
@@ -191,6 +212,9 @@ static void find_age(SbJudge *j, const SbParts *p, double now) {
     }
     if (j->checks->looks_for_frozen) {
         add_frozen(j, p);
+    }
+    if (j->repeats != NULL && readable && repeats_take(j->repeats, j->checks, j->cycle, j->plausible)) {
+        j->found[SB_FOUND_CAUSES] |= SB_CAUSE_REPEATS;
     }
     j->has_passed = 0;
 }

@@ -14,7 +14,7 @@ static int agrees(const SbValue *v, int64_t ticks, double strain_time) {
 /* Date a value by its sample time: 1 and its delay [s]; 0 if its sender is not proven, or its time has jumped. A frame
    behind a restart is no recording if it is new, or at the time of the strains. */
 static int is_proven(SbValue *v, int64_t ticks, const double *time, int is_new, double *delay) {
-    const int64_t reading = clock_read(v->clock, time[0], ticks);
+    const int64_t reading = clock_read(v->clock, time[0], ticks, -1);
     v->n_new = is_new ? v->n_new + 1 : 0;
     v->to_be_proven = (v->to_be_proven || reading & SB_RESTARTED) && !(reading & SB_RESUMED);
     if (reading & SB_JUMPED) {

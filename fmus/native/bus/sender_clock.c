@@ -1,7 +1,11 @@
 #include <math.h>
 
+#include "counted_time.h"
 #include "rounding.h"
 #include "sender_clock.h"
+
+/* Largest time between two readings that confirm a jump, in jump tolerances: what comes later may be of another sender. */
+static const double CONFIRMED_WITHIN = 25.0;
 
 /* A difference of two sample times of `bits` bits, at least -half and less than half of their range. */
 static int64_t wrapped(uint64_t difference, int64_t bits) {
@@ -9,15 +13,34 @@ static int64_t wrapped(uint64_t difference, int64_t bits) {
     return high >> 63 ? (int64_t) ~(~high >> (64 - bits)) : (int64_t)(high >> (64 - bits));
 }
 
-static void begin_drift(SbClock *c, double local, double offset) {
-    c->n_minima = 0;
-    c->window_start = local;
-    c->window_min = offset;
+static void begin_minima(SbMinima *m, double local, double offset) {
+    m->n = 0;
+    m->start = m->at = local;
+    m->least = offset;
 }
 
-static SbModel new_model(const SbClock *c, double local, int64_t ticks) {
+static void begin_drift(SbClock *c, double local, double offset) {
+    begin_minima(&c->drift, local, offset);
+    begin_minima(&c->rate, local, offset);
+    c->is_learned = 0;
+    c->count.is_set = 0;
+    c->count.doubt = 0.0;
+}
+
+/* Largest difference of the sender's rate from the pace: as stated, or as much as a measured rate changes. */
+static double tolerance_of(const SbClock *c) {
+    return c->is_learned ? c->wander : c->tolerance + fabs(c->pace - c->stated);
+}
+
+static SbModel new_model(const SbClock *c, double local, int64_t ticks, int64_t counter) {
     const double source = (double)ticks * c->tick, delay = local - source;
-    return (SbModel){1, ticks, 1, source, local, delay, delay, local, delay};
+    return (SbModel){.is_set = 1, .ticks = ticks, .readings = 1, .source = source, .local = local, .floor = delay,
+                     .lowest = delay, .start = local, .fastest = delay, .begin = source, .counter = counter};
+}
+
+/* A difference of two counters, as steps ahead. */
+static int64_t forward(int64_t difference, int64_t modulus) {
+    return (difference % modulus + modulus) % modulus;
 }
 
 /* Time of the sender from a model's last reading to `ticks` [ticks]; after half the range our clock tells how often the
@@ -41,7 +64,7 @@ static double ticks_since(const SbClock *c, const SbModel *m, double elapsed, in
 static int follow(const SbClock *c, SbModel *m, double local, int64_t ticks, double tolerated, double *offset) {
     const double since_last = local - m->local, elapsed = since_last > 0.0 ? since_last : 0.0;
     const double source = m->source + ticks_since(c, m, elapsed, ticks) * c->tick;
-    const double delay = local - source, drift = c->tolerance * elapsed;
+    const double delay = local - source, tolerance = tolerance_of(c), drift = tolerance * elapsed;
     if (source < m->source || delay < m->floor - drift - tolerated * c->jump_tolerance) {
         return 0;
     }
@@ -56,37 +79,119 @@ static int follow(const SbClock *c, SbModel *m, double local, int64_t ticks, dou
     m->local = local;
     m->floor = floor;
     m->lowest = floor < m->lowest ? floor : m->lowest;
-    const double fastest = delay + c->tolerance * (local - m->start);
+    const double fastest = delay + tolerance * (local - m->start);
     m->fastest = fastest < m->fastest ? fastest : m->fastest;
     m->readings++;
     *offset = delay;
     return 1;
 }
 
-static int64_t reading_of(SbClock *c, const SbModel *m, double offset) {
-    c->age = offset - m->floor;
-    c->uncertainty = m->floor - m->fastest + c->tolerance * (m->local - m->start);
+/* Age and uncertainty of a reading of the known clock, whose floor was `floor` before. */
+static int64_t reading_of(SbClock *c, double floor, int64_t counter) {
+    const SbModel *m = &c->known;
+    const double raised = m->floor - floor;
+    c->age = m->local - m->source - m->floor;
+    count_take(&c->count, c->tick, m, c->age, raised > 0.0 ? raised : 0.0, counter);
+    c->uncertainty = m->floor - m->fastest + tolerance_of(c) * (m->local - m->start) + m->doubt + c->count.doubt;
     return m->floor - m->lowest >= c->hidden - c->round_off ? SB_HIDES_DELAY : 0;
 }
 
-/* Keep the smallest delay of every window, to which the drift is fitted. */
-static void keep_minimum(SbClock *c, double local, double offset) {
-    c->window_min = offset < c->window_min ? offset : c->window_min;
-    if (local - c->window_start >= c->window) {
-        double *kept = c->minimum + 2 * (c->n_minima % SB_MINIMA);
-        kept[0] = c->window_start;
-        kept[1] = c->window_min;
-        c->n_minima++;
-        c->window_start = local;
-        c->window_min = offset;
+/* Keep the smallest delay of every window; 1 if one has ended. */
+static int keep_minimum(SbMinima *m, double local, double offset) {
+    if (offset < m->least) {
+        m->least = offset;
+        m->at = local;
+    }
+    if (!(m->length > 0.0) || local - m->start < m->length) {
+        return 0;
+    }
+    double *kept = m->minimum + 2 * (m->n % SB_MINIMA);
+    kept[0] = m->at;
+    kept[1] = m->least;
+    m->n++;
+    m->start = m->at = local;
+    m->least = offset;
+    return 1;
+}
+
+/* --- the rate of the clock ------------------------------------------------------------------------------------------ */
+
+/* The straight line through minima: its value at time 0 and its slope; then how far they are from it at most, below and
+   above. */
+static void fit_line(const double *minimum, double *line, double *below, double *above) {
+    double time = 0.0, value = 0.0, square = 0.0, product = 0.0;
+    for (int k = 0; k < SB_MINIMA; k++) {
+        time += minimum[2 * k] / SB_MINIMA;
+        value += minimum[2 * k + 1] / SB_MINIMA;
+    }
+    for (int k = 0; k < SB_MINIMA; k++) {
+        square += (minimum[2 * k] - time) * (minimum[2 * k] - time);
+        product += (minimum[2 * k] - time) * (minimum[2 * k + 1] - value);
+    }
+    line[1] = square > 0.0 ? product / square : 0.0;
+    line[0] = value - line[1] * time;
+    *below = *above = 0.0;
+    for (int k = 0; k < SB_MINIMA; k++) {
+        const double rest = minimum[2 * k + 1] - line[0] - line[1] * minimum[2 * k];
+        *below = rest < *below ? rest : *below;
+        *above = rest > *above ? rest : *above;
     }
 }
+
+static void turn_minima(SbMinima *m, double slope) {
+    for (int k = 0; k < SB_MINIMA; k++) {
+        m->minimum[2 * k + 1] -= slope * m->minimum[2 * k];
+        m->minimum[2 * k] *= 1.0 - slope;
+    }
+    m->least -= slope * m->at;
+    m->at *= 1.0 - slope;
+    m->start *= 1.0 - slope;
+}
+
+static void turn_model(SbModel *m, double slope) {
+    const double shift = slope * m->local;
+    m->floor -= shift;
+    m->lowest -= shift;
+    m->fastest -= shift;
+    m->local *= 1.0 - slope;
+    m->start *= 1.0 - slope;
+}
+
+/* Take the slope of the smallest delays for the rate of the clock: if they lie on a line, over all windows that are kept,
+   and the rate is one that is tolerated. A delay that grows steadily for so long counts as rate. From then on the clock
+   may differ from that rate by what oscillators wander, and hidden delay is counted from here. */
+static void learn_rate(SbClock *c) {
+    double line[2], below, above;
+    if (c->rate.n < SB_MINIMA) {
+        return;
+    }
+    fit_line(c->rate.minimum, line, &below, &above);
+    const double pace = c->pace * (1.0 - line[1]);
+    if (!(above - below <= c->straight) || fabs(pace - c->stated) > c->tolerance) {
+        return;
+    }
+    c->pace = pace;
+    c->is_learned = 1;
+    c->jumped.is_set = 0;
+    turn_minima(&c->drift, line[1]);
+    turn_minima(&c->rate, line[1]);
+    turn_model(&c->known, line[1]);
+    turn_model(&c->before, line[1]);
+    SbModel *m = &c->known;
+    const double delay = m->local - m->source, floor = line[0] + below;
+    m->floor = m->lowest = delay < floor ? delay : floor;
+    m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
+    m->start = m->local;
+    c->count.is_set = 0;
+}
+
+/* --- restarts --------------------------------------------------------------------------------------------------------- */
 
 /* Follow the clock of a sender that has been restarted, and keep that of before. */
 static void replace(SbClock *c, const SbModel *old, SbModel made, double local) {
     /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
     made.lowest -= old->floor - old->lowest;
-    made.fastest -= old->floor - old->fastest + c->tolerance * (local - old->start);
+    made.doubt = old->floor - old->fastest + tolerance_of(c) * (local - old->start) + old->doubt;
     c->known = made;
     c->before = *old;
     c->jumped.is_set = 0;
@@ -95,22 +200,58 @@ static void replace(SbClock *c, const SbModel *old, SbModel made, double local) 
 
 /* Take in a sample time that does not fit. Cycles that were held back come one behind the other, each a cycle less late
    than the one before. */
-static int64_t take_jump(SbClock *c, double local, int64_t ticks) {
+static int64_t take_jump(SbClock *c, double local, int64_t ticks, int64_t counter) {
     double offset;
-    if (!c->jumped.is_set || !follow(c, &c->jumped, local, ticks, c->steady, &offset)) {
-        c->jumped = new_model(c, local, ticks);
+    const int in_a_row = c->jumped.is_set && local - c->jumped.local <= CONFIRMED_WITHIN * c->jump_tolerance;
+    if (!in_a_row || !follow(c, &c->jumped, local, ticks, c->steady, &offset)) {
+        c->jumped = new_model(c, local, ticks, counter);
     }
     if (c->jumped.readings < c->confirmations) {
         return SB_JUMPED;
     }
-    const SbModel old = c->before.is_set ? c->before : c->known;
+    SbModel old = c->before.is_set ? c->before : c->known;
+    if (!c->before.is_set) {
+        old.doubt += c->count.doubt;
+        c->count_before = c->count;
+        old.counter = c->count.is_set ? c->count.last : -1;
+    }
     replace(c, &old, c->jumped, local);
+    count_take(&c->count, c->tick, &c->known, 0.0, 0.0, counter);
     return SB_JUMPED | SB_RESTARTED;
 }
 
 void clock_begin(SbClock *c, const SbModel *old, double local, int64_t ticks) {
     c->age = c->uncertainty = 0.0;
-    replace(c, old, new_model(c, local * c->pace, ticks), local * c->pace);
+    replace(c, old, new_model(c, local * c->pace, ticks, -1), local * c->pace);
+}
+
+/* The last strains before the restart were sampled at `earliest` or later, those behind it after them. A clock that began
+   after them shows how long after; where the counter continues, its steps do. From the first reading behind the restart to
+   this one the counter shows the time too. */
+void clock_bound_restart(SbClock *c, int evidence, int64_t counter) {
+    const SbModel *old = &c->before;
+    SbModel *m = &c->known;
+    if (!old->is_set || c->is_synchronised) {
+        return;
+    }
+    const double hidden = tolerance_of(c) * (old->local - old->start) + old->doubt;
+    const double earliest = old->source + old->fastest - hidden;
+    double passed = m->source - m->begin; /* since the first reading */
+    if (c->count.modulus > 0 && m->counter >= 0 && counter >= 0) {
+        const double counted = c->count.period * (double)forward(counter - m->counter, c->count.modulus);
+        passed = counted < passed ? counted : passed;
+        if (evidence == CLOCK_COUNTER_CONTINUES && old->counter >= 0) {
+            const double before = c->count.period * (double)forward(m->counter - old->counter, c->count.modulus);
+            passed += before <= m->floor + m->begin - old->local + c->count.period ? before : 0.0;
+        }
+    }
+    if (evidence == CLOCK_BEGAN) {
+        passed += m->begin;
+        const double ahead = (double)wrapped((uint64_t)m->ticks - (uint64_t)old->ticks, c->bits) * c->tick;
+        passed = ahead >= 0.0 && ahead < passed ? ahead : passed; /* it may be a time of the clock before, too */
+    }
+    const double age = m->local - earliest - passed, stated = m->local - m->source - m->floor;
+    m->doubt = age > stated ? age - stated : 0.0;
 }
 
 static int64_t read_synchronised(SbClock *c, double local, int64_t ticks) {
@@ -124,30 +265,36 @@ static int64_t read_synchronised(SbClock *c, double local, int64_t ticks) {
     return 0;
 }
 
-int64_t clock_read(SbClock *c, double local, int64_t ticks) {
-    const double now = local * c->pace;
+int64_t clock_read(SbClock *c, double local, int64_t ticks, int64_t counter) {
+    const double now = local * c->pace, floor = c->known.floor;
     double offset;
     c->age = c->uncertainty = 0.0;
     if (c->is_synchronised) {
         return read_synchronised(c, local, ticks);
     }
     if (!c->known.is_set) {
-        c->known = new_model(c, now, ticks);
+        c->known = new_model(c, now, ticks, counter);
         begin_drift(c, now, c->known.floor);
-        return 0;
+        return reading_of(c, c->known.floor, counter);
     }
     if (follow(c, &c->known, now, ticks, 1.0, &offset)) {
         c->jumped.is_set = 0;
-        keep_minimum(c, now, offset);
-        return reading_of(c, &c->known, offset);
+        const int64_t flags = reading_of(c, floor, counter);
+        keep_minimum(&c->drift, now, offset);
+        if (keep_minimum(&c->rate, now, offset)) {
+            learn_rate(c);
+        }
+        return flags;
     }
     if (c->before.is_set && follow(c, &c->before, now, ticks, 1.0, &offset)) {
         c->known = c->before;
+        c->known.doubt -= c->count_before.is_set ? c->count_before.doubt : 0.0;
         c->before.is_set = c->jumped.is_set = 0;
         begin_drift(c, now, c->known.floor);
-        return reading_of(c, &c->known, offset) | SB_RESUMED;
+        c->count = c->count_before;
+        return reading_of(c, c->known.floor, counter) | SB_RESUMED;
     }
-    return take_jump(c, now, ticks);
+    return take_jump(c, now, ticks, counter);
 }
 
 double clock_seconds_ahead(const SbClock *c, double local, int64_t ticks) {
@@ -163,8 +310,8 @@ double clock_seconds_ahead(const SbClock *c, double local, int64_t ticks) {
     return (double)wrapped((uint64_t)ticks - (uint64_t)m->ticks - since, c->bits) * c->tick;
 }
 
-int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks) {
-    return clock_read(clock, *local, *ticks);
+int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks, const int64_t *counter) {
+    return clock_read(clock, *local, *ticks, *counter);
 }
 
 void sb_clock_reset(SbClock *clock) {

@@ -5,8 +5,15 @@
 
 #include "strainbus.h"
 
-/* Take in a sample time that arrived at `local` [s]; the flags of sb_clock_read. */
-int64_t clock_read(SbClock *clock, double local, int64_t ticks);
+/* Take in a sample time that arrived at `local` [s] with a counter, -1 without; the flags of sb_clock_read. */
+int64_t clock_read(SbClock *clock, double local, int64_t ticks, int64_t counter);
+
+/* What shows that a restarted clock is that of the sender. */
+enum { CLOCK_CONTINUES, CLOCK_BEGAN, CLOCK_COUNTER_CONTINUES };
+
+/* Bound the delay that a clock which has been taken for restarted may hide, by the last reading before it; `counter` is the
+   present one, -1 without. */
+void clock_bound_restart(SbClock *clock, int evidence, int64_t counter);
 
 /* Follow a clock that begins with this sample time; `old` is the one before. */
 void clock_begin(SbClock *clock, const SbModel *old, double local, int64_t ticks);

@@ -21,7 +21,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SB_VERSION 3
+#define SB_VERSION 4
 
 SB_API int64_t sb_version(void);
 
@@ -194,6 +194,22 @@ SB_API int64_t sb_watch_scatter(SbWatch *watch, const double *difference, const 
 /* Find which of the gauges `present` are frozen: 1 and the mask `found`; 0 if none is. */
 SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present);
 
+/* --- strains that repeat those of an earlier cycle ---------------------------------------------------------------- */
+
+#define SB_REPEATS_PLACES (1 << 16)
+
+/* Hashes of the readings of cycles, each in the place that its low bits state; a later one takes the place. */
+typedef struct {
+    uint64_t *hash;                             /* (SB_REPEATS_PLACES), 0 for none */
+    int64_t n;                                  /* hashes in it, at most */
+    uint64_t last;                              /* of the last cycle */
+    int64_t counts, alarm;                      /* cycles for which a repetition counts, and for how many */
+    double limit;                               /* logarithm of the largest probability of a repetition that is none */
+} SbRepeats;
+
+/* Forget all cycles. A cycle with lost frames is not looked at. */
+SB_API void sb_repeats_forget(SbRepeats *repeats);
+
 /* --- frames that have been received before ------------------------------------------------------------------------ */
 
 #define SB_SEEN_WORDS (1 << 20) /* of 64 bits */
@@ -207,6 +223,26 @@ enum { SB_JUMPED = 1, SB_RESTARTED = 2, SB_HIDES_DELAY = 4, SB_RESUMED = 8 };
 
 #define SB_MINIMA 60 /* windows whose smallest delays are kept */
 
+/* The smallest delays of successive windows. */
+typedef struct {
+    double length;                     /* of a window [s]; 0: none is kept */
+    double start, at, least;           /* state: of the present window, and when its smallest delay was [s] */
+    int64_t n;                         /* windows so far; the last SB_MINIMA of them are kept */
+    double minimum[2 * SB_MINIMA];     /* time and smallest delay of each, in turn */
+} SbMinima;
+
+/* Time by the counter of cycles: a second clock of the sender, which steps of the first do not touch. */
+typedef struct {
+    int64_t modulus;                   /* of the counter, 0 without */
+    double period;                     /* of its steps by the sender's clock: stated, then measured [s] */
+    int64_t is_set, last, is_measured; /* state */
+    double source, local, counted;     /* last sample time, its arrival, and the time that the counter gives [s] */
+    double floor;                      /* smallest delay by the counter [s] */
+    int64_t n, n_odd, steps, regular_steps;
+    double begin, regular;             /* sample time at the start of the measurement; sum of regular intervals [s] */
+    double doubt;                      /* difference of the ages by both clocks at the last reading [s] */
+} SbCount;
+
 /* One clock that the readings may be of. */
 typedef struct {
     int64_t is_set, ticks, readings;
@@ -215,22 +251,26 @@ typedef struct {
     double lowest;        /* least value of the floor, less what was hidden before a restart [s] */
     double start;         /* our time of the first reading [s] */
     double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
+    double doubt;         /* delay that may have been there when the clock was first read [s] */
+    double begin;         /* first sample time [s] */
+    int64_t counter;      /* of the first reading, of a clock before a restart of the last one; -1 without */
 } SbModel;
 
 /* See strainfmu/can/e2e/sample_clock.py and synchronised_clock.py. */
 typedef struct {
     int64_t bits, confirmations, is_synchronised;
-    double tick, range, pace, tolerance, hidden, jump_tolerance, steady, round_off, window;
+    double tick, range, pace, tolerance, hidden, jump_tolerance, steady, round_off;
+    double stated, wander, straight;   /* pace; change of a rate that was measured; how far minima are from a line [s] */
     double shift, accuracy;            /* of a synchronised clock */
     SbModel known, jumped, before;     /* state */
-    double window_start, window_min;
-    int64_t n_minima;                  /* windows so far; the last SB_MINIMA of them are kept */
-    double minimum[2 * SB_MINIMA];     /* start and smallest delay of each, in turn */
+    SbMinima drift, rate;              /* for what is shown; for what is corrected */
+    SbCount count, count_before;       /* of the known clock, and of that before a restart */
+    int64_t is_learned;                /* the pace has been measured */
     double age, uncertainty;           /* of the last reading [s] */
 } SbClock;
 
-/* Take in a sample time that arrived at `local`; the flags above. */
-SB_API int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks);
+/* Take in a sample time that arrived at `local` with a counter, -1 without; the flags above. */
+SB_API int64_t sb_clock_read(SbClock *clock, const double *local, const int64_t *ticks, const int64_t *counter);
 SB_API void sb_clock_reset(SbClock *clock);
 
 /* --- proof of a sender whose time has jumped ------------------------------------------------------------------------ */
@@ -379,7 +419,8 @@ enum {
     SB_CLOCK_JUMP = 1 << 8,
     SB_SENDER_STATUS = 1 << 9,
     SB_HIDDEN_DELAY = 1 << 16,
-    SB_UNPROVEN_RESTART = 1 << 17
+    SB_UNPROVEN_RESTART = 1 << 17,
+    SB_CAUSE_REPEATS = 1 << 27
 };
 
 /* Why no gauge of a cycle is used. */
@@ -409,6 +450,7 @@ typedef struct {
     SbCycle *cycle;
     SbChecks *checks;
     uint64_t *seen;
+    SbRepeats *repeats;                         /* NULL where strains may repeat themselves */
     SbClock *clock;                             /* NULL where nothing dates a cycle */
     SbProof *proof;                             /* NULL without */
     SbStrainTime *strain_time;
@@ -416,6 +458,7 @@ typedef struct {
     int64_t n_values, pressure;                 /* place of q_inf, -1 without */
     int64_t is_fixed;                           /* q_inf is the same in the whole run */
     double period, max_age, max_uncertainty, hidden_age;
+    int64_t n_late, longest_late;               /* cycles in a row that are too old, and how many need no more words */
     int64_t worst_status, unusable;             /* status of the sender, and causes, with which strains are not used */
     SbCycle *passed;                            /* the last cycle that was passed over */
     int64_t has_passed, may_be_held_back;       /* state; by the pace of cycles without sample time */

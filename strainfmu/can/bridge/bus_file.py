@@ -173,6 +173,14 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             text="largest sum of delays explained by a slow clock; beyond it results are UNCONFIRMED",
             example="10.0",
         ),
+        "learn_s": Entry(
+            sets="learn_time",
+            unit="s",
+            low=0.0,
+            high=1e6,
+            text="the clock's rate is measured for so long; a delay that grows as long counts as rate; 0: never",
+            example="600.0",
+        ),
         "synchronised_ms": Entry(
             sets="synchronised",
             unit="ms",
@@ -314,6 +322,12 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             text="largest number of results sent a second",
             example="50.0",
         ),
+        "token": Entry(
+            sets="publish_token",
+            kind="text",
+            text="'strainfmu monitor --bus' refuses results without it: others on this host publish none",
+            example='"a long random text"',
+        ),
         "field": Entry(
             sets="publish_field",
             kind="file",
@@ -350,6 +364,7 @@ class BusDescription:
     record : recording of the bus.
     publish, http : addresses of the datagrams and of the page.
     publish_rate : largest number of results sent a second [Hz].
+    publish_token : what the datagrams state, and the page requires.
     publish_field : map with the pressure field.
     """
 
@@ -362,6 +377,7 @@ class BusDescription:
     record: Path | None = None
     publish: str | None = None
     publish_rate: float = 50.0
+    publish_token: str | None = None
     publish_field: Path | None = None
     http: str | None = None
 

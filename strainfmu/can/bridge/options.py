@@ -27,7 +27,7 @@ class BridgeOptions:
     key_file : key of profile fd64-sec, None of others.
     freshness_file : where the freshness value is remembered across runs, None for beside the key.
     stuck_cycles, zero_cycles, max_age : as of :class:`~strainfmu.can.settings.BridgeSettings`.
-    clock_rate, clock_tolerance, hidden_age, synchronised, synchronised_shift : as there.
+    clock_rate, clock_tolerance, hidden_age, learn_time, synchronised, synchronised_shift : as there.
     max_uncertainty : as there; None for no limit.
     period_tolerance : as there.
     restart : one of RESTARTS: a restarted sender needs a proof, or none.
@@ -59,6 +59,7 @@ class BridgeOptions:
     clock_rate: float = 0.0
     clock_tolerance: float = 1e-4
     hidden_age: float = 0.01
+    learn_time: float = 600.0
     max_uncertainty: float | None = None
     restart: str = "confirm"
     period_tolerance: float = 0.2

@@ -177,6 +177,7 @@ def make_core(
         clock_rate=options.clock_rate,
         clock_tolerance=options.clock_tolerance,
         hidden_age=options.hidden_age,
+        learn_time=options.learn_time,
         max_uncertainty=float("inf") if options.max_uncertainty is None else options.max_uncertainty,
         synchronised=options.synchronised,
         synchronised_shift=options.synchronised_shift,

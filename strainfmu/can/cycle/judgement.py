@@ -35,7 +35,7 @@ _REFUSED = (
 )
 """Class of all frames of a cycle that is not used, in the order of strainbus.h."""
 
-_UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN
+_UNUSABLE = Cause.CLOCK_JUMP | Cause.OLD | Cause.FROZEN | Cause.REPEATS
 """Causes by time with which strains are not used."""
 
 _CAUSES, _WHY, _N_VALID, _LOST, _NAMED, _SAMPLE_TIME, _COUNTER, _STATUS, _CHECKED, _N_FOUND = range(10)
@@ -59,11 +59,12 @@ class JudgeRecord(Record):
         ("assembler", ARRAY),
         ("slot", ARRAY),
         ("n_strain", INTEGER),
-        *((name, ARRAY) for name in ("is_held", "decoder", "cycle", "checks", "seen", "clock", "proof")),
+        *((name, ARRAY) for name in ("is_held", "decoder", "cycle", "checks", "seen", "repeats")),
+        *((name, ARRAY) for name in ("clock", "proof")),
         *((name, ARRAY) for name in ("strain_time", "value")),
         *((name, INTEGER) for name in ("n_values", "pressure", "is_fixed")),
         *((name, NUMBER) for name in ("period", "max_age", "max_uncertainty", "hidden_age")),
-        *((name, INTEGER) for name in ("worst_status", "unusable")),
+        *((name, INTEGER) for name in ("n_late", "longest_late", "worst_status", "unusable")),
         ("passed", ARRAY),
         *((name, INTEGER) for name in ("has_passed", "may_be_held_back")),
         ("passed_time", NUMBER),
@@ -91,7 +92,7 @@ class CycleJudge:
         self._clock, self._pace = parts.clock, parts.pace
         self.period = parts.sender_period
         """The period of the sender, measured."""
-        self._proof, self._strain_time = parts.proof, parts.strain_time
+        self._proof, self._strain_time, self._repeats = parts.proof, parts.strain_time, parts.repeats
         self._decoder, self._gauges = parts.decoder, parts.gauges
         n = layout.n_gauges
         # The cycle that is judged, and held frames that are looked at beside it.
@@ -133,6 +134,7 @@ class CycleJudge:
             cycle=self._decoded.record,
             checks=parts.gauges.record,
             seen=parts.seen.words,
+            repeats=None if parts.repeats is None else parts.repeats.record,
             clock=None if parts.clock is None else parts.clock.record,
             proof=None if parts.proof is None else parts.proof.record,
             strain_time=parts.strain_time.record,
@@ -144,6 +146,8 @@ class CycleJudge:
             max_age=settings.max_age * layout.cycle_time,
             max_uncertainty=settings.max_uncertainty,
             hidden_age=settings.hidden_age,
+            n_late=0,
+            longest_late=settings.recovery_cycles,
             worst_status=STATUS_DEGRADED,
             unusable=int(_UNUSABLE),
             passed=self._passed.record,
@@ -176,6 +180,8 @@ class CycleJudge:
             self._clock.anchor()
         if self._proof is not None:
             self._proof.confirm()
+        if self._repeats is not None:
+            self._repeats.forget()
 
     def pass_over(self, cycle: Cycle) -> FrameClass | None:
         """Check and remember a closed cycle that is not judged; return the class if it is refused."""
@@ -359,7 +365,7 @@ class CycleJudge:
         step = None
         if found[_N_VALID]:
             step, quality, causes = self._step(strain, valid, flow, now, causes)
-        elif causes & (Cause.OLD | Cause.FROZEN):
+        elif causes & (Cause.OLD | Cause.FROZEN | Cause.REPEATS):
             quality = Quality.STALE
         else:
             quality = Quality.INVALID if self.has_published else Quality.NO_DATA

@@ -22,6 +22,7 @@ from strainfmu.can.cycle.frames.restart_proof import ProofLimits, RestartProof, 
 from strainfmu.can.cycle.frames.sender_period import SenderPeriod
 from strainfmu.can.cycle.gauges.noise import gauge_noise
 from strainfmu.can.cycle.gauges.plausibility import GaugeChecks
+from strainfmu.can.cycle.gauges.repeated_strains import RepeatedStrains
 from strainfmu.can.e2e.sample_clock import ClockLimits, SampleClock, SenderClock
 from strainfmu.can.e2e.synchronised_clock import SynchronisedClock
 from strainfmu.can.settings import BridgeSettings
@@ -49,6 +50,7 @@ class CycleParts:
     flow : dynamic pressure and navigation.
     held : strains that come more slowly than cycles; None where all come in every cycle.
     taring : takes the zeros of the gauges on command; None where that is not allowed.
+    repeats : strains of earlier cycles; None where strains may repeat themselves.
     """
 
     own: OwnFrames
@@ -66,6 +68,7 @@ class CycleParts:
     flow: HeldFlow
     held: HeldStrains | None = None
     taring: Taring | None = None
+    repeats: RepeatedStrains | None = None
 
 
 def cycle_parts(
@@ -100,6 +103,7 @@ def cycle_parts(
         gauges=gauge_checks(layout, settings, noise_std),
         flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen, strain_time, layout.constants),
         held=held_strains(layout),
+        repeats=None if settings.accepts_restart or settings.stuck_cycles == 0 else RepeatedStrains(),
     )
 
 
@@ -140,7 +144,7 @@ def cycle_lengths(layout: InputLayout) -> list[int]:
 
 def strain_clock(layout: InputLayout, settings: BridgeSettings) -> SenderClock | None:
     """Return the clock that follows the sample times of cycles, None if they have none."""
-    return sender_clock(_dated(layout), layout.cycle_time, settings)
+    return sender_clock(_dated(layout), layout.cycle_time, settings, is_counted=True)
 
 
 def restart_proof(layout: InputLayout, settings: BridgeSettings) -> RestartProof | None:
@@ -215,8 +219,13 @@ def flow_max_age(layout: InputLayout, frame: InputFrame, source: FlowSignal, set
     return cycles * max(layout.cycle_time, frame.layout.cycle_time or 0.0)
 
 
-def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSettings) -> SenderClock | None:
-    """Return a clock that follows the sample times of ``frame``, None if it has none; ``cycle_time`` in s."""
+def sender_clock(
+    frame: InputFrame | None, cycle_time: float, settings: BridgeSettings, is_counted: bool = False
+) -> SenderClock | None:
+    """Return a clock that follows the sample times of ``frame``, None if it has none; ``cycle_time`` in s.
+
+    ``is_counted`` holds them against the frame's counter.
+    """
     if frame is None or frame.sample_time is None:
         return None
     bits = frame.layout.signals[frame.sample_time].length
@@ -224,11 +233,15 @@ def sender_clock(frame: InputFrame | None, cycle_time: float, settings: BridgeSe
         return SynchronisedClock(
             frame.tick, bits, shift=settings.synchronised_shift, accuracy=settings.synchronised
         )
+    protection = frame.layout.protection
     limits = ClockLimits(
         rate=settings.clock_rate,
         tolerance=settings.clock_tolerance,
         hidden=settings.hidden_age,
         jump_tolerance=settings.jump_tolerance * cycle_time,
         confirmations=settings.jump_confirmations,
+        learn=settings.learn_time,
+        period=cycle_time,
+        modulus=protection.counter_modulus if is_counted and protection is not None else 0,
     )
     return SampleClock(frame.tick, bits, limits)

@@ -31,6 +31,12 @@ _STEADY = 0.5
 _ROUND_OFF = 1e-9
 """Difference of two times [s] that is none."""
 
+_WANDER = 5e-6
+"""Largest change of a rate that has been measured [s/s]: of an oscillator in a changing temperature."""
+
+_STRAIGHT = 1e-3
+"""Largest width of a band about a straight line [s] in which the smallest delays lie where they give the rate."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ClockLimits:
@@ -43,6 +49,10 @@ class ClockLimits:
     hidden : largest sum of delays that is taken for drift [s].
     jump_tolerance : by how much a delay may be below the smallest one so far [s].
     confirmations : readings in a row, consistent with each other, that make a jump a restart.
+    learn : time [s] over which the rate is measured; a delay that grows steadily for so long counts as rate.
+        0: the rate stays the known one.
+    period : nominal time of one step of the counter that comes with the sample times [s].
+    modulus : number of values of that counter; 0: there is none.
     """
 
     rate: float = 0.0
@@ -50,6 +60,9 @@ class ClockLimits:
     hidden: float = 0.01
     jump_tolerance: float
     confirmations: int = 3
+    learn: float = 0.0
+    period: float = 0.0
+    modulus: int = 0
 
 
 @dataclass(slots=True)  # not frozen: one is made for every frame with a sample time
@@ -81,7 +94,7 @@ class SenderClock(Protocol):
     range: float
     record: ClockRecord
 
-    def read(self, local: float, ticks: int) -> ClockReading:
+    def read(self, local: float, ticks: int, counter: int = -1) -> ClockReading:
         """Take in a sample time that arrived at ``local`` on our clock [s]."""
         ...
 
@@ -110,7 +123,27 @@ class SenderClock(Protocol):
 class _Model(ctypes.Structure):
     _fields_ = (
         *((name, INTEGER) for name in ("is_set", "ticks", "readings")),
-        *((name, NUMBER) for name in ("source", "local", "floor", "lowest", "start", "fastest")),
+        *((name, NUMBER) for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "begin")),
+        ("counter", INTEGER),
+    )
+
+
+class _Minima(ctypes.Structure):
+    _fields_ = (
+        *((name, NUMBER) for name in ("length", "start", "at", "least")),
+        ("n", INTEGER),
+        ("minimum", NUMBER * (2 * _WINDOWS)),
+    )
+
+
+class _Count(ctypes.Structure):
+    _fields_ = (
+        ("modulus", INTEGER),
+        ("period", NUMBER),
+        *((name, INTEGER) for name in ("is_set", "last", "is_measured")),
+        *((name, NUMBER) for name in ("source", "local", "counted", "floor")),
+        *((name, INTEGER) for name in ("n", "n_odd", "steps", "regular_steps")),
+        *((name, NUMBER) for name in ("begin", "regular", "doubt")),
     )
 
 
@@ -121,11 +154,12 @@ class ClockRecord(Record):
     _fields_ = (
         *((name, INTEGER) for name in ("bits", "confirmations", "is_synchronised")),
         *((name, NUMBER) for name in ("tick", "range", "pace", "tolerance", "hidden", "jump_tolerance")),
-        *((name, NUMBER) for name in ("steady", "round_off", "window", "shift", "accuracy")),
+        *((name, NUMBER) for name in ("steady", "round_off", "stated", "wander", "straight", "shift", "accuracy")),
         *((name, _Model) for name in ("known", "jumped", "before")),
-        *((name, NUMBER) for name in ("window_start", "window_min")),
-        ("n_minima", INTEGER),
-        ("minimum", NUMBER * (2 * _WINDOWS)),
+        *((name, _Minima) for name in ("drift", "rate")),
+        ("count", _Count),
+        ("count_before", _Count),
+        ("is_learned", INTEGER),
         ("age", NUMBER),
         ("uncertainty", NUMBER),
     )
@@ -149,13 +183,13 @@ class ClockReader:
 
     def __init__(self, record: ClockRecord) -> None:
         self._record = record
-        self._local, self._ticks = NUMBER(), INTEGER()
-        self._at = pointer(record), pointer(self._local), pointer(self._ticks)
+        self._local, self._ticks, self._counter = NUMBER(), INTEGER(), INTEGER()
+        self._at = pointer(record), pointer(self._local), pointer(self._ticks), pointer(self._counter)
         self._read = function("sb_clock_read", ClockRecord)
 
-    def __call__(self, local: float, ticks: int) -> ClockReading:
-        """Take in a sample time that arrived at ``local`` on our clock [s]."""
-        self._local.value, self._ticks.value = local, ticks
+    def __call__(self, local: float, ticks: int, counter: int = -1) -> ClockReading:
+        """Take in a sample time that arrived at ``local`` on our clock [s]; ``counter`` is -1 without."""
+        self._local.value, self._ticks.value, self._counter.value = local, ticks, counter
         flags, record, reading = self._read(*self._at), self._record, _without_fields(ClockReading)
         reading.age, reading.uncertainty = record.age, record.uncertainty
         reading.jumped, reading.restarted = flags & _JUMPED != 0, flags & _RESTARTED != 0
@@ -174,19 +208,22 @@ class SampleClock:
     """
 
     def __init__(self, tick: float, bits: int, limits: ClockLimits) -> None:
-        self._rate = limits.rate
         self.record = record = clock_record(
             tick,
             bits,
             confirmations=limits.confirmations,
             pace=1.0 - limits.rate,
+            stated=1.0 - limits.rate,
+            wander=min(_WANDER, limits.tolerance),
+            straight=_STRAIGHT,
             tolerance=limits.tolerance,
             hidden=limits.hidden,
             jump_tolerance=limits.jump_tolerance,
             steady=_STEADY,
             round_off=_ROUND_OFF,
-            window=_WINDOW,
         )
+        record.drift.length, record.rate.length = _WINDOW, limits.learn / _WINDOWS
+        record.count.modulus, record.count.period = limits.modulus, limits.period
         self.range = record.range
         """Time after which it wraps [s]."""
         self.read = ClockReader(record)
@@ -205,7 +242,8 @@ class SampleClock:
         """Take the delay of the last reading for the smallest one: somebody has checked it."""
         known = self.record.known
         known.lowest = known.fastest = known.floor = known.local - known.source
-        known.start = known.local
+        known.start, known.doubt = known.local, 0.0
+        self.record.count.is_set, self.record.count.doubt = 0, 0.0
 
     def seconds(self, ticks: int) -> float:
         """Return a sample time [s]."""
@@ -214,10 +252,10 @@ class SampleClock:
     @property
     def drift_ppm(self) -> float:
         """How much slower than ours the sender's clock runs [ppm]; NaN before there are enough readings."""
-        count = self.record.n_minima
+        count = self.record.drift.n
         if count < 5:
             return float("nan")
-        kept = np.array(self.record.minimum).reshape(-1, 2)[:count]
+        kept = np.array(self.record.drift.minimum).reshape(-1, 2)[:count]
         time, minimum = np.roll(kept, -count if count > _WINDOWS else 0, axis=0).T  # the oldest first
         slope = np.polyfit(time - time[0], minimum - minimum[0], 1)[0]
-        return float(1e6 * (slope + self._rate))
+        return float(1e6 * (slope + 1.0 - self.record.pace))

@@ -14,6 +14,7 @@ from strainfmu.can.tools.recording import LOG_SUFFIXES, check_log, whole_microse
 from strainfmu.can.wire.frame import Frame, from_message
 from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError
+from strainfmu.recorded.formats.first_look import read_apart
 from strainfmu.recorded.formats.mdf_file import opened_mdf
 
 MF4 = ".mf4"
@@ -117,7 +118,7 @@ def _reader(path: Path, raw: Any) -> Any:
 
     kind = path.suffix.lower()
     if kind == MF4:
-        return _mf4_messages(path)
+        return read_apart(path, lambda: _mf4_messages(path))
     if kind == ".blf":
         return _whole_objects(BLFReader)(raw)
     text = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")

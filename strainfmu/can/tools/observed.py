@@ -58,13 +58,14 @@ def observed_bridge(
     publish_rate: float,
     also: Callable[[CycleResult], None] | None = None,
     publish_field: Path | None = None,
+    publish_token: str | None = None,
     clock: MicrosecondClock | None = None,
 ) -> Iterator[ObservedBridge]:
     """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
 
     ``also`` is called with every result before the publisher. ``publish_field`` is a map of the same gauges that
-    holds the pressure field: the publisher's thread sends that too. ``clock`` is that of the run, None for the
-    machine's.
+    holds the pressure field: the publisher's thread sends that too. ``publish_token`` is stated in every datagram.
+    ``clock`` is that of the run, None for the machine's.
 
     Raises
     ------
@@ -120,6 +121,7 @@ def observed_bridge(
                 ),
                 facts=estimator_facts(fmu),
                 field=field,
+                token=publish_token,
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)

@@ -97,6 +97,7 @@ def bridge(
         publish=described.publish,
         publish_rate=described.publish_rate,
         publish_field=described.publish_field,
+        publish_token=described.publish_token,
     ) as observed:
         running = observed.ready
         console.print(

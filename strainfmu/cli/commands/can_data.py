@@ -328,7 +328,7 @@ def monitor(
     ] = None,
     bus: Annotated[
         Path | None,
-        typer.Option("--bus", metavar="TOML", help="Bus file; both addresses are entries of its table page."),
+        typer.Option("--bus", metavar="TOML", help="Bus file; addresses and token are entries of its table page."),
     ] = None,
 ) -> None:
     """Show live strains, coefficients, health and the frame account in a browser.
@@ -352,7 +352,8 @@ def monitor(
     page_at = http or described.http or "127.0.0.1:8780"
     console = Console()
     with stop_request() as stopped:
-        running = Monitor(parsed_address(listen_at, "--listen"), parsed_address(page_at, "--http"))
+        addresses = parsed_address(listen_at, "--listen"), parsed_address(page_at, "--http")
+        running = Monitor(*addresses, token=described.publish_token)
         try:
             address = shown_address(running.listens_at)
             line = f"{running.url}: open it in a browser; it listens for datagrams at {address}; stop with Ctrl-C"

@@ -23,8 +23,10 @@ function link() {
   return content.silent ? "gone" : "live";
 }
 
-/** What an operator must know of a bus that carries nothing. */
+/** What an operator must know of who publishes, and of a bus that carries nothing. */
 function busAlarm(latest) {
+  const from = content.publishers || [];
+  if (from.length > 1) return `${from.length} PUBLISHERS: ${from.join(", ")}. The results of all are mixed here: state page.token.`;
   if (latest === null || !["BUS_OFF", "DISCONNECTED"].includes(latest.bus_state)) return "";
   const fault = latest.bus.last_fault || "", isOff = latest.bus_state === "BUS_OFF" || fault === "bus off";
   const what = isOff ? "BUS OFF: the controller has left the bus" : `BUS DISCONNECTED: ${fault || "no frames"}`;
@@ -45,7 +47,8 @@ function writeLink(state) {
   }[state];
   alarm.hidden = !words;
   text("alarm", words);
-  const received = content === null ? "" : `${content.datagrams} datagrams`;
+  const from = content === null ? [] : content.publishers || [];
+  const received = content === null ? "" : `${content.datagrams} datagrams${from.length ? ` from ${from.join(", ")}` : ""}`;
   text("link", {
     live: latest ? `live, ${clock(latest.timestamp, 1)} · ${received}` : "",
     waiting: "no datagram yet", gone: `bridge silent · ${received}`, unreachable: "monitor not reachable, trying again",
@@ -62,6 +65,23 @@ function writeVerdict(latest, isOld) {
   if (byId("causes").dataset.shown === words.join()) return;
   byId("causes").dataset.shown = words.join();
   byId("causes").replaceChildren(...words.map((word) => element("li", word)));
+}
+
+/** May these loads be used: since when, why, how old they are, and what they are. */
+function writeAnswer(answer, latest, isOld) {
+  const usable = answer !== null && answer.usable && !isOld;
+  byId("answer").className = `answer current ${usable ? "yes" : "no"}`;
+  text("usable", usable ? "✓ LOADS USABLE" : "✕ LOADS NOT USABLE");
+  text("usable_since", answer === null || isOld ? "" : `since ${clock(answer.since, 0)}`);
+  const doubt = latest.age_uncertainty_ms, hidden = doubt === null ? "" : `, up to ${doubt.toFixed(1)} ms more`;
+  text("usable_age", isOld ? "" : `· age ${number(latest.age_ms, 1, " ms")}${hidden}`);
+  text("usable_why", isOld ? "no results come from the bridge" : answer === null ? "" : answer.why);
+  byId("now_loads").replaceChildren(...Object.entries(latest.coefficients).map(([name, value]) => {
+    const row = element("div"), shown = element("dd"), sigma = latest.sigma[name];
+    shown.append(element("b", number(value, 4)), sigma === null ? "" : ` ± ${(3 * sigma).toFixed(4)}`);
+    row.append(element("dt", name), shown);
+    return row;
+  }));
 }
 
 function tile(id, value, isBad, beside = "") {
@@ -150,6 +170,7 @@ function draw() {
   if (content === null || content.latest === null) return;
   const { layout, latest } = content;
   text("vehicle", layout.vehicle || "");
+  writeAnswer(content.answer, latest, state === "gone" || state === "unreachable");
   writeVerdict(latest, state === "gone" || state === "unreachable");
   writeTiles(layout, latest);
   drawGauges(layout, latest);

@@ -1,17 +1,19 @@
 """A first look at a file in a child process, which ends where a damaged file would hang, crash or fill the memory.
 
 Parsers of binary formats loop, crash or allocate without limit on some damaged files. What the child survives is
-then read in this process; systems that do not fork go without the look.
+then read in this process, or comes from the child item by item; systems that do not fork go without.
 """
 
 from __future__ import annotations
 
 import os
+import pickle
 import select
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 PATIENCE = 8.0
 """How long the first look at a file may take [s], and a second more for each 20 MB of it."""
@@ -46,6 +48,67 @@ def reads_well(path: Path, read: Callable[[], object], patience: float = PATIENC
         os.close(ended)
         _, status = os.waitpid(child, 0)
     return status == 0
+
+
+_BATCH = 256
+"""Items that come from a child process at once."""
+
+
+def read_apart(path: Path, items: Callable[[], Iterable[Any]], patience: float = PATIENCE) -> Iterator[Any]:
+    """Yield what ``items`` yields in a child process, which nothing in this process can crash or hang with.
+
+    Parameters
+    ----------
+    path : of the file that is read; its size extends both limits.
+    patience : time for the next items of a small file [s].
+
+    Raises
+    ------
+    ValueError
+        The child did not reach the end: in time, within its memory, without an error.
+    """
+    if not hasattr(os, "fork"):
+        yield from items()
+        return
+    size = path.stat().st_size
+    source, target = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(source)
+        _leave_after(lambda: _write_items(items, target), MEMORY + 2 * size)
+    os.close(target)
+    try:
+        with os.fdopen(source, "rb") as stream:
+            while True:
+                in_time, _, _ = select.select([source], [], [], patience + _PER_BYTE * size)
+                batch = _next_batch(stream) if in_time else None
+                if batch is None:
+                    raise ValueError("its reader did not reach the end")
+                if not batch:
+                    return
+                yield from batch
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+
+
+def _write_items(items: Callable[[], Iterable[Any]], target: int) -> None:
+    """Write all items to a pipe in batches, then an empty one."""
+    iterator = iter(items())
+    with os.fdopen(target, "wb") as stream:
+        batch = None
+        while batch is None or batch:
+            batch = list(islice(iterator, _BATCH))
+            content = pickle.dumps(batch)
+            stream.write(len(content).to_bytes(8, "little") + content)
+            stream.flush()
+
+
+def _next_batch(stream: Any) -> list[Any] | None:
+    """Return the next batch of a child of this process; None if it has ended without one."""
+    size = stream.read(8)
+    content = stream.read(int.from_bytes(size, "little")) if len(size) == 8 else b""
+    return pickle.loads(content) if content else None
 
 
 def _leave_after(read: Callable[[], object], memory: int) -> NoReturn:

@@ -134,9 +134,10 @@ def value_inside_the_range(make_core: MakeCore) -> Campaign:
 
 
 def recording(make_core: MakeCore) -> Campaign:
-    """Forty cycles that the sender sent before it was switched off."""
+    """Forty cycles that were sent before the sender was switched off; strains may repeat themselves."""
     faults = [Fault(kind=FaultKind.RECORDING, start=80, cycles=40, seed=48)]
-    return run_campaign(layout_of("fd64"), faults, 160, make_core=make_core)
+    settings = BridgeSettings(stuck_cycles=0)
+    return run_campaign(layout_of("fd64"), faults, 160, settings=settings, make_core=make_core)
 
 
 def slow_creep(make_core: MakeCore) -> Campaign:

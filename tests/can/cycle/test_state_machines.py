@@ -187,6 +187,47 @@ def test_a_clock_of_known_rate_hides_nothing() -> None:
     assert clock.drift_ppm == pytest.approx(80.0, abs=0.5)
 
 
+LEARNING = ClockLimits(jump_tolerance=CYCLE, learn=600.0)
+
+
+@pytest.mark.parametrize("rate", [-90e-6, -50e-6, 0.0, 50e-6, 90e-6])
+def test_the_rate_of_a_clock_is_measured_and_its_age_stays_bounded(rate: float) -> None:
+    """Slow or fast: from ``learn`` on nothing is hidden, and the uncertainty is small."""
+    clock = SampleClock(1e-6, 32, LEARNING)
+    readings = read_all(clock, 0.0, 3000.0, rate)
+    assert not any(reading.hides_delay for reading in readings[6_200:])
+    assert max(reading.age for reading in readings[6_200:]) < 1e-4
+    assert max(reading.uncertainty for reading in readings[6_200:]) < 1e-4
+    assert clock.drift_ppm == pytest.approx(1e6 * rate, abs=0.5)
+
+
+def test_a_delay_that_begins_to_grow_behind_the_measurement_is_age() -> None:
+    """A queue that grows by 60 ppm looks like a slow clock at the start, and does not where the rate is known."""
+    clock = SampleClock(1e-6, 32, LEARNING)
+    for k in range(25_900):
+        t = 0.1 * k
+        true = 60e-6 * max(t - 2000.0, 0.0)
+        reading = clock.read(t + true, round(t * (1.0 + 30e-6) * 1e6) % 2**32)
+        assert true - reading.age - reading.uncertainty < 1e-4
+        if t > 2300.0:
+            assert reading.age > 0.5 * true
+
+
+def test_a_rate_beyond_the_tolerance_is_not_learned() -> None:
+    readings = read_all(SampleClock(1e-6, 32, LEARNING), 190e-6, 2000.0)
+    assert all(reading.hides_delay for reading in readings[1100:])
+    assert readings[-1].age > 0.3
+
+
+def test_a_restart_begins_the_measurement_again() -> None:
+    clock = SampleClock(1e-6, 32, LEARNING)
+    read_all(clock, 0.0, 1000.0, 50e-6)
+    for k in range(10):
+        reading = clock.read(1000.1 + 0.1 * k, round(1e5 * k))
+    assert clock.record.is_learned == 0
+    assert reading.uncertainty >= 1e-4 * 0.7, "that of the stated tolerance"
+
+
 def test_a_fast_clock_hides_nothing_and_a_drained_queue_gives_back_what_was_hidden() -> None:
     assert not any(r.hides_delay for r in read_all(SampleClock(1e-6, 32, LIMITS), 0.0, 600.0, rate=-90e-6))
     clock = SampleClock(1e-6, 32, LIMITS)

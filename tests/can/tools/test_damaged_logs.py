@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import can
@@ -21,7 +21,7 @@ from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.first_look import reads_well
+from strainfmu.recorded.formats.first_look import read_apart, reads_well
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -157,6 +157,23 @@ def test_a_file_that_ends_its_reader_is_damaged(tmp_path: Path) -> None:
     assert not reads_well(path, lambda: [None for _ in iter(int, 1)], patience=0.3)
     assert not reads_well(path, lambda: bytearray(3 << 30))
     assert not reads_well(path, lambda: path.joinpath("none").read_bytes())
+
+
+def test_items_come_from_a_process_apart_until_it_fails(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"x")
+    assert list(read_apart(path, lambda: range(1000))) == list(range(1000))
+
+    def crashing() -> Iterator[int]:
+        yield from range(600)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    got = []
+    with pytest.raises(ValueError, match="did not reach the end"):
+        got.extend(read_apart(path, crashing))
+    assert got == list(range(512)), "whole batches"
+    with pytest.raises(ValueError, match="did not reach the end"):
+        list(read_apart(path, lambda: iter(int, 1), patience=0.3))
 
 
 @pytest.mark.parametrize(

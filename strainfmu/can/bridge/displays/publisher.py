@@ -30,6 +30,9 @@ from strainfmu.errors import InputError, StrainfmuError
 LAYOUT_PERIOD = 1.0
 """Period of the datagrams with the positions of the gauges [s]: the longest wait of a new display."""
 
+TOKEN = "token"
+"""Key of the token in a datagram."""
+
 WAITING = 64
 """Maximum number of results that wait for the thread; further ones are dropped and counted."""
 
@@ -81,6 +84,7 @@ class Publisher:
     reports : of the bridge.
     facts : of the estimator.
     field : messages with the pressure on the surface; None for none.
+    token : stated in every datagram, for a page that requires it; None for none.
 
     Raises
     ------
@@ -97,6 +101,7 @@ class Publisher:
         reports: BridgeReports,
         facts: EstimatorFacts | None = None,
         field: FieldMessages | None = None,
+        token: str | None = None,
     ) -> None:
         try:
             family, kind, protocol, _, target = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0]
@@ -108,6 +113,7 @@ class Publisher:
         self._gauges, self._period = tuple(gauges), 1.0 / rate
         self._reports, self._facts = reports, facts or EstimatorFacts()
         self._field = field
+        self._token = {} if token is None else {TOKEN: token}
         self._start = time.monotonic()
         self._next = self._next_layout = self._next_field = float("-inf")
         self._quality: Quality | None = None
@@ -178,7 +184,7 @@ class Publisher:
 
     def _send(self, content: dict[str, Any]) -> None:
         try:
-            self._socket.sendto(_ENCODED(content).encode(), self._target)
+            self._socket.sendto(_ENCODED({**content, **self._token}).encode(), self._target)
         except OSError:  # the system's buffer is full, the datagram is too long, or no one listens
             self.dropped += 1
             return

@@ -137,7 +137,7 @@ class Reception:
         self.slots = [slot.record for slot in slots]
         """Of every frame for compiled code."""
         self.authentication = _authentication(layout)
-        self._second = SecondSender(settings.alarm_cycles * layout.cycle_time)
+        self._second = SecondSender(settings.second_sender_cycles * layout.cycle_time)
 
     def take(self, frame: Frame) -> Arrival | FrameClass:
         """Return a frame with the numbers about it, or its class if it is refused by itself."""

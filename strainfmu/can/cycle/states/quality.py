@@ -100,6 +100,8 @@ class Cause(IntFlag):
     left out, as health says."""
     PERIOD = 1 << 26
     """The sender's period is not the stated one, so limits counted in cycles are wrong."""
+    REPEATS = 1 << 27
+    """The strains are those of an earlier cycle, bit by bit, which noise does not allow: not used."""
 
 
 MORE_CAUSES = 1 << 15

@@ -1,0 +1,12 @@
+/* Strains of an earlier cycle, read from compiled code. */
+
+#ifndef REPEATED_STRAINS_H
+#define REPEATED_STRAINS_H
+
+#include "strainbus.h"
+
+/* Remember a complete cycle; whether its readings are those of an earlier one, which noise does not allow. Those of the
+   cycle just before are none: the watch for frozen gauges judges them. Gauges that are not `plausible` may well repeat. */
+int repeats_take(SbRepeats *repeats, const SbChecks *checks, const SbCycle *cycle, const uint8_t *plausible);
+
+#endif

@@ -1,0 +1,479 @@
+"""A bus in virtual time under several faults at once, and an oracle; neither shares code with the product.
+
+Frames come from :mod:`documented_sender`, faults are made here of bytes and times. The oracle knows when every
+payload was sampled. A VALID result is false if its strains were sampled at a time that its age and uncertainty
+exclude, or if no cycle had such strains. The bridge is used through its core: frames and times in, results out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from itertools import count
+
+import numpy as np
+from can_case import KEY, Projection
+from documented_sender import DocumentedSender, Sent
+
+from strainfmu.can.cycle.core import BridgeCore, bridge_core
+from strainfmu.can.cycle.estimate.result import CycleResult
+from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.settings import BridgeSettings
+from strainfmu.can.wire.frame import Frame
+from strainfmu.can.wire.profiles import Identifiers, profile_layout
+
+PERIOD = 0.01
+N_GAUGES = 30
+NAMES = [f"g{i}" for i in range(N_GAUGES)]
+JITTER = 2e-4
+"""Largest difference of two delays of a bus in order [s]."""
+
+RECOVERY = 100
+WAITS = Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.PERIOD | Cause.HIDDEN_DELAY | Cause.NOT_AUTHENTIC
+"""Causes that say what a bridge waits for."""
+
+Frames = list[tuple[float, Sent]]
+
+
+@dataclass
+class Bus:
+    """What is between the vehicle and the bridge at present; faults change it.
+
+    Attributes
+    ----------
+    clock, counter : what the sender adds to its time [s] and to the number of the cycle.
+    delay : of the gateway [s].
+    is_on : the sender sends.
+    release : when the last of its frames is let go [s].
+    held_codes, recorded, trip : last readings; all frames sent; starts of the sender.
+    """
+
+    random: np.random.Generator
+    sender: DocumentedSender
+    clock: float = 0.0
+    counter: int = 0
+    delay: float = 0.0
+    is_on: bool = True
+    release: float = 0.0
+    held_codes: list[np.ndarray] = field(default_factory=list)
+    recorded: list[Frames] = field(default_factory=list)
+    trip: int = 1
+
+
+@dataclass
+class Act:
+    """One fault: from cycle ``start`` to before ``end``; ``seed`` determines what it draws."""
+
+    kind: str
+    start: int
+    end: int
+    size: float
+
+
+@dataclass
+class Found:
+    """What the oracle found in a scenario."""
+
+    acts: list[Act]
+    too_old: list[str] = field(default_factory=list)
+    too_young: list[str] = field(default_factory=list)
+    mixed: list[str] = field(default_factory=list)
+    foreign: int = 0
+    unaccounted: int = 0
+    cycles: int = 0
+    frames: int = 0
+    n_valid: int = 0
+    largest_uncertainty: float = 0.0
+    is_late: bool = False
+    last: str = ""
+
+
+STEPS_WITH_DELAY = 11
+
+
+def codes_of(number: int, seed: int) -> np.ndarray:
+    """Readings of a cycle: manoeuvres, and noise of 8 codes."""
+    random = np.random.default_rng((seed, number + 1_000_000))
+    slow = 2000.0 + 1200.0 * np.sin(2.0 * np.pi * number / 700.0 + np.arange(N_GAUGES))
+    return np.round(slow + 8.0 * random.normal(size=N_GAUGES)).astype(np.int64)
+
+
+KINDS = (
+    "loss",
+    "silence",
+    "delay",
+    "creep",
+    "small step ahead",
+    "large step ahead",
+    "step back",
+    "steps with delay",
+    "restart",
+    "restart under delay",
+    "step under delay",
+    "duplicate",
+    "reorder",
+    "one cycle again",
+    "recording",
+    "same stimulus again",
+    "bit flips",
+    "burst",
+    "data id",
+    "configuration",
+    "length",
+    "freeze",
+    "buffer again",
+    "foreign first",
+    "foreign behind",
+    "second sender",
+    "stuck gauge",
+    "zero gauge",
+    "no value",
+    "status",
+    "babbling",
+    "error and remote frames",
+    "fast clock",
+    "slow clock",
+    "period",
+    "jitter",
+    "no pressure",
+    "counter jump",
+)
+FOREIGN = (("foreign first", -1e-4, 12), ("foreign behind", 2e-3, 12), ("second sender", 3e-3, 1))
+"""Faults by a foreign sender: when its frames come [s], beside those of the true one, and in which cycles."""
+
+
+class Scenario:
+    """One run of some hundred cycles."""
+
+    def __init__(self, profile: str, seed: int, acts: list[Act], n_cycles: int, settings: BridgeSettings) -> None:
+        self.acts, self.n_cycles, self.seed = acts, n_cycles, seed
+        key = KEY if profile == "fd64-sec" else None
+        layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
+        step = Projection(N_GAUGES)
+        self.core: BridgeCore = bridge_core(layout, step, settings, start=0.0)
+        self.random = np.random.default_rng(seed)
+        self.bus = Bus(self.random, DocumentedSender(profile, NAMES, PERIOD))
+        self.foreign = DocumentedSender(profile, NAMES, PERIOD, key=bytes(16))  # it does not know the key
+        self.sampled: dict[bytes, float] = {}
+        self.truth: list[tuple[float, np.ndarray]] = []
+        self.foreign_payloads: set[bytes] = set()
+        self.shown: set[bytes] = set()
+        self.wire: list[tuple[float, int, Frame]] = []
+        self.order = count()
+        self.found = Found(acts)
+        self.time = 0.0
+        self.last_fault = max((act.end for act in acts), default=0)
+        self.recovered = not acts
+
+    # --- the sender's side
+
+    def active(self, number: int, kind: str) -> list[Act]:
+        return [act for act in self.acts if act.kind == kind and act.start <= number < act.end]
+
+    def begins(self, number: int, kind: str) -> list[Act]:
+        return [act for act in self.acts if act.kind == kind and act.start == number]
+
+    def ends(self, number: int, kind: str) -> list[Act]:
+        return [act for act in self.acts if act.kind == kind and act.end == number]
+
+    def change_clocks(self, number: int, time: float) -> None:
+        bus = self.bus
+        for act in self.begins(number, "small step ahead"):
+            bus.clock += 0.0095 * act.size
+        for act in self.begins(number, "large step ahead"):
+            bus.clock += 0.02 + 3.0 * act.size
+        for act in self.begins(number, "step back"):
+            bus.clock -= 0.001 + 3.0 * act.size**2
+        for act in self.active(number, "steps with delay"):
+            if number - act.start < STEPS_WITH_DELAY:
+                bus.clock += 0.0099 * act.size
+                bus.delay += 0.0099 * act.size
+        for act in self.begins(number, "step under delay"):
+            bus.delay += 0.05 + 2.0 * act.size
+            bus.clock += (0.05 + 2.0 * act.size) * (1.0 if act.size > 0.5 else 0.4)
+        for kind in ("steps with delay", "step under delay", "restart under delay", "delay", "creep"):
+            if self.ends(number, kind):
+                bus.delay = 0.0
+                self.drain(time)
+        for act in self.begins(number, "delay"):
+            bus.delay += 0.002 + 0.3 * act.size**2
+        for act in self.active(number, "creep"):
+            bus.delay += PERIOD * 0.05 * act.size
+        if self.active(number, "fast clock"):
+            bus.clock += 9e-5 * PERIOD
+        if self.active(number, "slow clock"):
+            bus.clock -= 9e-5 * PERIOD
+        for act in self.begins(number, "counter jump"):
+            bus.counter += 1 + int(40 * act.size)
+        for kind in ("restart", "restart under delay", "same stimulus again", "recording"):
+            if self.begins(number, kind):
+                bus.is_on = False
+            for act in self.ends(number, kind):
+                bus.is_on = True
+                if kind == "recording":
+                    continue
+                bus.clock, bus.counter = -time, -number
+                bus.trip += 1
+                bus.sender.trip = bus.trip
+                if kind == "restart under delay":
+                    bus.delay = max(bus.delay, 5.0 * act.size)
+
+    def drain(self, time: float) -> None:
+        """Release all that the gateway holds, in order."""
+        held = sorted(self.wire)
+        self.wire = [
+            (min(arrival, time + 1e-6 * k), order, frame) for k, (arrival, order, frame) in enumerate(held)
+        ]
+        self.bus.release = min(self.bus.release, time + 1e-6 * len(held))
+
+    def payload(self, number: int, time: float) -> np.ndarray:
+        """Readings that the sender sends; where it repeats some, they keep the time of their sampling."""
+        bus = self.bus
+        own = codes_of(number, self.seed)
+        self.truth.append((time, own))
+        if self.active(number, "freeze"):
+            return bus.held_codes[-1]
+        for act in self.active(number, "buffer again"):
+            first = act.start - 10
+            kept = [codes_of(n, self.seed) for n in range(max(first, 0), act.start)]
+            again = kept[(number - act.start) % len(kept)]
+            if again.tobytes() not in self.shown:  # the bridge has never received it: it is new
+                self.sampled[again.tobytes()] = time
+            return again
+        for act in self.active(number, "stuck gauge"):
+            own = own.copy()
+            own[int(29 * act.size)] = codes_of(act.start, self.seed)[int(29 * act.size)]
+        for act in self.active(number, "zero gauge"):
+            own = own.copy()
+            own[int(29 * act.size)] = 0
+        for act in self.active(number, "no value"):
+            own = own.copy()
+            own[int(29 * act.size)] = -32768
+        bus.held_codes = [own]
+        return own
+
+    def send(self, number: int) -> None:
+        """Put the frames of a cycle on the wire."""
+        bus, random = self.bus, self.random
+        time = number * PERIOD
+        self.change_clocks(number, time)
+        if self.active(number, "period") and number % 2:
+            bus.counter -= 1
+            codes_of(number, self.seed)
+            return
+        own = self.payload(number, time)
+        self.sampled.setdefault(own.tobytes(), time)
+        status = 2 if self.active(number, "status") else 0
+        counter = number + bus.counter
+        clock = time + bus.clock
+        arrival = max(time + bus.delay + JITTER * 0.5 * random.random(), bus.release)
+        if self.active(number, "jitter"):
+            arrival = max(arrival + 0.004 * random.random(), bus.release)
+        sent = [
+            (arrival + 2e-5 * k, frame)
+            for k, frame in enumerate(
+                bus.sender.cycle(own, 9e4 + number, counter=max(counter, 0), clock=clock, status=status)
+            )
+        ]
+        if bus.is_on:
+            bus.release = arrival + 1e-4
+            bus.recorded.append(sent)
+            arrived = self.altered(number, sent)
+            is_torn = any(self.active(number, kind) for kind in ("reorder", *(row[0] for row in FOREIGN)))
+            if not is_torn and [frame for _, frame in arrived] == [frame for _, frame in sent]:
+                self.shown.add(own.tobytes())
+            self.put(arrived)
+        self.put(self.added(number, arrival, own, counter, clock))
+
+    def altered(self, number: int, sent: Frames) -> Frames:
+        """Return the frames of the sender as faults on the way leave them."""
+        random = self.random
+        if self.active(number, "silence"):
+            return []
+        if self.active(number, "loss"):
+            sent = [one for one in sent if random.random() > 0.4]
+        if self.active(number, "no pressure"):
+            sent = sent[1:]
+        if self.active(number, "data id"):
+            own = self.bus.sender.cycle(
+                codes_of(number, self.seed) + 99, 1e4, counter=number, clock=0.0, data_id_shift=7
+            )
+            sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
+        if self.active(number, "configuration"):
+            own = self.bus.sender.cycle(
+                codes_of(number, self.seed)[::-1], 1e4, counter=number, clock=number * PERIOD, configured=77
+            )
+            sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
+        if self.active(number, "length"):
+            sent = [(time, Sent(frame.identifier, frame.data[:48])) for time, frame in sent]
+        for kind, width in (("bit flips", 512), ("burst", 8)):
+            if self.active(number, kind):
+                sent = [(time, _flipped(frame, random, width)) for time, frame in sent]
+        if self.active(number, "duplicate"):
+            sent = sent + [(time + 2e-3 * random.random(), frame) for time, frame in sent]
+        if self.active(number, "reorder"):
+            sent = [(time + (PERIOD if random.random() < 0.3 else 0.0), frame) for time, frame in sent]
+        return sent
+
+    def added(self, number: int, arrival: float, own: np.ndarray, counter: int, clock: float) -> Frames:
+        """Return the frames of other nodes."""
+        random, more = self.random, list[tuple[float, Sent]]()
+        recorded = self.bus.recorded
+        for kind in ("recording", "same stimulus again"):
+            for act in self.active(number, kind):
+                place = act.start - (40 if kind == "recording" else act.start) + (number - act.start)
+                if 0 <= place < len(recorded):
+                    shift = number * PERIOD - recorded[place][0][0]
+                    more += [(time + shift, frame) for time, frame in recorded[place]]
+        if self.active(number, "one cycle again") and len(recorded) > 40:
+            old = recorded[int(random.integers(len(recorded) - 1))]
+            more += [(arrival + 4e-3 + 1e-5 * k, frame) for k, (_, frame) in enumerate(old)]
+        other = own + random.integers(-200, 200, size=own.shape)
+        for kind, lead, every in FOREIGN:
+            for act in self.active(number, kind):
+                if (number - act.start) % every:
+                    continue
+                shift = 100 if kind == "second sender" else 0
+                frames = self.foreign.cycle(other, 9e4, counter=max(counter, 0) + shift, clock=clock)
+                self.foreign_payloads.add(other.tobytes())
+                more += [(arrival + lead + 1e-5 * k, frame) for k, frame in enumerate(frames)]
+        if self.active(number, "babbling"):
+            more += [(arrival + 1e-5 * k, Sent(0x301, random.bytes(64))) for k in range(20)]
+        return more
+
+    def put(self, frames: Frames) -> None:
+        for time, frame in frames:
+            made = Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=True, bitrate_switch=True)
+            heappush(self.wire, (time, next(self.order), made))
+
+    # --- the bridge's side
+
+    def run(self) -> Found:
+        """Run the scenario; return what the oracle found."""
+        for number in range(self.n_cycles):
+            self.send(number)
+            now = (number + 1) * PERIOD
+            while self.wire and self.wire[0][0] < now - 4e-4:
+                arrival, _, frame = heappop(self.wire)
+                self.time = max(arrival, self.time)
+                frame.time = self.time
+                self.found.frames += 1
+                self.judge_all(self.core.receive(frame), number)
+            if self.active(number, "error and remote frames"):
+                for change in ({"is_error": True}, {"is_remote": True}):
+                    self.core.receive(Frame(identifier=0x301, data=b"", time=self.time, is_fd=False, **change))
+            self.judge_all(self.core.advance(now - 4e-4), number)
+            self.time = max(self.time, now - 4e-4)
+        self.found.unaccounted = abs(self.core.account.unaccounted)
+        self.found.is_late = not self.recovered
+        self.found.cycles = self.n_cycles
+        return self.found
+
+    def judge_all(self, results: list[CycleResult], number: int) -> None:
+        for result in results:
+            self.judge(result, number)
+
+    def judge(self, result: CycleResult, number: int) -> None:
+        found = self.found
+        found.last = f"{result.quality.name} {result.causes!r}"
+        says = number >= self.last_fault + RECOVERY and bool(result.causes & WAITS)
+        if self.last_fault <= number <= self.last_fault + RECOVERY + 5:
+            self.recovered |= says or result.quality is Quality.VALID
+        if result.quality is not Quality.VALID:
+            return
+        found.n_valid += 1
+        found.largest_uncertainty = max(found.largest_uncertainty, result.age_uncertainty)
+        codes = np.round(result.strain / 0.25e-6).astype(np.int64)
+        payload = codes.tobytes()
+        at = self.sampled.get(payload)
+        if at is None:
+            if payload in self.foreign_payloads:
+                found.foreign += 1
+                return
+            at = self.nearly(codes)
+            if at is None and any(act.kind.startswith("foreign") for act in self.acts):
+                found.foreign += 1  # a foreign frame beside a lost one
+                return
+            if at is None:
+                found.mixed.append(f"cycle {number}")
+                return
+        age = result.time - at
+        if age > result.age + result.age_uncertainty + JITTER:
+            found.too_old.append(
+                f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
+                f"{1e3 * result.age_uncertainty:.2f} ms"
+            )
+        late = 0.004 if any(act.kind == "jitter" for act in self.acts) else 0.0
+        if age < result.age - result.age_uncertainty - JITTER - late:
+            found.too_young.append(
+                f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
+                f"{1e3 * result.age_uncertainty:.2f} ms"
+            )
+
+    def nearly(self, codes: np.ndarray) -> float | None:
+        """Return the time of a cycle but for gauges that are at fault and need not be found yet."""
+        allowed = sum(act.kind in ("stuck gauge", "zero gauge") for act in self.acts)
+        for time, own in reversed(self.truth):
+            if int((own != codes).sum()) <= allowed:
+                return time
+        return None
+
+
+def _flipped(frame: Sent, random: np.random.Generator, width: int) -> Sent:
+    data = bytearray(frame.data)
+    first = int(random.integers(8 * len(data) - min(width, 8)))
+    for _ in range(3):
+        bit = first + int(random.integers(8)) if width == 8 else int(random.integers(8 * len(data)))
+        data[bit // 8] ^= 1 << bit % 8
+    return Sent(frame.identifier, bytes(data))
+
+
+def drawn(seed: int, kinds: tuple[str, ...] = KINDS, first: int = 60, longest: int = 60) -> list[Act]:
+    """Return two to five faults that overlap."""
+    random = np.random.default_rng((seed, 77))
+    acts = []
+    for _ in range(int(random.integers(2, 6))):
+        kind = kinds[int(random.integers(len(kinds)))]
+        start = first + int(random.integers(40))
+        length = 3 + int(random.integers(longest))
+        acts.append(Act(kind, start, start + length, float(random.random())))
+    return acts
+
+
+def run_scenario(profile: str, seed: int, acts: list[Act], settings: BridgeSettings | None = None) -> Found:
+    """Run faults until the bridge has had time to recover from the last of them; return what the oracle found."""
+    held = max((500 * act.size for act in acts if act.kind == "restart under delay"), default=0)
+    end = max((act.end for act in acts), default=0)
+    scenario = Scenario(profile, seed, acts, end + int(held) + RECOVERY + 20, settings or BridgeSettings())
+    scenario.last_fault = end + int(held)
+    return scenario.run()
+
+
+def campaign(
+    profile: str,
+    seeds: range,
+    settings: BridgeSettings | None = None,
+    report: Callable[[int, Found], None] | None = None,
+) -> Counter[str]:
+    """Run scenarios; return counts of cycles, frames, VALID results and all that is wrong."""
+    total: Counter[str] = Counter()
+    for seed in seeds:
+        acts = drawn(seed)
+        found = run_scenario(profile, seed, acts, settings)
+        total.update(
+            scenarios=1,
+            cycles=found.cycles,
+            frames=found.frames,
+            valid=found.n_valid,
+            too_old=len(found.too_old),
+            too_young=len(found.too_young),
+            mixed=len(found.mixed),
+            foreign=found.foreign,
+            unaccounted=found.unaccounted,
+            late=found.is_late,
+        )
+        if report is not None:
+            report(seed, found)
+    return total

@@ -1,0 +1,90 @@
+"""A sender of profiles fd64 and fd64-sec, written from docs/reference/can.md alone: no code of the product.
+
+What it sends is dated by a true time, which the bridge never sees.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from binascii import crc_hqx
+from dataclasses import dataclass, field
+
+import numpy as np
+from cryptography.hazmat.primitives.ciphers.algorithms import AES
+from cryptography.hazmat.primitives.cmac import CMAC
+
+BASE = 0x300
+PRESSURE_ID, FIRST_STRAIN_ID = 0x5300, 0x5301
+"""DataIDs."""
+
+PER_FRAME = {"fd64": 27, "fd64-sec": 20}
+CODE = 0.25
+"""um/m per bit."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A frame as it leaves a node: identifier and bytes."""
+
+    identifier: int
+    data: bytes
+
+
+def configuration(profile: str, names: list[str]) -> int:
+    """1 + (first two bytes of SHA-256 of profile and gauge names, each on its line) mod 65534."""
+    digest = hashlib.sha256("\n".join([profile, *names]).encode()).digest()
+    return 1 + int.from_bytes(digest[:2], "big") % 65534
+
+
+@dataclass
+class DocumentedSender:
+    """One sender: counter, clock and, where its frames are authenticated, freshness values are its own."""
+
+    profile: str
+    names: list[str]
+    period: float
+    key: bytes = bytes(range(16))
+    trip: int = 1
+    configured: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.configured = configuration(self.profile, self.names)
+
+    def cycle(
+        self,
+        codes: np.ndarray,
+        pressure: float,
+        *,
+        counter: int,
+        clock: float,
+        data_id_shift: int = 0,
+        configured: int | None = None,
+        status: int = 0,
+    ) -> list[Sent]:
+        """Return the frames of a cycle: dynamic pressure, then strains as (n,) int16 ``codes``; ``clock`` in s."""
+        ticks = round(clock * 1e6) % (1 << 32)
+        number = self.configured if configured is None else configured
+        head = struct.pack("<BBI", counter % 256, status, ticks)
+        size, n_plain = PER_FRAME[self.profile], 16 if self.profile == "fd64" else 18
+        body = head + struct.pack("<fH", pressure, number)
+        frames = [self._protected(BASE, body.ljust(n_plain - 2, b"\0"), PRESSURE_ID + data_id_shift, counter)]
+        for index in range(-(-len(codes) // size)):
+            own = codes[index * size : (index + 1) * size]
+            strains = np.full(size, -32768, dtype="<i2")
+            strains[: len(own)] = own
+            body = head + strains.tobytes() + struct.pack("<H", number)
+            frames.append(
+                self._protected(BASE + 1 + index, body, FIRST_STRAIN_ID + index + data_id_shift, counter)
+            )
+        return frames
+
+    def _protected(self, identifier: int, body: bytes, data_id: int, counter: int) -> Sent:
+        crc = crc_hqx(body + data_id.to_bytes(2, "little"), 0xFFFF)
+        data = struct.pack("<H", crc) + body
+        if self.profile == "fd64-sec":
+            freshness = self.trip << 32 | counter
+            mac = CMAC(AES(self.key))
+            mac.update(data_id.to_bytes(2, "big") + data + freshness.to_bytes(8, "big"))
+            data += (freshness % (1 << 48)).to_bytes(6, "little") + mac.finalize()[:8]
+        return Sent(identifier, data)
