@@ -9,6 +9,7 @@
 #include "numerics/arrays.h"
 #include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
+#include "sample/inertia.h"
 #include "sample/readings.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
@@ -88,7 +89,12 @@ static int create(Estimator *e, MapFile *file) {
         || !other_loads_create(file, map->n_gauges, map->n_states, &e->other_loads)) {
         return 0;
     }
-    e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
+    const size_t n_channels = e->thermal.present ? e->thermal.map.n_channels : 0;
+    if (!map_require(file, n_channels == 0 || n_channels == N_INERTIAL_CHANNELS, "inertia.channels", "11")) {
+        return 0;
+    }
+    e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors - n_channels : 0;
+    e->inputs.n_inertial = n_channels > 0 ? N_INERTIAL_INPUTS : 0;
     if (!allocate(e)) {
         return map_no_memory(file);
     }
@@ -253,7 +259,11 @@ static void filter_outputs(Estimator *e) {
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
-        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature);
+        double channel[N_INERTIAL_CHANNELS];
+        if (e->inputs.n_inertial > 0) {
+            inertial_channels(&e->inputs, channel);
+        }
+        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature, channel);
         if (other_sensors || (e->noise_outdated && e->renewal.under_way == 0.0)) {
             renewal_at_once(&e->renewal, latest_zeros(e), other_sensors);
             e->noise_outdated = 0;

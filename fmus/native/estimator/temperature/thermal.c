@@ -10,11 +10,14 @@
 
 #define MAX_COUNT 4096
 #define ALIGNMENT 64
+#define LARGEST_CHANNEL 1e6 /* of what an inertial unit measures: one beyond is broken */
 
 static int parse(MapFile *file, size_t n, ThermalMap *map) {
     map->n_modes = map_length(file, "thermal.prior_std", 0, 1, MAX_COUNT);
     map->n_sensors = map_length(file, "thermal.sensor_std", 0, 0, MAX_COUNT);
     map->n_powers = map_length(file, "thermal.apparent_strain", 0, 0, MAX_COUNT);
+    map->n_channels = map_has(file, "inertia") ? map_count(file, "inertia.channels", 1, MAX_COUNT) : 0;
+    map_require(file, map->n_channels <= map->n_sensors, "inertia.channels", "at most the number of sensors");
     map->reference = map_number(file, "thermal.reference_temperature");
     map->largest_rise = map_positive(file, "thermal.largest_rise");
     map->gauge_factor_slope = map_number(file, "thermal.gauge_factor_slope");
@@ -77,12 +80,15 @@ void thermal_free(Thermal *thermal) {
     free(thermal->memory);
 }
 
-int thermal_read(Thermal *thermal, const double *temperature) {
+int thermal_read(Thermal *thermal, const double *temperature, const double *channel) {
     const ThermalMap *map = &thermal->map;
+    const size_t n_temperatures = map->n_sensors - map->n_channels;
     int changed = 0, moved = 0;
     for (size_t t = 0; t < map->n_sensors; t++) {
-        const double above = temperature[t] - map->reference;
-        const unsigned char known = temperature[t] > 0.0 && fabs(above) <= map->largest_rise; /* 0 for NaN */
+        const int is_channel = t >= n_temperatures;
+        const double above = is_channel ? channel[t - n_temperatures] : temperature[t] - map->reference;
+        const unsigned char known = is_channel ? fabs(above) <= LARGEST_CHANNEL /* 0 for NaN */
+                                               : temperature[t] > 0.0 && fabs(above) <= map->largest_rise;
         const double rise = known ? above : 0.0;
         changed |= known != thermal->known[t];
         moved |= rise != thermal->rise[t];

@@ -1,7 +1,8 @@
-/* Temperature at run time: what the wall's temperature strains, taken off the readings as far as sensors tell.
+/* Temperature and inertia at run time: what they strain, taken off the readings as far as sensors tell.
 
    The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas; it is part "thermal"
-   of resources/map.bin. */
+   of resources/map.bin. In a map with masses the last sensors are the channels of an inertial unit, each of a mode of
+   its own (strainfmu/estimator/map/inertia.py): part "inertia". */
 
 #ifndef THERMAL_H
 #define THERMAL_H
@@ -11,6 +12,7 @@
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {
     size_t n_modes, n_sensors, n_powers;
+    size_t n_channels;                         /* of the sensors, the last: those of an inertial unit */
     double reference, largest_rise;            /* [K] */
     double gauge_factor_slope, modulus_slope;  /* [1/K] */
     const double *prior_std;                   /* (n_modes) [K] */
@@ -47,8 +49,8 @@ typedef struct {
 int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal);
 void thermal_free(Thermal *thermal);
 
-/* Take the readings of the sensors [K]. Whether others are known than before: then thermal_renew comes next. */
-int thermal_read(Thermal *thermal, const double *temperature);
+/* Take the readings of the sensors [K], and of the channels, NaN of those not known. Whether others are known than before: then thermal_renew comes next. */
+int thermal_read(Thermal *thermal, const double *temperature, const double *channel);
 
 /* Make gain and covariances for the known sensors. */
 void thermal_renew(Thermal *thermal);
