@@ -34,7 +34,7 @@ OTHER_AIR_DATA = (
     *LAST_INPUTS,
     *INERTIAL_NAMES,
 )
-"""Deviations, p_inf, sources, angles and what an inertial unit measures: what not every sender knows, and not every
+"""Deviations, p_inf, sources, angles and inertial inputs: what not every sender knows, and not every
 estimator takes."""
 
 _SIGNED = {one.name for one in SAMPLE_INPUTS if one.is_signed}

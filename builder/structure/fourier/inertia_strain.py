@@ -4,7 +4,7 @@ linear in place.
 Material at r moves against the specific force f + dw/dt x d + P d with d = r - r_0 from a unit at r_0 on the
 axis, angular acceleration dw/dt and P = w w' - w'w 1 of the angular rates w. Its nodal forces are minus the mass
 matrix times that field, which quadratic elements hold exactly; only harmonics 0, 1 and 2 occur. A body that
-nothing holds is balanced by the inertia of its rigid motions, as under air loads: f and dw/dt strain nothing there.
+nothing holds is balanced by the inertia of its rigid motions, as under air loads: f and dw/dt strain nothing.
 """
 
 from __future__ import annotations
