@@ -142,8 +142,8 @@ def inverse_problem(
     ensemble = ensemble_of(vehicle, snapshots)
     mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
     thermal = thermal_map(vehicle)
-    by_part = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
-    inertia = inertia_map(vehicle, by_part)
+    by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
+    inertia = inertia_map(vehicle, by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
     errors += left
     if mesh is not None and vehicle.noise.model == "default":
@@ -151,7 +151,7 @@ def inverse_problem(
     terms = [
         *noise_terms(vehicle, snapshots, structure, ensemble, errors),
         *thermal_terms(vehicle, thermal),
-        *inertia_terms(vehicle, inertia, by_part),
+        *inertia_terms(vehicle, inertia, by_inertia),
         *nuisance,
     ]
     own = gauge_noise_covariance(vehicle, snapshots, structure)

@@ -249,16 +249,36 @@ def _inertial(quantity: str, axis: str, symbol: str, unit: str, largest: float) 
     )
 
 
-INERTIAL_INPUTS = (
+_VIBRATION = AirInput(
+    name="vibration",
+    label="Vibration",
+    symbol="sigma(vibration)",
+    unit="1",
+    shown="um/m",
+    text="Standard deviation of the strain by vibration at the gauge that it strains most; widens sigma; "
+    f"{NOT_KNOWN:g} or NaN takes that of the map",
+    text_of_linear="-",
+    note=f" of the gauge that vibrates most; {NOT_KNOWN:g} or NaN takes that of the map",
+    aliases=("vibrationstrain", "strainvibration"),
+    largest=1e-2,
+    is_later=True,
+    is_signed=True,
+)
+
+MEASURED_MOTION = (
     *(_inertial("Specific force", axis, f"f_{axis}", "m/s2", 2e3) for axis in "xyz"),
     *(_inertial("Angular rate", axis, f"w_{axis}", "rad/s", 200.0) for axis in "xyz"),
     *(_inertial("Angular acceleration", axis, f"dw_{axis}/dt", "rad/s2", 2e3) for axis in "yz"),
 )
-"""Those of maps with masses alone, of an inertial unit, in their order in a record of the core.
+"""What an inertial unit measures."""
+
+INERTIAL_INPUTS = (*MEASURED_MOTION, _VIBRATION)
+"""Those of maps with masses alone, of an inertial unit and of vibration, in their order in a record of the core.
 
 Specific force is acceleration less that of gravity, as an accelerometer reads it."""
 
 INERTIAL_NAMES = tuple(one.name for one in INERTIAL_INPUTS)
+VIBRATION = _VIBRATION.name
 
 AIR_INPUTS = (
     _DYNAMIC_PRESSURE,

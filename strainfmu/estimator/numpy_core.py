@@ -15,7 +15,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES, INERTIAL_NAMES
+from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES, INERTIAL_NAMES, VIBRATION
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
@@ -35,7 +35,7 @@ from strainfmu.estimator.map.flow_parameters import (
     FlowParameters,
     flow_parameters,
 )
-from strainfmu.estimator.map.inertia import readings_of_modes
+from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.lateral_slope import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.map.offers import has_other_outputs
@@ -201,16 +201,21 @@ class NumpyCore:
         )
         inertial = {name: of[name][:, 0] for name in INERTIAL_NAMES if held.has_masses}
         theta, read = readings_of_modes(held.thermal, held.inertia, of[TEMPERATURE], inertial)
-        key = np.hstack([used, read])
+        vibration = inertial[VIBRATION] if held.has_masses else np.full(k, np.nan)
+        ratio = vibration_ratio(held.inertia, vibration)
+        key = np.hstack([used, read, np.isfinite(ratio)[:, None], np.nan_to_num(ratio)[:, None]])
         for one in np.unique(key, axis=0):
             at = np.flatnonzero((key == one).all(axis=1))
-            known, amplitude, left = one[n:], None, None
-            if known.any():
-                of_sensors = amplitudes(held.modes, theta[at], known)
+            known, amplitude, left = one[n:-2] != 0.0, None, None
+            if known.any() or one[-2]:
+                modes = with_vibration(held.modes, held.inertia, float(ratio[at[0]]))
+                of_sensors = amplitudes(modes, theta[at], known)
                 amplitude, left = of_sensors.mean, of_sensors.covariance
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
             noise = row_noise(held, held.gauge_covariance, zeros, left)
-            self._fill(found, at, rows, one[:n], noise=noise, flow=flow)
+            self._fill(found, at, rows, one[:n] != 0.0, noise=noise, flow=flow)
+        more = (np.nan_to_num(ratio) > 1.0) & (found["health"][:, 0] == HealthState.OK)
+        found["health"][more, 0] = HealthState.DEGRADED
         found["usable"][:, 0] = np.isin(found["health"][:, 0], USABLE_STATES)
         return found
 

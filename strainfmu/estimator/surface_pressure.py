@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD, VIBRATION
 from strainfmu.estimator.estimates.flight_pressure import pressure_of
 from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
-from strainfmu.estimator.map.inertia import readings_of_modes
+from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of
@@ -128,8 +128,10 @@ def _at_temperature(
     amplitude, left = None, None
     inertial = {name: np.array([value]) for name, value in sample.inertial.items()}
     theta, known = readings_of_modes(inverse_map.thermal, inverse_map.inertia, sample.temperature[None], inertial)
-    if known.any():
-        of_sensors = amplitudes(inverse_map.modes, theta, known[0])
+    ratio = vibration_ratio(inverse_map.inertia, inertial.get(VIBRATION, np.full(1, np.nan)))[0]
+    if known.any() or np.isfinite(ratio):
+        modes = with_vibration(inverse_map.modes, inverse_map.inertia, float(ratio))
+        of_sensors = amplitudes(modes, theta, known[0])
         amplitude, left = of_sensors.mean, of_sensors.covariance
     of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
     rows = rows_of(inverse_map, sample.strain[None], np.array([sample.thrust]), of_zeros, amplitude)[0]

@@ -10,8 +10,8 @@ from inputs import Inputs
 
 from strainfmu.atmosphere import pressure_and_temperature, static_pressure_at
 from strainfmu.estimator.air_inputs import INERTIAL_NAMES
-from strainfmu.estimator.map.inertia import channels_of
 from strainfmu.estimator.map.flow_parameters import flow_parameters
+from strainfmu.estimator.map.inertia import channels_of
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -107,12 +107,17 @@ def with_motion(m: InverseMap, seed: int, of: str, **options: Any) -> Inputs:
     random, k = np.random.default_rng(seed + 2000), len(found)
     size = np.array([20.0, 25.0, 25.0, 1.5, 1.5, 1.5, 5.0, 5.0])
     true = size * random.standard_normal((k, len(size)))
-    strain = channels_of(dict(zip(INERTIAL_NAMES, true.T, strict=True))) @ m.inertia.mode_strain.T
+    vibration = m.inertia.vibration_std * np.exp(random.normal(0.0, 1.5, k))
+    modes = m.inertia.vibration_strain
+    strain = channels_of(dict(zip(INERTIAL_NAMES, true.T, strict=False))) @ m.inertia.mode_strain.T
+    strain += vibration[:, None] * random.standard_normal((k, modes.shape[1])) @ modes.T
     read = true + 2e-3 * size * random.standard_normal(true.shape)
     read[random.random(true.shape) < 0.05] = np.nan
     read[random.random(k) < 0.2] = np.nan
     read[7::60, 1] = 1e9
-    flow = found.flow | dict(zip(INERTIAL_NAMES, read.T, strict=True))
+    vibration[random.random(k) < 0.4] = np.nan
+    vibration[5::40], vibration[9::40] = 0.0, 1e-4 * m.inertia.vibration_std
+    flow = found.flow | dict(zip(INERTIAL_NAMES, [*read.T, vibration], strict=True))
     return replace(found, strain=found.strain + strain, flow=flow)
 
 

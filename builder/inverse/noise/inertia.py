@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
-from builder.structure.fourier.inertia_strain import inertia_strain
+from builder.structure.fourier.inertia_strain import bending_strain, inertia_strain
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
 from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -23,6 +23,11 @@ from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 NAME = "inertia"
 """Name of the noise term of the modes."""
 
+VIBRATION_MODES = "vibration"
+"""Name of that of the bending modes."""
+
+_OF_MODES = (NAME, VIBRATION_MODES)
+_MICRO = 1e-6
 N_FORCES = 3
 """Channels of specific force, the first."""
 
@@ -30,15 +35,33 @@ _UNLISTED_STATIONS = 5
 _STRUCTURE, _EQUIPMENT, UNLISTED = "structure", "equipment", "unlisted"
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InertiaStrain:
+    """Strain of the gauges of the layout in use.
+
+    Attributes
+    ----------
+    by_part : (n_d, k) per channel, by part: wall with covers, each point mass by its number, and 1 kg at stations.
+    by_bending : (n_d, 2) of the first bending modes, over that of the gauge that each strains most [1].
+    """
+
+    by_part: dict[str, FloatArray]
+    by_bending: FloatArray
+
+    @property
+    def of_listed(self) -> FloatArray:
+        """(n_d, k) strain per channel of all that the vehicle file lists."""
+        listed = [strain for name, strain in self.by_part.items() if not name.startswith(UNLISTED)]
+        return np.asarray(np.sum(listed, axis=0))
+
+
 def strain_by_inertia(
     vehicle: Vehicle,
     entry: Mass,
     resolution: Resolution | None = None,
     stations: Sequence[float] | None = None,
-) -> dict[str, FloatArray]:
-    """Return strain (n_d, k) of the layout in use per channel, by part.
-
-    Parts are wall with covers, each point mass by its number, and 1 kg at each of ``stations`` [m], None for five.
+) -> InertiaStrain:
+    """Return strain of the layout in use; 1 kg is at each of ``stations`` [m], None for five.
 
     Raises
     ------
@@ -59,7 +82,13 @@ def strain_by_inertia(
         stations = np.linspace(0.0, vehicle.body().length, _UNLISTED_STATIONS + 2)[1:-1].tolist()
     for number, station in enumerate(stations, start=1):
         parts[f"{UNLISTED} {number}"] = replace(nothing, points=((station, 1.0),))
-    return inertia_strain(mesh, wall.material, placed[layout], parts, unit_station(vehicle, entry))
+    every = MeridianMasses(
+        density=density, covers=covers, points=tuple((one.x_m, one.mass_kg) for one in entries.point_masses)
+    )
+    return InertiaStrain(
+        by_part=inertia_strain(mesh, wall.material, placed[layout], parts, unit_station(vehicle, entry)),
+        by_bending=bending_strain(mesh, wall.material, placed[layout], every),
+    )
 
 
 def unit_station(vehicle: Vehicle, entry: Mass) -> float:
@@ -67,32 +96,27 @@ def unit_station(vehicle: Vehicle, entry: Mass) -> float:
     return vehicle.reference_quantities().moment_station if entry.unit_x_m is None else entry.unit_x_m
 
 
-def inertia_map(vehicle: Vehicle, by_part: dict[str, FloatArray] | None) -> InertiaMap | None:
+def inertia_map(vehicle: Vehicle, strain: InertiaStrain | None) -> InertiaMap | None:
     """Return the modes of the layout in use, the gauges' covariance 0; None without a section [mass]."""
     entry = vehicle.mass
-    if entry is None or by_part is None:
+    if entry is None or strain is None:
         return None
-    strain = strain_of_listed(by_part)
+    n_d = len(strain.by_bending)
     return InertiaMap(
         prior_std=_prior(entry),
         sensor_std=_errors(entry),
-        mode_strain=strain,
-        rest_covariance=np.zeros((len(strain), len(strain))),
+        mode_strain=strain.of_listed,
+        rest_covariance=np.zeros((n_d, n_d)),
+        vibration_strain=strain.by_bending,
+        vibration_std=_MICRO * entry.vibration_um_per_m,
     )
 
 
-def strain_of_listed(by_part: dict[str, FloatArray]) -> FloatArray:
-    """Return (n_d, k) strain per channel of all that the vehicle file lists."""
-    listed = [strain for name, strain in by_part.items() if not name.startswith(UNLISTED)]
-    return np.asarray(np.sum(listed, axis=0))
-
-
-def inertia_terms(
-    vehicle: Vehicle, inertia: InertiaMap | None, by_part: dict[str, FloatArray] | None
-) -> list[NoiseTerm]:
-    """Return what inertia adds to the noise: the modes, and the errors of masses at the stated specific force."""
+def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaStrain | None) -> list[NoiseTerm]:
+    """Return what inertia adds to the noise: its modes, the errors of masses at the stated specific force, and
+    vibration."""
     entry = vehicle.mass
-    if entry is None or inertia is None or by_part is None:
+    if entry is None or inertia is None or strain is None:
         return []
     size = {
         _STRUCTURE: 0.01 * entry.structure_percent,
@@ -100,11 +124,13 @@ def inertia_terms(
         UNLISTED: entry.unlisted_kg,
     }
     force = inertia.prior_std[:N_FORCES]
-    errors = np.hstack([size[name.split()[0]] * strain[:, :N_FORCES] * force for name, strain in by_part.items()])
-    found = [nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std)]
-    if errors.any():
-        found.append(NoiseTerm("errors of masses", errors))
-    return found
+    errors = [size[name.split()[0]] * one[:, :N_FORCES] * force for name, one in strain.by_part.items()]
+    stds = np.full(inertia.vibration_strain.shape[1], inertia.vibration_std)
+    return [
+        nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std),
+        nuisance_modes(VIBRATION_MODES, inertia.vibration_strain, stds),
+        NoiseTerm("errors of masses", np.hstack(errors)),
+    ]
 
 
 def with_rest(
@@ -113,7 +139,9 @@ def with_rest(
     """Return ``inertia`` with the covariance of ``terms`` that neither scale nor are its modes or ``others``."""
     if inertia is None:
         return None
-    rest = [term.strain @ term.strain.T for term in terms if not term.scales and term.name not in (NAME, *others)]
+    rest = [
+        term.strain @ term.strain.T for term in terms if not term.scales and term.name not in _OF_MODES + others
+    ]
     return replace(inertia, rest_covariance=np.sum(rest, axis=0))
 
 

@@ -14,7 +14,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
+from builder.structure.fourier.fourier_elasticity import (
+    FourierStiffness,
+    HarmonicSolver,
+    assemble_stiffness,
+    factor_harmonic,
+    rigid_motions,
+)
 from builder.structure.fourier.free_flight import FlyingSolver, inertia_matrix
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
@@ -23,6 +29,10 @@ from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 
 HARMONICS = 3
+ITERATIONS = 12
+BLIND = 1e-9
+"""Strain of a mode over that across the other axis, below which no gauge sees it."""
+
 N_FIELDS = 11
 """Fields: f along x, y, z [m/s2]; dw/dt about y, z [rad/s2]; P xx, yy, zz, xy, xz, yz [rad2/s2]."""
 
@@ -78,21 +88,56 @@ def inertia_strain(
     """
     stations = distinct_stations(gauges.x)
     stiffness, field = assemble_stiffness(mesh, material), acceleration_fields(mesh, unit)
-    at = station_index(stations, gauges.x)
-    c, s = gauges.meridional[:, None], gauges.circumferential[:, None]
-    found = {name: np.zeros((len(at), N_FIELDS)) for name in parts}
+    found = {name: np.zeros((len(gauges.x), N_FIELDS)) for name in parts}
     for m in range(HARMONICS):
-        flies = m < 2 and mesh.masses is not None
-        solver = FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
         rows = strain_rows(mesh, stations, m)
-        adjoint = solver.solve(rows.reshape(-1, mesh.n_dof).T).T.reshape(rows.shape)[at]
-        cosine, sine = np.cos(m * gauges.roll_angle)[:, None], np.sin(m * gauges.roll_angle)[:, None]
+        adjoint = _solver(mesh, stiffness, m).solve(rows.reshape(-1, mesh.n_dof).T).T.reshape(rows.shape)
         for name, masses in parts.items():
             # Masses on the axis stay there under fields of the second harmonic.
             of_harmonic = masses if m < 2 else replace(masses, points=())
             inertia = inertia_matrix(replace(mesh, masses=of_harmonic), m)
-            for family, (even, odd) in enumerate(((cosine, sine), (sine, -cosine))):
+            for family in range(2):
                 force = -(inertia @ field[:, family, m].reshape(N_FIELDS, -1).T)
-                meridional, hoop, shear = (adjoint[:, k] @ force for k in range(3))
-                found[name] += even * (c**2 * meridional + s**2 * hoop) + odd * 2.0 * c * s * shear
+                found[name] += _at_gauges(gauges, stations, adjoint @ force, m, family)
     return found
+
+
+def bending_strain(
+    mesh: MeridianMesh, material: Material, gauges: PlacedGauges, masses: MeridianMasses
+) -> FloatArray:
+    """Return strain (n_d, 2) of the gauges [1] by the first bending mode across y and across z.
+
+    Each is over that of the gauge that it strains most; 0 of one that no gauge sees. The mode is found by iterations with the inverse of the
+    stiffness: the next mode of a beam has at least 2.7 times its frequency, and decays by its square.
+    """
+    stiffness, inertia = assemble_stiffness(mesh, material), inertia_matrix(replace(mesh, masses=masses), 1)
+    solver, stations = _solver(mesh, stiffness, 1), distinct_stations(gauges.x)
+    rigid = rigid_motions(mesh, 1) if mesh.masses is not None else np.zeros((mesh.n_dof, 0))
+    moved = inertia @ rigid
+    of_rigid = rigid.T @ moved
+    x = mesh.node[:, 0] / mesh.node[:, 0].max()
+    mode = np.column_stack([np.zeros_like(x), x**2, -(x**2)]).reshape(-1, 1)
+    for _ in range(ITERATIONS):
+        force = inertia @ mode
+        force = force - moved @ np.linalg.solve(of_rigid, rigid.T @ force)
+        mode = solver.solve(force)
+        mode = mode / np.sqrt((mode.T @ (inertia @ mode)).item())
+    by_mode = strain_rows(mesh, stations, 1) @ mode
+    found = np.hstack([_at_gauges(gauges, stations, by_mode, 1, family) for family in (1, 0)])
+    most = np.abs(found).max(axis=0)
+    seen = most > BLIND * most.max()
+    return np.where(seen, found, 0.0) / np.where(seen, most, 1.0)
+
+
+def _solver(mesh: MeridianMesh, stiffness: FourierStiffness, m: int) -> HarmonicSolver | FlyingSolver:
+    flies = m < 2 and mesh.masses is not None
+    return FlyingSolver(mesh, stiffness, m) if flies else factor_harmonic(mesh, stiffness, m)
+
+
+def _at_gauges(gauges: PlacedGauges, stations: FloatArray, strain: FloatArray, m: int, family: int) -> FloatArray:
+    """Return (n_d, k) strain of the gauges by amplitudes ``strain`` (n, 3, k) of a harmonic at ``stations``."""
+    phase = m * gauges.roll_angle[:, None]
+    even, odd = (np.cos(phase), np.sin(phase)) if family == 0 else (np.sin(phase), -np.cos(phase))
+    c, s = gauges.meridional[:, None], gauges.circumferential[:, None]
+    meridional, hoop, shear = strain[station_index(stations, gauges.x)].transpose(1, 0, 2)
+    return np.asarray(even * (c**2 * meridional + s**2 * hoop) + odd * 2.0 * c * s * shear)

@@ -24,6 +24,8 @@ class Mass(Section):
     ``lateral_g`` across it, ``angular_acceleration_rad_per_s2``, angular rates of ``roll_rate_rad_per_s`` about
     the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
     ``unit_x_m`` on the axis (default: the moment reference) measures has the deviations ``.._std_..``.
+    ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
+    they strain most, where the input ``vibration`` does not state it.
     """
 
     structure_percent: Percent = 2.0
@@ -34,6 +36,7 @@ class Mass(Section):
     angular_acceleration_rad_per_s2: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
     roll_rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0
     rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0
+    vibration_um_per_m: Annotated[float, Field(ge=1e-3, le=1e4)] = 2.5
     unit_x_m: Annotated[float, Field(ge=-1e3, le=1e3)] | None = None
     specific_force_std_m_per_s2: Std = 0.1
     angular_rate_std_rad_per_s: Std = 0.01

@@ -259,11 +259,12 @@ static void filter_outputs(Estimator *e) {
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
-        double channel[N_INERTIAL_CHANNELS];
+        double channel[N_INERTIAL_CHANNELS], vibration = NAN;
         if (e->inputs.n_inertial > 0) {
             inertial_channels(&e->inputs, channel);
+            vibration = known_vibration(&e->inputs);
         }
-        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature, channel);
+        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature, channel, vibration);
         if (other_sensors || (e->noise_outdated && e->renewal.under_way == 0.0)) {
             renewal_at_once(&e->renewal, latest_zeros(e), other_sensors);
             e->noise_outdated = 0;
@@ -284,7 +285,7 @@ const double *estimator_outputs(Estimator *e) {
         if (e->filter.present) {
             filter_outputs(e);
         }
-        if (renews && e->output[HEALTH_STATE] == (double)OK) {
+        if ((renews || thermal_vibrates(&e->thermal)) && e->output[HEALTH_STATE] == (double)OK) {
             e->output[HEALTH_STATE] = DEGRADED;
         }
     }

@@ -51,7 +51,8 @@ static double natural_size(const Estimator *e, size_t input) {
         return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(&e->inputs)];
     }
     if (input >= first_inertial(&e->inputs)) {
-        return value == e->map.not_known || !isfinite(value) ? 0.0 : 1.0;
+        const int none = input == first_inertial(&e->inputs) + VIBRATION || value == e->map.not_known || !isfinite(value);
+        return none ? 0.0 : 1.0;
     }
     return input >= temperatures && input < first_parameter(&e->inputs) ? (value > 0.0 ? 1.0 : 0.0) : positive;
 }

@@ -12,7 +12,7 @@ from strainfmu.can.wire.frame_layout import (
     is_temperature,
 )
 from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
-from strainfmu.units import READING_UNITS, TEMPERATURE_UNITS, UNITS_OF
+from strainfmu.units import READING_UNITS, STRAIN_UNITS, TEMPERATURE_UNITS, UNITS_OF
 
 _OF_UNIT = {
     "Pa": (UNITS_OF["Pa"], "a unit of pressure", ""),
@@ -24,7 +24,8 @@ _OF_UNIT = {
     "rad/s": (UNITS_OF["rad/s"], "a unit of angular rate", ""),
     "rad/s2": (UNITS_OF["rad/s2"], "a unit of angular acceleration", ""),
 }
-_UNITS_OF = {one.name: _OF_UNIT[one.unit] for one in SAMPLE_INPUTS}
+_OF_STRAIN = (STRAIN_UNITS, "a unit of strain", "1")
+_UNITS_OF = {one.name: _OF_STRAIN if one.shown in STRAIN_UNITS else _OF_UNIT[one.unit] for one in SAMPLE_INPUTS}
 """Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 

@@ -110,8 +110,9 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
         parts["filter"] = _filter(inverse_map)
     if inverse_map.modes.n_modes:
         parts["thermal"] = _thermal(inverse_map, inverse_map.modes)
-    if inverse_map.has_masses:
-        parts["inertia"] = {"channels": len(CHANNELS)}
+    if inverse_map.inertia is not None:
+        vibrations = inverse_map.inertia.vibration_strain.shape[1]
+        parts["inertia"] = {"channels": len(CHANNELS), "vibrations": vibrations}
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)

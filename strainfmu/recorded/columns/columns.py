@@ -46,7 +46,10 @@ from strainfmu.units import NUMBER_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNIT
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
-_FLOW_UNITS = {one.name: (UNITS_OF[one.unit], one.unit) for one in SAMPLE_INPUTS}
+_FLOW_UNITS = {
+    one.name: (STRAIN_UNITS if one.shown in STRAIN_UNITS else UNITS_OF[one.unit], one.unit)
+    for one in SAMPLE_INPUTS
+}
 """Units of a quantity, and the one that is meant without any."""
 
 _NOT_NEGATIVE = tuple(one.name for one in SAMPLE_INPUTS if one.is_std)

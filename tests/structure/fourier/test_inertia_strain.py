@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.structure.fourier.gauges import PlacedGauges
-from builder.structure.fourier.inertia_strain import inertia_strain
+from builder.structure.fourier.inertia_strain import bending_strain, inertia_strain
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMasses, MeridianMesh, tube_mesh
 from builder.structure.loads.applied import Acceleration
 from builder.structure.loads.fourier import fourier_structure
@@ -124,3 +124,29 @@ def test_a_mass_bends_the_wall_behind_it() -> None:
     second = np.pi / 4.0 * (OUTER**4 - INNER**4)
     assert found[0] == pytest.approx(0.0, abs=1e-3 * found[2])
     assert found[1:] == pytest.approx(2.0 * (np.array([0.5, 0.7]) - 0.2) * INNER / (E * second), rel=0.01)
+
+
+def curvature(beta: float, x: np.ndarray) -> np.ndarray:
+    """Of the first mode of a beam, over its largest: x from the free end, clamped at 1 or free there, too."""
+    if beta < 2.0:
+        ratio = (np.sinh(beta) - np.sin(beta)) / (np.cosh(beta) + np.cos(beta))
+        from_clamp = beta * (1.0 - x)
+        shape = np.cosh(from_clamp) + np.cos(from_clamp) - ratio * (np.sinh(from_clamp) + np.sin(from_clamp))
+        return np.asarray(shape / 2.0)
+    middle = beta * (x - 0.5)
+    shape = np.cosh(middle) / np.cosh(beta / 2.0) - np.cos(middle) / np.cos(beta / 2.0)
+    return np.asarray(shape / (1.0 / np.cosh(beta / 2.0) - 1.0 / np.cos(beta / 2.0)))
+
+
+@pytest.mark.parametrize(("is_free", "beta"), [(False, 1.87510), (True, 4.73004)])
+def test_the_first_bending_mode_is_that_of_a_beam(is_free: bool, beta: float) -> None:
+    ends, x = np.array([0.0, 4.0]), np.array([0.8, 1.6, 2.4])  # slender: shear is small
+    mesh = tube_mesh(ends, np.full(2, INNER), np.full(2, OUTER), element_length=0.04)
+    if is_free:
+        mesh = replace(mesh, clamped_node=NO_NODES, masses=SOLID["all"])
+    found = bending_strain(mesh, MATERIAL, gauges(x.tolist()), SOLID["all"])
+    assert np.abs(found[::2, 1]).max() == pytest.approx(1.0)
+    expected = curvature(beta, x / 4.0)
+    assert found[::2, 1] / found[2, 1] == pytest.approx(expected / expected[1], rel=0.03)
+    across = bending_strain(mesh, MATERIAL, gauges(x.tolist(), np.pi / 2.0), SOLID["all"])
+    assert across[:, 0] == pytest.approx(found[:, 1], rel=1e-6)

@@ -34,7 +34,8 @@
     X(MEASURED_SIDESLIP, "measured_sideslip_angle")               \
     X(MEASURED_SIDESLIP_STD, "measured_sideslip_angle_std")
 
-/* Of maps with masses alone, behind health.usable: what an inertial unit measures [m/s2, rad/s, rad/s2], inertia.h. */
+/* Of maps with masses alone, behind health.usable: what an inertial unit measures [m/s2, rad/s,
+   rad/s2], and the standard deviation of vibrating strain [1], inertia.h. */
 #define INERTIAL_INPUTS(X)                                        \
     X(SPECIFIC_FORCE_X, "specific_force_x")                       \
     X(SPECIFIC_FORCE_Y, "specific_force_y")                       \
@@ -43,7 +44,8 @@
     X(ANGULAR_RATE_Y, "angular_rate_y")                           \
     X(ANGULAR_RATE_Z, "angular_rate_z")                           \
     X(ANGULAR_ACCELERATION_Y, "angular_acceleration_y")           \
-    X(ANGULAR_ACCELERATION_Z, "angular_acceleration_z")
+    X(ANGULAR_ACCELERATION_Z, "angular_acceleration_z")           \
+    X(VIBRATION, "vibration")
 
 #define AIR_INPUT_NUMBER(number, name) number,
 #define AIR_INPUT_NAME(number, name) name,

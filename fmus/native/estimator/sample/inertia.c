@@ -1,10 +1,19 @@
 #include "inertia.h"
 
+static double known_inertial(const Inputs *inputs, size_t which) {
+    const double value = inputs->value[first_inertial(inputs) + which];
+    return value != inputs->map->not_known && isfinite(value) ? value : NAN;
+}
+
+double known_vibration(const Inputs *inputs) {
+    const double value = known_inertial(inputs, VIBRATION);
+    return value >= 0.0 ? value : NAN;
+}
+
 void inertial_channels(const Inputs *inputs, double channel[N_INERTIAL_CHANNELS]) {
     double known[N_INERTIAL_INPUTS];
     for (size_t k = 0; k < N_INERTIAL_INPUTS; k++) {
-        const double value = inputs->value[first_inertial(inputs) + k];
-        known[k] = value != inputs->map->not_known && isfinite(value) ? value : NAN;
+        known[k] = known_inertial(inputs, k);
     }
     const double x = known[ANGULAR_RATE_X], y = known[ANGULAR_RATE_Y], z = known[ANGULAR_RATE_Z];
     channel[0] = known[SPECIFIC_FORCE_X];

@@ -14,4 +14,7 @@ enum { N_INERTIAL_CHANNELS = 11 };
 /* Set the channels of the present inputs, NaN of those that are not known. */
 void inertial_channels(const Inputs *inputs, double channel[N_INERTIAL_CHANNELS]);
 
+/* The standard deviation of vibrating strain [1]; NaN where it is not known. */
+double known_vibration(const Inputs *inputs);
+
 #endif
