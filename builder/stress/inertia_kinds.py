@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -102,24 +103,15 @@ class Vibration:
         return as_read(strain, wind, hardware, random) + size @ self._strain.T
 
 
-@dataclass(frozen=True, kw_only=True)
-class StatedVibration:
-    """The standard deviation of a vibration of ``amplitude`` [m/m], as an input."""
-
-    amplitude: float
-
-    def known(
-        self, conditions: Sequence[FlightCondition], noise: Noise, random: np.random.Generator
-    ) -> dict[str, Any]:
-        """Return the input."""
-        return {VIBRATION: np.full(len(conditions), self.amplitude / np.sqrt(2.0))}
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class InertialUnit:
-    """The inertial unit of a vehicle in ``manoeuvre``, with errors of the stated sizes."""
+    """The inertial unit of a vehicle in ``manoeuvre``, with errors of the stated sizes.
+
+    ``vibration`` [m/m] is the standard deviation that is stated besides; None for none.
+    """
 
     manoeuvre: Manoeuvre
+    vibration: float | None = None
 
     def known(
         self, conditions: Sequence[FlightCondition], noise: Noise, random: np.random.Generator
@@ -136,7 +128,8 @@ class InertialUnit:
         }
         std = np.array([stds[one.unit] for one in MEASURED_MOTION])
         read = true + std * random.standard_normal(true.shape)
-        return dict(zip(names, read.T, strict=True))
+        found: dict[str, Any] = dict(zip(names, read.T, strict=True))
+        return found if self.vibration is None else {**found, VIBRATION: np.full(len(true), self.vibration)}
 
 
 def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
@@ -146,6 +139,7 @@ def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
         return []
     listed = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G)
     extra = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G, with_listed=False, extra=EXTRA_KG)
+    straight = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=0.0)
     both = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G, extra=EXTRA_KG)
     size, of_mass = f"{LATERAL_G:g} g lateral", f"{EXTRA_KG:g} kg at mid-body, {LATERAL_G:g} g lateral"
     by_load = stated_class(LATERAL_G, entry.lateral_g)
@@ -188,8 +182,9 @@ def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
             error="vibration",
             size=bending,
             group=by_vibration,
-            what="First bending mode at any phase, across any axis; nothing states it.",
+            what="First bending mode at any phase, across any axis. Nothing states it; an inertial unit reads 0.",
             readings=vibration.readings,
+            air_data=InertialUnit(manoeuvre=straight),
         ),
         Kind(
             error="vibration, stated",
@@ -197,6 +192,6 @@ def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
             group="within",
             what="The same, with its standard deviation as an input.",
             readings=vibration.readings,
-            air_data=StatedVibration(amplitude=AMPLITUDE),
+            air_data=InertialUnit(manoeuvre=straight, vibration=AMPLITUDE / sqrt(2.0)),
         ),
     ]

@@ -107,8 +107,14 @@ class Vehicle(Section):
 
     def _mass_faults(self) -> list[str]:
         """Return what of the vehicle does not go with masses."""
+        entry = self.structure
         if self.mass is None:
-            return []
+            return [
+                f"structure.{name}: expected none with support '{entry.support}', which carries all mass, "
+                "and without a section [mass]"
+                for name in ("point_masses", "covers")
+                if getattr(entry, name) and entry.support != "free_flight"
+            ]
         faults = []
         if self.material.density_kg_per_m3 is None:
             faults.append("[mass] needs material.density_kg_per_m3")

@@ -107,8 +107,9 @@ def bending_strain(
 ) -> FloatArray:
     """Return strain (n_d, 2) of the gauges [1] by the first bending mode across y and across z.
 
-    Each is over that of the gauge that it strains most; 0 of one that no gauge sees. The mode is found by iterations with the inverse of the
-    stiffness: the next mode of a beam has at least 2.7 times its frequency, and decays by its square.
+    Each is over that of the gauge that it strains most; 0 of one that no gauge sees. The mode is found by
+    iterations with the inverse of the stiffness: the next mode of a beam has at least 2.7 times its frequency, and
+    decays by its square.
     """
     stiffness, inertia = assemble_stiffness(mesh, material), inertia_matrix(replace(mesh, masses=masses), 1)
     solver, stations = _solver(mesh, stiffness, 1), distinct_stations(gauges.x)

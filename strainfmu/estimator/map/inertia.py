@@ -149,7 +149,8 @@ def readings_of_modes(
 def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
     """Return (m,) the ``vibration`` (m,) [m/m] over that of the map, as the covariance takes it.
 
-    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration changes little.
+    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
+    changes little.
     """
     if inertia is None:
         return np.full(len(vibration), np.nan)
