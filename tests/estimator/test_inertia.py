@@ -39,7 +39,7 @@ def linear() -> InverseMap:
 
 
 def tables() -> InverseMap:
-    return with_masses(whole_map(), size=3e-5)
+    return with_masses(whole_map(), size=3e-6)
 
 
 KINDS = pytest.mark.parametrize("held", [linear(), tables()], ids=["linear", "tables"])
@@ -103,7 +103,7 @@ def test_what_is_not_measured_stays_in_the_uncertainty(held: InverseMap) -> None
     every = estimator.estimate(strain, **air(held), **AT_REST)
     assert np.all(every.loads_std <= one.loads_std * (1.0 + 1e-9))
     assert np.all(one.loads_std <= without.loads_std * (1.0 + 1e-9))
-    assert every.loads_std[1] < 0.9 * without.loads_std[1]
+    assert every.loads_std[1] < 0.97 * without.loads_std[1]
 
 
 @KINDS
@@ -114,7 +114,7 @@ def test_vibration_widens_the_uncertainty_and_health_shows_it(held: InverseMap) 
     found = [estimator.estimate(fitting(held), **at, vibration=part * stated) for part in (0.0, 0.5, 1.0, 4.0)]
     stds = np.array([one.loads_std for one in found])
     assert np.all(np.diff(stds, axis=0) >= -1e-9 * stds[:-1])
-    assert stds[3, 1] > 1.03 * stds[1, 1]
+    assert stds[3, 1] > 1.002 * stds[1, 1]
     np.testing.assert_allclose(stds[2], usual.loads_std, rtol=1e-12)
     assert [one.health for one in found] == [*3 * [usual.health], HealthState.DEGRADED]
 
