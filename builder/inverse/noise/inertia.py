@@ -23,7 +23,7 @@ from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 NAME = "inertia"
 """Name of the noise term of the modes."""
 
-VIBRATION_MODES = "vibration"
+VIBRATION_MODES = "modes of vibration"
 """Name of that of the bending modes."""
 
 _OF_MODES = (NAME, VIBRATION_MODES)
