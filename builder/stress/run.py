@@ -284,8 +284,8 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
             f"{len(sensors)}: {', '.join(sensors)[:80] or 'none'}"
         )
     if (vehicle.mass is not None) != inverse_map.has_masses:
-        expected, found = ("with", "without") if vehicle.mass is not None else ("without", "with")
-        raise InputError(f"{path}: expected a map {expected} masses, as the section [mass] says, got one {found}")
+        wanted, got = ("with", "without") if vehicle.mass is not None else ("without", "with")
+        raise InputError(f"{path}: expected a map {wanted} masses as the vehicle file has them, got one {got}")
     reference = vehicle.reference_quantities()
     for name, expected, found in (
         ("reference area [m2]", reference.area, inverse_map.reference_area),

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from builder.stress.inertia_kinds import inertia_kinds
 from builder.stress.kind import Kind
 from builder.stress.kinds import all_kinds
+from builder.stress.run import check_fit
 from builder.stress.score import Range
 from builder.vehicle.structure.mass import Mass
+from strainfmu.errors import InputError
 
 ERRORS = (
     "inertia of the masses",
@@ -53,6 +57,15 @@ def test_the_class_follows_from_the_file(trial: Range) -> None:
     assert inertia_kinds(trial.vehicle) == []
     weak = trial.vehicle.model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
     assert [kind.group for kind in inertia_kinds(weak)] == ["outside", "within", *(3 * ["outside"]), "within"]
+
+
+def test_a_map_of_the_vehicle_without_masses_is_refused(trial: Range, heavy_trial: Range) -> None:
+    path = Path("map.h5")
+    check_fit(heavy_trial.vehicle, heavy_trial.inverse_map, path)
+    with pytest.raises(InputError, match=r"map\.h5: expected a map with masses as the vehicle file has them"):
+        check_fit(heavy_trial.vehicle, trial.inverse_map, path)
+    with pytest.raises(InputError, match=r"map\.h5: expected a map without masses"):
+        check_fit(trial.vehicle, heavy_trial.inverse_map, path)
 
 
 def test_the_unit_reads_the_load_factor(heavy_trial: Range) -> None:
