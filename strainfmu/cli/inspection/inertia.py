@@ -11,7 +11,7 @@ from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 
 
 def inertia_table(inertia: InertiaMap) -> Table:
-    """Return each channel with its standard deviations, and the strain that it leaves in the gauges [um/m, rms]."""
+    """Return each channel with its standard deviations, and the strain that it leaves in the gauges, rms."""
     table = plain_table("Inertia", "channel", "not measured, sigma", "um/m", "measured, sigma", "um/m")
     of_strain = MICRO * np.sqrt(np.mean(inertia.mode_strain**2, axis=0))
     rows = zip(CHANNELS, inertia.prior_std.tolist(), inertia.sensor_std.tolist(), of_strain.tolist(), strict=True)
