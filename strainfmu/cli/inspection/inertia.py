@@ -7,6 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.cli.inspection.temperature import MICRO, plain_table
+from strainfmu.estimator.air_inputs import VIBRATION
 from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 
 
@@ -22,5 +23,5 @@ def inertia_table(inertia: InertiaMap) -> Table:
         )
     rms = float(np.sqrt(np.mean(np.sum(inertia.vibration_strain**2, axis=1))))
     stated = MICRO * inertia.vibration_std
-    table.add_row("vibration", f"{stated:.3g} um/m", f"{stated * rms:.3g}", "as given", "")
+    table.add_row(VIBRATION, f"{stated:.3g} um/m", f"{stated * rms:.3g}", "as given", "")
     return table
