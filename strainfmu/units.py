@@ -73,6 +73,8 @@ UNITS_OF: dict[str, dict[str, float]] = {
     "m": LENGTH_UNITS,
     "K": {"K": 1.0},
     "rad": ANGLE_UNITS,
+    "rad/s": {"rad/s": 1.0, "deg/s": pi / 180.0},
+    **{unit: READING_UNITS[unit] for unit in ("m/s2", "rad/s2")},
 }
 """Units of flow and navigation, by the SI unit of each; factor to it."""
 
@@ -87,6 +89,7 @@ ALL_UNITS = frozenset(
         *VOLTAGE_UNITS,
         *TEMPERATURE_UNITS,
         *(unit for units in READING_UNITS.values() for unit in units),
+        *UNITS_OF["rad/s"],
     }
 )
 """All of these."""

@@ -17,6 +17,7 @@ from builder.inverse.noise.flow_models import newtonian_difference
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
+from builder.inverse.noise.inertia import inertia_map, inertia_terms, strain_by_inertia
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
 from builder.inverse.noise.mesh_error import MeshError, mesh_error
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
@@ -141,6 +142,8 @@ def inverse_problem(
     ensemble = ensemble_of(vehicle, snapshots)
     mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
     thermal = thermal_map(vehicle)
+    by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
+    inertia = inertia_map(vehicle, by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
     errors += left
     if mesh is not None and vehicle.noise.model == "default":
@@ -148,6 +151,7 @@ def inverse_problem(
     terms = [
         *noise_terms(vehicle, snapshots, structure, ensemble, errors),
         *thermal_terms(vehicle, thermal),
+        *inertia_terms(vehicle, inertia, by_inertia),
         *nuisance,
     ]
     own = gauge_noise_covariance(vehicle, snapshots, structure)
@@ -179,6 +183,7 @@ def inverse_problem(
         mesh=mesh,
         sensors=sensors,
         thermal=thermal if sensors is None else with_sensor_rows(thermal, len(sensors.rows)),
+        inertia=inertia,
         between=between,
         off_the_snapshots=off,
         leeward=leeward,

@@ -31,6 +31,7 @@ from builder.vehicle.map.gamma_rules import Rule
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.inertia import InertiaMap
 from strainfmu.estimator.map.temperature import ThermalMap
 
 
@@ -50,7 +51,7 @@ class Problem:
     entry : section [map] of the vehicle file.
     mesh : error of strain by the structure's mesh, where it is known; what counts of it is among ``errors``.
     sensors : those beside the strain gauges, whose rows follow the gauges'; None for none.
-    thermal : modes of the wall's temperature, which are among ``noise``; None for none.
+    thermal, inertia : modes of the wall's temperature and of inertia, which are among ``noise``; None for none.
     between : flows between the snapshots; None where they are not known.
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
         :meth:`~builder.inverse.noise.flows_between.FlowsBetween.off_the_snapshots` [Pa]; None where it is not
@@ -72,6 +73,7 @@ class Problem:
     mesh: MeshError | None = None
     sensors: SensorSet | None = None
     thermal: ThermalMap | None = None
+    inertia: InertiaMap | None = None
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None

@@ -13,10 +13,10 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import error_model
+from builder.inverse.noise.inertia import with_rest
 from builder.inverse.noise.model import NoiseTerm
-from builder.inverse.noise.thermal import (
-    with_isothermal,
-)
+from builder.inverse.noise.thermal import NAME as TEMPERATURE_MODES
+from builder.inverse.noise.thermal import with_isothermal
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.inverse.solution import Problem, Solution
@@ -84,7 +84,7 @@ def _rows(gauges: GaugeLayout, sensors: SensorSet | None) -> dict[str, Any]:
 
 
 def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
-    """Return the fields of a map on its errors, temperature among them.
+    """Return the fields of a map on its errors, temperature and inertia among them.
 
     In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
     """
@@ -97,6 +97,7 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
         "error_strain": strain,
         "error_load": load,
         **({} if thermal is None else {"thermal": thermal}),
+        "inertia": with_rest(problem.inertia, solution.noise.terms, (TEMPERATURE_MODES,)),
     }
 
 

@@ -118,6 +118,8 @@ def left_out(vehicle: Vehicle) -> list[str]:
     found += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
     if vehicle.temperature is not None and not vehicle.is_of_revolution:
         found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")
+    if vehicle.mass is not None:
+        found.append("mass: inertia and vibration are not counted")
     found.append(
         "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
         "layout states it"

@@ -152,7 +152,8 @@ def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
     )
     temperature = vehicle.temperature
     warm = {} if temperature is None else {TEMPERATURE: temperature.model_dump()}
-    return {**parts, **warm, "tables": tables}
+    heavy = {} if vehicle.mass is None else {"mass": vehicle.mass.model_dump()}
+    return {**parts, **warm, **heavy, "tables": tables}
 
 
 def _solid_structure(pipeline: Pipeline) -> None:

@@ -283,6 +283,9 @@ def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
             f"{path}: expected the {len(expected_sensors)} auxiliary sensors of the section [sensors], got "
             f"{len(sensors)}: {', '.join(sensors)[:80] or 'none'}"
         )
+    if (vehicle.mass is not None) != inverse_map.has_masses:
+        wanted, got = ("with", "without") if vehicle.mass is not None else ("without", "with")
+        raise InputError(f"{path}: expected a map {wanted} masses as the vehicle file has them, got one {got}")
     reference = vehicle.reference_quantities()
     for name, expected, found in (
         ("reference area [m2]", reference.area, inverse_map.reference_area),

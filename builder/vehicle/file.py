@@ -28,6 +28,7 @@ from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
 from builder.vehicle.sizes import size_faults
+from builder.vehicle.structure.mass import Mass
 from builder.vehicle.structure.material import MaterialEntry
 from builder.vehicle.structure.section import Structure
 from builder.vehicle.structure.temperature import Temperature
@@ -61,6 +62,7 @@ class Vehicle(Section):
     sensors: Sensors | None = None
     calibration: Calibration = Calibration()
     temperature: Temperature | None = None
+    mass: Mass | None = None
     truth: Truth = Truth()
     resolution: Resolutions = Resolutions()
     _folder: Path = PrivateAttr(default=Path())
@@ -70,7 +72,7 @@ class Vehicle(Section):
         faults = self._shape_faults()
         if self.structure.support == "free_flight" and self.material.density_kg_per_m3 is None:
             faults.append("structure.support 'free_flight' needs material.density_kg_per_m3")
-        faults += self._material_faults()
+        faults += [*self._material_faults(), *self._mass_faults()]
         if self.noise.of_layout is not None and self.noise.of_layout not in self.gauges.layouts:
             faults.append(
                 f"noise.of_layout '{self.noise.of_layout}' is not among the layouts {sorted(self.gauges.layouts)}"
@@ -84,7 +86,11 @@ class Vehicle(Section):
 
     def _material_faults(self) -> list[str]:
         """Return materials that are named and not there, or have no density where masses count."""
-        faults, flies = [], self.structure.support == "free_flight"
+        faults = []
+        needs = [
+            *(["structure.support 'free_flight'"] if self.structure.support == "free_flight" else []),
+            *(["[mass]"] if self.mass is not None else []),
+        ]
         known = ", ".join(sorted(self.materials)) or "none"
         named = [(f"regions.{n}", one.material) for n, one in enumerate(self.structure.regions, start=1)]
         named += [
@@ -95,9 +101,28 @@ class Vehicle(Section):
         for where, name in named:
             if name not in self.materials:
                 faults.append(f"structure.{where}: expected one of [materials], {known}, got '{name}'")
-            elif flies and self.materials[name].density_kg_per_m3 is None:
-                faults.append(f"structure.support 'free_flight' needs materials.{name}.density_kg_per_m3")
+            elif needs and self.materials[name].density_kg_per_m3 is None:
+                faults.append(f"{needs[0]} needs materials.{name}.density_kg_per_m3")
         return list(dict.fromkeys(faults))
+
+    def _mass_faults(self) -> list[str]:
+        """Return what of the vehicle does not go with masses."""
+        entry = self.structure
+        if self.mass is None:
+            return [
+                f"structure.{name}: expected none with support '{entry.support}', which carries all mass, "
+                "and without a section [mass]"
+                for name in ("point_masses", "covers")
+                if getattr(entry, name) and entry.support != "free_flight"
+            ]
+        faults = []
+        if self.material.density_kg_per_m3 is None:
+            faults.append("[mass] needs material.density_kg_per_m3")
+        if not self.is_of_revolution or self.structure.model != "fourier" or self.structure.external is not None:
+            faults.append("mass: expected a profile and structure.model 'fourier', got another structure")
+        if self.sensors is not None:
+            faults.append("mass: expected none with [sensors], whose readings inertia moves too")
+        return faults
 
     def _shape_faults(self) -> list[str]:
         """Return what of the shape does not fit the rest of the file."""

@@ -46,6 +46,7 @@ class OneGauge:
     has_other_loads: bool = False
     has_auxiliary_sensors: bool = False
     has_temperature: bool = False
+    has_masses: bool = False
     section_station: Any = field(default_factory=lambda: np.zeros(0))
     thermal: Any = field(default_factory=lambda: no_temperature(np.zeros((1, 1))))
     sensors: Any = field(default_factory=lambda: strain_rows(1))

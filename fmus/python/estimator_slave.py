@@ -19,7 +19,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -85,7 +85,7 @@ class EstimatorSlave(Fmi2Slave):
         self._inputs = [references[v.name] for v in interface if v.causality in ("input", "parameter")]
         self._flow_parameters = [references[name] for name in parameter_names(inverse_map)]
         self._parameter_stds = [references[name] for name in parameter_std_names(inverse_map)]
-        of_air = (*FLOW_INPUTS, *NAVIGATION_INPUTS, *LAST_INPUTS)
+        of_air = (*FLOW_INPUTS, *NAVIGATION_INPUTS, *LAST_INPUTS, *INERTIAL_NAMES)
         self._flow = {name: references[name] for name in of_air if name in references}
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         # Start values are no readings: a gauge whose input was never set is left out.

@@ -225,6 +225,61 @@ def _std_of(
     )
 
 
+_AXIS_WORDS = {"x": "aft", "y": "to starboard", "z": "up"}
+
+
+def _inertial(quantity: str, axis: str, symbol: str, unit: str, largest: float) -> AirInput:
+    """Return the input for what an inertial unit measures along or about an axis of the body."""
+    label = f"{quantity} {'along' if unit == 'm/s2' else 'about'} {axis}"
+    text = f"{label}, {_AXIS_WORDS[axis]}, by an inertial unit; {NOT_KNOWN:g} or NaN where not known"
+    name = label.lower().replace(" along ", "_").replace(" about ", "_").replace(" ", "_")
+    return AirInput(
+        name=name,
+        label=label,
+        symbol=symbol,
+        unit=unit,
+        shown=None,
+        text=text,
+        text_of_linear=text,
+        note=f" {NOT_KNOWN:g} or NaN where not known",
+        smallest=-largest,
+        largest=largest,
+        is_later=True,
+        is_signed=True,
+    )
+
+
+_VIBRATION = AirInput(
+    name="vibration",
+    label="Vibration",
+    symbol="sigma(vibration)",
+    unit="1",
+    shown="um/m",
+    text="Standard deviation of the strain by vibration at the gauge that it strains most; widens sigma; "
+    f"{NOT_KNOWN:g} or NaN takes that of the map",
+    text_of_linear="-",
+    note=f" of the gauge that vibrates most; {NOT_KNOWN:g} or NaN takes that of the map",
+    aliases=("vibrationstrain", "strainvibration"),
+    largest=1e-2,
+    is_later=True,
+    is_signed=True,
+)
+
+MEASURED_MOTION = (
+    *(_inertial("Specific force", axis, f"f_{axis}", "m/s2", 2e3) for axis in "xyz"),
+    *(_inertial("Angular rate", axis, f"w_{axis}", "rad/s", 200.0) for axis in "xyz"),
+    *(_inertial("Angular acceleration", axis, f"dw_{axis}/dt", "rad/s2", 2e3) for axis in "yz"),
+)
+"""What an inertial unit measures."""
+
+INERTIAL_INPUTS = (*MEASURED_MOTION, _VIBRATION)
+"""Those of maps with masses alone, of an inertial unit and of vibration, in their order in a record of the core.
+
+Specific force is acceleration less that of gravity, as an accelerometer reads it."""
+
+INERTIAL_NAMES = tuple(one.name for one in INERTIAL_INPUTS)
+VIBRATION = _VIBRATION.name
+
 AIR_INPUTS = (
     _DYNAMIC_PRESSURE,
     _std_of(
@@ -247,7 +302,10 @@ AIR_INPUTS = (
     _MEASURED_SIDESLIP,
     _std_of(_MEASURED_SIDESLIP, "1 deg", "{not_given} takes 1 deg"),
 )
-"""All there is, in their order in a record of the core."""
+"""Those of flow and navigation, in their order in a record of the core."""
+
+SAMPLE_INPUTS = (*AIR_INPUTS, *INERTIAL_INPUTS)
+"""All there is."""
 
 AIR_INPUT_NAMES = tuple(one.name for one in AIR_INPUTS)
 

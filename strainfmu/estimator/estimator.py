@@ -26,6 +26,7 @@ from strainfmu.estimator.air_inputs import (
     AIR_INPUTS,
     ALTITUDE,
     DYNAMIC_PRESSURE,
+    INERTIAL_NAMES,
     Q_SOURCE,
     TOTAL_TEMPERATURE,
     QSource,
@@ -317,6 +318,7 @@ class Estimator:
         parameters: Mapping[str, ArrayLike] | None = None,
         parameters_std: Mapping[str, ArrayLike] | None = None,
         start: ArrayLike | None = None,
+        **inertial: ArrayLike,
     ) -> Estimate:
         """Estimate the loads of one sample, or of k samples at once, each by itself.
 
@@ -346,6 +348,9 @@ class Estimator:
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
         start : (k, 4) flight states (M, u, w, ln p_inf) of k samples, from each of which a nonlinear estimate
             starts; None searches the tables, which takes about ten times as long.
+        inertial : what an inertial unit measures, of a map with masses: ``specific_force_x``, ``_y``, ``_z``
+            [m/s2], ``angular_rate_x``, ``_y``, ``_z`` [rad/s], ``angular_acceleration_y``, ``_z`` [rad/s2], NaN
+            where not known.
 
         Raises
         ------
@@ -371,7 +376,7 @@ class Estimator:
             measured_sideslip_angle,
             measured_sideslip_angle_std,
         )
-        more = (temperature, thrust, parameters, parameters_std)
+        more = (temperature, thrust, parameters, parameters_std, inertial)
         if total_temperature is not nan:
             _refuse_without_altitude(total_temperature, altitude)
         if not is_series(strain):
@@ -412,6 +417,7 @@ class Estimator:
         thrust: ArrayLike = _NO_THRUST,
         parameters: Mapping[str, ArrayLike] | None = None,
         parameters_std: Mapping[str, ArrayLike] | None = None,
+        **inertial: ArrayLike,
     ) -> Estimate:
         """Estimate one sample or k samples along time, each from what the sample before it left.
 
@@ -436,7 +442,7 @@ class Estimator:
             measured_sideslip_angle,
             measured_sideslip_angle_std,
         )
-        more = (temperature, thrust, parameters, parameters_std)
+        more = (temperature, thrust, parameters, parameters_std, inertial)
         core = self._tracks or self._new_track()
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
@@ -510,8 +516,10 @@ class Estimator:
         """Return the estimate of one sample."""
         with_fit = self.is_nonlinear or (how is _TRACK and self.filter_time_constant > 0.0)
         mask = None if valid is None else checked_mask(valid, self._n)
-        temperature, thrust, parameters, stds = more
-        is_plain = temperature is None and thrust is _NO_THRUST and parameters is None and stds is None
+        temperature, thrust, parameters, stds, inertial = more
+        is_plain = (
+            temperature is None and thrust is _NO_THRUST and parameters is None and stds is None and not inertial
+        )
         with self._lock:
             if not (is_plain and self._write_plain(core, strain, air)):
                 core.sample[:] = self._samples(strain, None, air, more).filled(slice(None))[0]
@@ -552,7 +560,7 @@ class Estimator:
         d = strain_of_samples(strain, self._n)
         k, layout = len(d), self.core.inputs
         self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
-        temperature, thrust, parameters, stds = more
+        temperature, thrust, parameters, stds, inertial = more
         columns: list[tuple[slice, Any]] = [
             (layout[name], _column(name, value, k)) for name, value in zip(AIR_INPUT_NAMES, air, strict=True)
         ]
@@ -564,6 +572,7 @@ class Estimator:
                 layout.get("parameter_std", slice(0, 0)),
                 nan if stds is None else self._stds(stds, k),
             ),
+            *self._inertial(inertial, k),
         ]
         mask = None
         if valid is not None:
@@ -578,6 +587,15 @@ class Estimator:
 
     def _stds(self, stds: Mapping[str, ArrayLike], samples: int) -> FloatArray:
         return _exact(self.parameters.stds(stds, samples))
+
+    def _inertial(self, given: Mapping[str, ArrayLike], samples: int) -> list[tuple[slice, Any]]:
+        """Return the places of the inertial inputs and the values ``given``, NaN of those that are not."""
+        for name in given:
+            if name not in INERTIAL_NAMES:
+                raise InputError(f"{name}: expected a quantity of a sample, such as {INERTIAL_NAMES[0]}")
+            if not self.inverse_map.has_masses:
+                raise InputError(f"{name}: expected none, the map was built without [mass]")
+        return [(self.core.inputs[name], _column(name, given.get(name, nan), samples)) for name in INERTIAL_NAMES]
 
     def _temperatures(self, temperature: ArrayLike | None, samples: int) -> Any:
         """Return the readings of the temperature sensors [K], NaN of those that give none."""
@@ -697,6 +715,9 @@ class Estimator:
             strain=record[: self._n],
             air={name: float(record[layout[name].start]) for name in AIR_INPUT_NAMES},
             temperature=record[self._temperature],
+            inertial={
+                name: float(record[layout[name].start]) for name in INERTIAL_NAMES if self.inverse_map.has_masses
+            },
             thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else 0.0,
             parameter=record[self._parameter],
             parameter_std=record[layout["parameter_std"]] if "parameter_std" in layout else unknown,

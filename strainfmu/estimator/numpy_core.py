@@ -15,7 +15,14 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, FLOW_QUANTITIES, MACH_NUMBER, STD
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUT_NAMES,
+    FLOW_QUANTITIES,
+    INERTIAL_NAMES,
+    MACH_NUMBER,
+    STD,
+    VIBRATION,
+)
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
@@ -36,10 +43,10 @@ from strainfmu.estimator.map.flow_parameters import (
     FlowParameters,
     flow_parameters,
 )
+from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.lateral_slope import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.map.offers import has_other_outputs
-from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std
@@ -104,6 +111,7 @@ class NumpyCore:
             {STRAIN: n_strains, "sensor": n - n_strains}
             | dict.fromkeys(AIR_INPUT_NAMES, 1)
             | {TEMPERATURE: n_t, THRUST: int(has_thrust), "parameter": n_p}
+            | dict.fromkeys(INERTIAL_NAMES, int(inverse_map.has_masses))
         )
         of_zeros = {ZERO: n_strains, ZERO_STD: n_strains, ZERO_COMMON_STD: 1, FILTER_TIME_CONSTANT: 0}
         self.settings = _layout(dict.fromkeys(SETTING_NAMES, 1) | of_zeros)
@@ -200,17 +208,23 @@ class NumpyCore:
             std=self._setting(ZERO_STD),
             common_std=float(self._setting(ZERO_COMMON_STD)[0]),
         )
-        theta = of[TEMPERATURE]
-        key = np.hstack([used, known_sensors(held.thermal, theta)])
+        inertial = {name: of[name][:, 0] for name in INERTIAL_NAMES if held.has_masses}
+        theta, read = readings_of_modes(held.thermal, held.inertia, of[TEMPERATURE], inertial)
+        vibration = inertial[VIBRATION] if held.has_masses else np.full(k, np.nan)
+        ratio = vibration_ratio(held.inertia, vibration)
+        key = np.hstack([used, read, np.isfinite(ratio)[:, None], np.nan_to_num(ratio)[:, None]])
         for one in np.unique(key, axis=0):
             at = np.flatnonzero((key == one).all(axis=1))
-            known, amplitude, left = one[n:], None, None
-            if known.any():
-                of_sensors = amplitudes(held.thermal, theta[at], known)
+            known, amplitude, left = one[n:-2] != 0.0, None, None
+            if known.any() or one[-2]:
+                modes = with_vibration(held.modes, held.inertia, float(ratio[at[0]]))
+                of_sensors = amplitudes(modes, theta[at], known)
                 amplitude, left = of_sensors.mean, of_sensors.covariance
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
             noise = row_noise(held, held.gauge_covariance, zeros, left)
-            self._fill(found, at, rows, one[:n], noise=noise, flow=flow)
+            self._fill(found, at, rows, one[:n] != 0.0, noise=noise, flow=flow)
+        more = (np.nan_to_num(ratio) > 1.0) & (found["health"][:, 0] == HealthState.OK)
+        found["health"][more, 0] = HealthState.DEGRADED
         found["usable"][:, 0] = np.isin(found["health"][:, 0], USABLE_STATES)
         return found
 

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD, VIBRATION
 from strainfmu.estimator.estimates.flight_pressure import pressure_of
 from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
 from strainfmu.estimator.map.added_noise import with_gauge_covariance
+from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.temperature import known_sensors
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
@@ -33,6 +33,7 @@ class SurfaceSample:
     strain : (n_d,) readings.
     air : :data:`~strainfmu.estimator.air_inputs.AIR_INPUTS` by name, NaN where not known.
     temperature : (n_t,) of the temperature sensors [K], NaN where one gives none.
+    inertial : :data:`~strainfmu.estimator.air_inputs.INERTIAL_INPUTS` by name; none of a map without masses.
     thrust : [N]; 0 of a map without sensors that respond to it.
     parameter, parameter_std, parameter_score : (n_p,) flow parameters, their standard deviations, NaN where not
         known, and the part of its range by which each leaves it.
@@ -46,6 +47,7 @@ class SurfaceSample:
     strain: FloatArray
     air: Mapping[str, float]
     temperature: FloatArray
+    inertial: Mapping[str, float]
     thrust: float
     parameter: FloatArray
     parameter_std: FloatArray
@@ -122,13 +124,15 @@ def surface_pressure(
 def _at_temperature(
     inverse_map: InverseMap, zeros: GaugeZeros, sample: SurfaceSample
 ) -> tuple[InverseMap, FloatArray]:
-    """Return the map with the noise of the sample, and its rows (n_d,) at the reference temperature [m/m]."""
-    thermal, amplitude, left = inverse_map.thermal, None, None
-    if np.isfinite(sample.temperature).any():
-        known = known_sensors(thermal, sample.temperature[None])[0]
-        if known.any():
-            of_sensors = amplitudes(thermal, sample.temperature[None], known)
-            amplitude, left = of_sensors.mean, of_sensors.covariance
+    """Return the map with the noise of the sample, and its rows (n_d,) without temperature and inertia [m/m]."""
+    amplitude, left = None, None
+    inertial = {name: np.array([value]) for name, value in sample.inertial.items()}
+    theta, known = readings_of_modes(inverse_map.thermal, inverse_map.inertia, sample.temperature[None], inertial)
+    ratio = vibration_ratio(inverse_map.inertia, inertial.get(VIBRATION, np.full(1, np.nan)))[0]
+    if known.any() or np.isfinite(ratio):
+        modes = with_vibration(inverse_map.modes, inverse_map.inertia, float(ratio))
+        of_sensors = amplitudes(modes, theta, known[0])
+        amplitude, left = of_sensors.mean, of_sensors.covariance
     of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
     rows = rows_of(inverse_map, sample.strain[None], np.array([sample.thrust]), of_zeros, amplitude)[0]
     flight, own = inverse_map.manifold, inverse_map.gauge_covariance

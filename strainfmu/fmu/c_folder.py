@@ -16,7 +16,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import AIR_INPUTS
+from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flow_parameters import flow_parameters
@@ -44,7 +44,7 @@ _LINE_SIZE = 118
 _INPUTS = {
     STRAIN: "[m/m]",
     "sensor": "in the units below",
-    **{one.name: f"[{one.unit}]{one.note}" for one in AIR_INPUTS},
+    **{one.name: f"[{one.unit}]{one.note}" for one in SAMPLE_INPUTS},
     TEMPERATURE: "[K]",
     THRUST: "[N] 0 while the engine is off; not given: sensors that it moves are left out",
     "parameter": "flow parameters",

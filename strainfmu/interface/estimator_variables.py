@@ -28,6 +28,7 @@ from strainfmu.interface.filter_variables import with_filter_parameter
 from strainfmu.interface.flight_variables import (
     flight_interface,
     flight_outputs,
+    with_inertial_inputs,
     with_last_variables,
     with_later_inputs,
 )
@@ -103,7 +104,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
     whole = with_filter_parameter(with_thrust_input(whole, inverse_map), inverse_map)
     whole = with_tare_variables(with_other_load_outputs(whole, inverse_map), strain_gauges)
     whole = with_later_inputs(with_parameter_inputs(whole, inverse_map), inverse_map.manifold)
-    return with_last_variables(whole, inverse_map)
+    return with_inertial_inputs(with_last_variables(whole, inverse_map), inverse_map)
 
 
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, Q_SOURCE, AirInput
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, INERTIAL_INPUTS, Q_SOURCE, AirInput
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
@@ -88,6 +88,24 @@ def with_last_variables(interface: tuple[Variable, ...], inverse_map: InverseMap
         initially_depends_on=state.initially_depends_on,
     )
     return (*before, *inputs, usable)
+
+
+def with_inertial_inputs(interface: tuple[Variable, ...], inverse_map: InverseMap) -> tuple[Variable, ...]:
+    """Return ``interface`` with what an inertial unit measures behind it, of a map with masses.
+
+    All outputs depend on it but the number of gauges in use.
+    """
+    if not inverse_map.has_masses:
+        return interface
+    inputs = [_air_input(one, one.text) for one in INERTIAL_INPUTS]
+    names = tuple(one.name for one in inputs)
+    before = (
+        replace(one, depends_on=(*one.depends_on, *names))
+        if one.causality == "output" and one.name != VALID_GAUGES and one.depends_on
+        else one
+        for one in interface
+    )
+    return (*before, *inputs)
 
 
 def _air_input(one: AirInput, text: str) -> Variable:

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_QUANTITIES, STD
+from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_QUANTITIES, INERTIAL_NAMES, SAMPLE_INPUTS, STD
 from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import LAST_INPUTS as LAST_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
@@ -28,10 +28,16 @@ PARAMETERS = SETTING_NAMES
 """Tunable parameters, the entries of :class:`~strainfmu.estimator.settings.EstimatorSettings`."""
 
 
-OTHER_AIR_DATA = (*(name for name in FLOW_INPUTS if name.endswith(STD)), *NAVIGATION_INPUTS, *LAST_INPUTS)
-"""Deviations, p_inf, sources and angles: what not every sender knows, and not every estimator takes."""
+OTHER_AIR_DATA = (
+    *(name for name in FLOW_INPUTS if name.endswith(STD)),
+    *NAVIGATION_INPUTS,
+    *LAST_INPUTS,
+    *INERTIAL_NAMES,
+)
+"""Deviations, p_inf, sources, angles and inertial inputs: what not every sender knows, and not every
+estimator takes."""
 
-_SIGNED = {one.name for one in AIR_INPUTS if one.is_signed}
+_SIGNED = {one.name for one in SAMPLE_INPUTS if one.is_signed}
 
 
 FLOW_KEYS = {one.name: with_unit(one.name, one.unit) for one in AIR_INPUTS if one.name in FLOW_QUANTITIES}

@@ -16,9 +16,8 @@ from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.channels.channel_entries import SIGNAL_UNITS
 from strainfmu.recorded.channels.likely_channels import likely_pairs
 from strainfmu.recorded.columns.column_names import (
-    FLOW_NAMES,
-    NAVIGATION_NAMES,
     OTHER_NAMES,
+    QUANTITIES,
     is_signal,
     last_part,
     quantity_of,
@@ -199,8 +198,7 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
 def _quantities(estimator: BlockEstimator) -> tuple[str, ...]:
     """Return all that a channel of the flow may be, as channels.toml names it."""
     return (
-        *FLOW_NAMES,
-        *NAVIGATION_NAMES,
+        *QUANTITIES,
         *temperature_quantities(estimator.sensor_names),
         *(f"{PREFIX}{name}" for name in estimator.parameter_names),
         *(name if name == THRUST else f"{SENSOR_PREFIX}{name}" for name in estimator.readings),

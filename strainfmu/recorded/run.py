@@ -14,12 +14,13 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUTS
+from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
 from strainfmu.estimator.health import USABLE_STATES
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS, USABLE
 from strainfmu.recorded.columns.column_names import (
     FLOW_NAMES,
+    INERTIAL_NAMES,
     NAVIGATION_NAMES,
     STATIC_PRESSURE,
     STD,
@@ -55,7 +56,7 @@ SUSPECTS_COLUMN = "suspect_gauges"
 FAULTS_COLUMN = "strain_faults"
 """Column of text: why strains were left out, ``held`` or ``zero`` of all gauges, else the names of railed ones."""
 
-_FLOW_UNITS = {one.name: one.unit for one in AIR_INPUTS[1:]}
+_FLOW_UNITS = {one.name: one.unit for one in SAMPLE_INPUTS[1:]}
 
 
 @dataclass(kw_only=True)
@@ -230,6 +231,7 @@ def _wanted(
     flow = (
         *FLOW_NAMES,
         *(NAVIGATION_NAMES if navigates else (STATIC_PRESSURE,)),
+        *(name for name in INERTIAL_NAMES if name in estimator.inputs),
         *estimator.parameter_names,
         *(f"{name}{STD}" for name in estimator.sharpening),
         *estimator.readings,
@@ -239,7 +241,10 @@ def _wanted(
         gauge_names=estimator.gauge_names,
         fixed_pressure=dynamic_pressure,
         flow=flow,
-        passed=tuple(name for name in of_nonlinear if name not in flow and name.endswith(STD)),
+        passed=(
+            *(name for name in of_nonlinear if name not in flow and name.endswith(STD)),
+            *(name for name in INERTIAL_NAMES if name not in flow),
+        ),
         readings=estimator.readings,
         computes_pressure=True,
         navigates=navigates,

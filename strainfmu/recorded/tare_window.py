@@ -15,7 +15,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, STD, DateOrder, Wanted
+from strainfmu.recorded.columns.column_names import QUANTITIES, STD, DateOrder, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -74,7 +74,7 @@ def _read(
     wanted = Wanted(
         gauge_names=tuple(inverse_map.gauge_names[:n]),
         # All that an estimator of the map takes: recordings to be estimated are of use here as they are.
-        flow=(*FLOW_NAMES, *NAVIGATION_NAMES, *parameters, *(f"{name}{STD}" for name in parameters), *readings),
+        flow=(*QUANTITIES, *parameters, *(f"{name}{STD}" for name in parameters), *readings),
         sensors=inverse_map.thermal.sensor_names,
         readings=readings,
         needs_pressure=False,

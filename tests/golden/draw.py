@@ -9,7 +9,9 @@ import numpy as np
 from inputs import Inputs
 
 from strainfmu.atmosphere import pressure_and_temperature, static_pressure_at
+from strainfmu.estimator.air_inputs import INERTIAL_NAMES
 from strainfmu.estimator.map.flow_parameters import flow_parameters
+from strainfmu.estimator.map.inertia import channels_of
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
@@ -98,6 +100,27 @@ def two_settings(m: InverseMap, random: Random, steps: int) -> dict[str, np.ndar
     return found
 
 
+def with_motion(m: InverseMap, seed: int, of: str, **options: Any) -> Inputs:
+    """Return what ``of`` does of a vehicle that moves: its inertial unit loses single inputs, or all of them."""
+    found: Inputs = globals()[of](m, seed, **options)
+    assert m.inertia is not None
+    random, k = np.random.default_rng(seed + 2000), len(found)
+    size = np.array([20.0, 25.0, 25.0, 1.5, 1.5, 1.5, 5.0, 5.0])
+    true = size * random.standard_normal((k, len(size)))
+    vibration = m.inertia.vibration_std * np.exp(random.normal(0.0, 1.5, k))
+    modes = m.inertia.vibration_strain
+    strain = channels_of(dict(zip(INERTIAL_NAMES, true.T, strict=False))) @ m.inertia.mode_strain.T
+    strain += vibration[:, None] * random.standard_normal((k, modes.shape[1])) @ modes.T
+    read = true + 2e-3 * size * random.standard_normal(true.shape)
+    read[random.random(true.shape) < 0.05] = np.nan
+    read[random.random(k) < 0.2] = np.nan
+    read[7::60, 1] = 1e9
+    vibration[random.random(k) < 0.4] = np.nan
+    vibration[5::40], vibration[9::40] = 0.0, 1e-4 * m.inertia.vibration_std
+    flow = found.flow | dict(zip(INERTIAL_NAMES, [*read.T, vibration], strict=True))
+    return replace(found, strain=found.strain + strain, flow=flow)
+
+
 # Linear maps.
 
 
@@ -114,7 +137,7 @@ def linear_rows(m: InverseMap, random: Random, ratio: np.ndarray, state: np.ndar
         return np.asarray(
             m.mean_strain + state @ columns.T + random.standard_normal((len(ratio), m.n_gauges)) @ root.T
         )
-    own = m.thermal.isothermal_covariance
+    own = m.modes.isothermal_covariance
     fixed = m.fixed_strain
     noise = random.standard_normal((len(ratio), m.n_gauges)) @ np.linalg.cholesky(own).T
     return np.asarray(fixed + ratio[:, None] * (m.mean_strain - fixed + state @ columns.T) + noise)
@@ -274,7 +297,7 @@ def table_rows(
     manifold = m.manifold
     assert manifold is not None
     k, n, one = len(state), m.n_gauges, 1 if lasting else len(state)
-    noise = np.full(n, COLD_NOISE) if m.has_temperature else np.sqrt(np.diag(manifold.gauge_covariance))
+    noise = np.full(n, COLD_NOISE) if m.modes.n_modes else np.sqrt(np.diag(manifold.gauge_covariance))
     discrepancy = random.standard_normal((one, manifold.error_strain.shape[1])) @ manifold.error_strain.T
     gain = manifold.gain_std * random.standard_normal((one, n)) + manifold.common_gain * random.normal(
         size=(one, 1)

@@ -44,6 +44,7 @@ import numpy as np
 from calibrated_maps import calibrated
 from deflected_shape import known_map
 from flight_maps import whole_map, with_considered_error
+from inertia_maps import with_masses
 from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_errors_of_parameters, with_parameter_tables, with_parameters
 from random_map import map_of, random_map, random_model
@@ -170,7 +171,9 @@ KINDS: dict[str, Kind] = {
     "scaled_parameters": _linear(lambda: with_parameters(whole_scaled_map(1, seed=7, n=18, n_states=4))),
     "scaled_calibrated": _linear(lambda: calibrated("linear"), digits=1e-9),
     "scaled_air_sources": _linear(lambda: whole_scaled_map(2, seed=9, n=18, n_states=4)),
+    "scaled_masses": _linear(lambda: with_masses(_warm(whole_scaled_map(2, seed=10, n=20, n_states=25)))),
     # Tables over the flight state.
+    "masses": _nonlinear(lambda: with_masses(whole_map())),
     "air_sources": _nonlinear(whole_map),
     "revolution": _nonlinear(whole_map),
     "sections": _nonlinear(lambda: with_further_tables(whole_map())),
@@ -268,6 +271,20 @@ _OF_SOME_KINDS: tuple[tuple[tuple[str, ...], dict[str, Stream]], ...] = (
         {
             "samples": _samples("with_sources", 29, of="table_samples", n=200),
             "flight": _flight("with_sources", 30, *MODES, of="table_flight", steps=80),
+        },
+    ),
+    (
+        ("scaled_masses",),
+        {
+            "samples": _samples("with_motion", 31, of="linear_samples", n=200),
+            "flight": _flight("with_motion", 32, "each", "filter", of="linear_flight", steps=60),
+        },
+    ),
+    (
+        ("masses",),
+        {
+            "samples": _samples("with_motion", 33, of="table_samples", n=200),
+            "flight": _flight("with_motion", 34, *MODES, of="table_flight", steps=80),
         },
     ),
 )

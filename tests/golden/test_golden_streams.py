@@ -48,8 +48,8 @@ OTHERS: dict[str, tuple[Carrier, str]] = {
 
 OTHER_SAMPLES = {"map.h5": 60, "native.fmu": 60, "python.fmu": 8}
 BY_OTHERS = (
-    *("scaled_sections", "scaled_sensors", "scaled_parameters", "scaled_air_sources"),
-    *("sensors", "parameters", "air_sources"),
+    *("scaled_sections", "scaled_sensors", "scaled_parameters", "scaled_air_sources", "scaled_masses"),
+    *("sensors", "parameters", "air_sources", "masses"),
 )
 """Kinds whose flights they are given."""
 

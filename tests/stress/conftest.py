@@ -22,6 +22,7 @@ from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
+from builder.vehicle.structure.mass import Mass
 
 
 @pytest.fixture(scope="session")
@@ -70,5 +71,18 @@ def sensed_trial(trial: Range, flow_beyond: FlowTable, flown_snapshots: Snapshot
         vehicle=sensed,
         model=replace(truth, vehicle=sensed, sensors=flown_sensors(sensed, truth.structure.surface)),
         inverse_map=build_inverse_map(sensed, flown_snapshots, structure),
+        effort=Effort(conditions=40, draws=4),
+    )
+
+
+@pytest.fixture(scope="session")
+def heavy_trial(trial: Range, flown_snapshots: Snapshots) -> Range:
+    """The same vehicle with a section [mass]."""
+    heavy = trial.vehicle.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
+    structure = structural_model(heavy, COARSE, [heavy.gauges.layout])
+    return Range(
+        vehicle=heavy,
+        model=trial.model,
+        inverse_map=build_inverse_map(heavy, flown_snapshots, structure),
         effort=Effort(conditions=40, draws=4),
     )

@@ -91,13 +91,6 @@ class Structure(Section):
         return self
 
     @model_validator(mode="after")
-    def _masses_fly(self) -> Structure:
-        for name in ("point_masses", "covers"):
-            if getattr(self, name) and self.support != "free_flight":
-                raise ValueError(f"{name}: expected none with support '{self.support}', which carries all mass")
-        return self
-
-    @model_validator(mode="after")
     def _facets_are_of_a_matrix(self) -> Structure:
         if self.influence_facets is not None and self.influence is None:
             raise ValueError("influence_facets: expected influence beside it, got none")

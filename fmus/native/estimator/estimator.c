@@ -9,6 +9,7 @@
 #include "numerics/arrays.h"
 #include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
+#include "sample/inertia.h"
 #include "sample/readings.h"
 
 /* Bytes that vector loads like to start at a multiple of. */
@@ -91,7 +92,12 @@ static int create(Estimator *e, MapFile *file) {
     if (!inputs_parse(file, &e->inputs)) {
         return 0;
     }
-    e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
+    const size_t n_channels = e->thermal.present ? e->thermal.map.n_channels : 0;
+    if (!map_require(file, n_channels == 0 || n_channels == N_INERTIAL_CHANNELS, "inertia.channels", "11")) {
+        return 0;
+    }
+    e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors - n_channels : 0;
+    e->inputs.n_inertial = n_channels > 0 ? N_INERTIAL_INPUTS : 0;
     if (!allocate(e)) {
         return map_no_memory(file);
     }
@@ -256,7 +262,12 @@ static void filter_outputs(Estimator *e) {
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
-        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature);
+        double channel[N_INERTIAL_CHANNELS], vibration = NAN;
+        if (e->inputs.n_inertial > 0) {
+            inertial_channels(&e->inputs, channel);
+            vibration = known_vibration(&e->inputs);
+        }
+        const int other_sensors = e->thermal.present && thermal_read(&e->thermal, temperature, channel, vibration);
         if (other_sensors || (e->noise_outdated && e->renewal.under_way == 0.0)) {
             renewal_at_once(&e->renewal, latest_zeros(e), other_sensors);
             e->noise_outdated = 0;
@@ -277,7 +288,7 @@ const double *estimator_outputs(Estimator *e) {
         if (e->filter.present) {
             filter_outputs(e);
         }
-        if (renews && e->output[HEALTH_STATE] == (double)OK) {
+        if ((renews || thermal_vibrates(&e->thermal)) && e->output[HEALTH_STATE] == (double)OK) {
             e->output[HEALTH_STATE] = DEGRADED;
         }
     }

@@ -50,6 +50,10 @@ static double natural_size(const Estimator *e, size_t input) {
     if (input >= first_parameter(&e->inputs) && input < first_parameter_std(&e->inputs)) {
         return value == e->map.not_known ? 0.0 : FRACTION * e->parameters.span[input - first_parameter(&e->inputs)];
     }
+    if (input >= first_inertial(&e->inputs)) {
+        const int none = input == first_inertial(&e->inputs) + VIBRATION || value == e->map.not_known || !isfinite(value);
+        return none ? 0.0 : 1.0;
+    }
     return input >= temperatures && input < first_parameter(&e->inputs) ? (value > 0.0 ? 1.0 : 0.0) : positive;
 }
 

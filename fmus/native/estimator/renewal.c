@@ -127,7 +127,8 @@ const double *renewal_zeros(const Renewal *renewal, const double *given) {
     return renewal_pending(renewal, given) ? renewal->held : given;
 }
 
-/* Serialised: under_way, parts, waited, held and target, then the known temperature sensors, 0 or 1; 0 before the first step. */
+/* Serialised: under_way, parts, waited, held and target, then the known sensors, 0 or 1, and of a map with masses the
+   vibration, 0 where it is not known; 0 before the first step. */
 
 static size_t n_sensors(const Renewal *renewal) {
     return renewal->thermal->present ? renewal->thermal->map.n_sensors : 0;
@@ -137,8 +138,12 @@ static size_t zeros_size(const Renewal *renewal) {
     return number_of_zeros(renewal->n_strains) * sizeof(double);
 }
 
+static size_t n_flags(const Renewal *renewal) {
+    return n_sensors(renewal) + (n_sensors(renewal) > 0 && renewal->thermal->map.n_vibrations > 0 ? 1 : 0);
+}
+
 size_t renewal_state_size(const Renewal *renewal) {
-    return (3 + n_sensors(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
+    return (3 + n_flags(renewal)) * sizeof(double) + 2 * zeros_size(renewal);
 }
 
 void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
@@ -158,6 +163,10 @@ void renewal_write_state(const Renewal *renewal, unsigned char *bytes) {
     for (size_t t = 0; t < n_sensors(renewal); t++) {
         const double known = renewal->thermal->known[t];
         memcpy(bytes + t * sizeof known, &known, sizeof known);
+    }
+    if (n_flags(renewal) > n_sensors(renewal)) {
+        const double vibration = renewal->thermal->knows_vibration ? renewal->thermal->vibration : 0.0;
+        memcpy(bytes + n_sensors(renewal) * sizeof vibration, &vibration, sizeof vibration);
     }
 }
 
@@ -181,6 +190,10 @@ int renewal_state_fits(const Renewal *renewal, double largest_zero, const unsign
         memcpy(&value, bytes + t * sizeof value, sizeof value);
         good = good && is_flag(value);
     }
+    if (n_flags(renewal) > n_sensors(renewal)) {
+        memcpy(&value, bytes + n_sensors(renewal) * sizeof value, sizeof value);
+        good = good && thermal_is_vibration(value);
+    }
     return good;
 }
 
@@ -192,6 +205,11 @@ static int read_sensors(Renewal *renewal, const unsigned char *bytes) {
         memcpy(&known, bytes + t * sizeof known, sizeof known);
         other |= renewal->thermal->known[t] != (known != 0.0);
         renewal->thermal->known[t] = known != 0.0;
+    }
+    if (n_flags(renewal) > n_sensors(renewal)) {
+        double vibration;
+        memcpy(&vibration, bytes + n_sensors(renewal) * sizeof vibration, sizeof vibration);
+        other |= thermal_set_vibration(renewal->thermal, vibration);
     }
     renewal->thermal->outdated |= other;
     return other;

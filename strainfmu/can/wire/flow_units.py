@@ -11,8 +11,8 @@ from strainfmu.can.wire.frame_layout import (
     is_parameter_std,
     is_temperature,
 )
-from strainfmu.estimator.air_inputs import AIR_INPUTS
-from strainfmu.units import READING_UNITS, TEMPERATURE_UNITS, UNITS_OF
+from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
+from strainfmu.units import READING_UNITS, STRAIN_UNITS, TEMPERATURE_UNITS, UNITS_OF
 
 _OF_UNIT = {
     "Pa": (UNITS_OF["Pa"], "a unit of pressure", ""),
@@ -20,8 +20,12 @@ _OF_UNIT = {
     "m": (UNITS_OF["m"], "a unit of length", ""),
     "K": (UNITS_OF["K"], "K", ""),
     "rad": (UNITS_OF["rad"], "a unit of angle", ""),
+    "m/s2": (UNITS_OF["m/s2"], "a unit of acceleration", ""),
+    "rad/s": (UNITS_OF["rad/s"], "a unit of angular rate", ""),
+    "rad/s2": (UNITS_OF["rad/s2"], "a unit of angular acceleration", ""),
 }
-_UNITS_OF = {one.name: _OF_UNIT[one.unit] for one in AIR_INPUTS}
+_OF_STRAIN = (STRAIN_UNITS, "a unit of strain", "1")
+_UNITS_OF = {one.name: _OF_STRAIN if one.shown in STRAIN_UNITS else _OF_UNIT[one.unit] for one in SAMPLE_INPUTS}
 """Units of a quantity of the flow, what they are, and that of a signal without one."""
 
 

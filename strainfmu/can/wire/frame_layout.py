@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import frame_key
-from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, STD
+from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, SAMPLE_INPUTS, STD
 from strainfmu.estimator.air_inputs import ALTITUDE as ALTITUDE
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
 from strainfmu.estimator.air_inputs import FLOW_QUANTITIES as FLOW_QUANTITIES
@@ -23,7 +23,7 @@ NAVIGATION = FLOW_QUANTITIES[1:]
 
 Only q_inf is needed. Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
-MAPPED_QUANTITIES = tuple(one.name for one in AIR_INPUTS if one.name not in FLOW_INPUTS and not one.is_std)
+MAPPED_QUANTITIES = tuple(one.name for one in SAMPLE_INPUTS if one.name not in FLOW_INPUTS and not one.is_std)
 """Quantities, such as p_inf, that a mapping alone gives."""
 
 FLOW_STDS = {one.name.removesuffix(STD): one.name for one in AIR_INPUTS if one.is_std}

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
+from strainfmu.cli.inspection.inertia import inertia_table
 from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
 from strainfmu.estimator.alarm_limits import detectable_noncentrality, minimal_detectable_bias
@@ -80,6 +81,8 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     if loaded.has_temperature:
         console.print(temperature_table(loaded.thermal))
         console.print(temperature_sensors(loaded.thermal))
+    if loaded.inertia is not None:
+        console.print(inertia_table(loaded.inertia))
     if folder is not None:
         for name in _draw(loaded, folder):
             console.print(f"{folder / name}: written", highlight=False, markup=False, soft_wrap=True)

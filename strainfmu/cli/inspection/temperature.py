@@ -18,7 +18,7 @@ MICRO = 1e6
 
 def temperature_table(thermal: ThermalMap) -> Table:
     """Return modes and slopes, and what thermal strain the sensors leave in the gauges."""
-    table = _table("Temperature of the wall", "quantity", "value")
+    table = plain_table("Temperature of the wall", "quantity", "value")
     slopes = (("gauge factor", thermal.gauge_factor_slope), ("modulus", thermal.modulus_slope))
     table.add_row("reference", f"{thermal.reference_temperature:.6g} K")
     table.add_row("modes, prior deviations", f"{len(thermal.prior_std)}, {_range(thermal.prior_std)} K")
@@ -36,7 +36,7 @@ def temperature_table(thermal: ThermalMap) -> Table:
 
 def temperature_sensors(thermal: ThermalMap) -> Table:
     """Return the sensors: number, name and standard deviation."""
-    table = _table("Temperature sensors", "sensor", "input", "sigma [K]")
+    table = plain_table("Temperature sensors", "sensor", "input", "sigma [K]")
     for number, (name, std) in enumerate(zip(thermal.sensor_names, thermal.sensor_std, strict=True), start=1):
         table.add_row(escape(name), escape(f"temperature[{number}]"), f"{std:.3g}")
     return table
@@ -47,7 +47,8 @@ def _range(values: FloatArray) -> str:
     return f"{low:.3g}" if low == high else f"{low:.3g} to {high:.3g}"
 
 
-def _table(title: str, *headings: str) -> Table:
+def plain_table(title: str, *headings: str) -> Table:
+    """Return a table without rows."""
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for heading in headings:
         table.add_column(escape(heading), overflow="fold")

@@ -16,7 +16,7 @@ from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import ALTITUDE, INERTIAL_NAMES, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.offers import groups_of_outputs
@@ -97,9 +97,11 @@ class MapStep:
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        self._flow = tuple(
-            name for name in OTHER_AIR_DATA if not (self.needs_pressure and name in NAVIGATION_INPUTS)
+        not_taken = (
+            *(NAVIGATION_INPUTS if self.needs_pressure else ()),
+            *(() if inverse_map.has_masses else INERTIAL_NAMES),
         )
+        self._flow = tuple(name for name in OTHER_AIR_DATA if name not in not_taken)
         of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
         self.other_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]

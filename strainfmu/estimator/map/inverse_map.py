@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.hinge_lines import UNITS as HINGE_UNITS
 from strainfmu.estimator.map.hinge_lines import HingeLines
+from strainfmu.estimator.map.inertia import UNITS as INERTIA_UNITS
+from strainfmu.estimator.map.inertia import InertiaMap, with_inertia
 from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE, check_arrays, check_groups, check_inverse_map
 from strainfmu.estimator.map.neutral import (
     fill,
@@ -119,6 +121,7 @@ class InverseMap:
     hinge_lines : lines about which the map gives hinge moments; None where none are wanted.
     bending_lines : the same of bending moments of the part ahead of a station, points on the axis there.
     thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
+    inertia : modes of the vehicle's inertia, and what measures them; None of a map that knows of none.
     manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
 
     Data that a map does not have are neutral: zeros, no rows, no bounds (:mod:`strainfmu.estimator.map.neutral`).
@@ -178,6 +181,7 @@ class InverseMap:
         default_factory=lambda: no_temperature(np.zeros((0, 0))),
         metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),
     )
+    inertia: InertiaMap | None = field(default=None, metadata=inner_record(InertiaMap, INERTIA_UNITS))
     manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
 
     def __post_init__(self) -> None:
@@ -261,6 +265,16 @@ class InverseMap:
     def has_temperature(self) -> bool:
         """Whether the map knows what the wall's temperature strains."""
         return self.thermal.n_modes > 0
+
+    @property
+    def has_masses(self) -> bool:
+        """Whether the map knows what the vehicle's inertia strains."""
+        return self.inertia is not None
+
+    @cached_property
+    def modes(self) -> ThermalMap:
+        """Modes of the wall's temperature, then those of inertia, with all that measures them."""
+        return with_inertia(self.thermal, self.inertia)
 
     @property
     def errors_follow_strain(self) -> bool:

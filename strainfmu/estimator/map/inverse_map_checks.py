@@ -53,6 +53,9 @@ def _check_parts(inverse_map: InverseMap) -> None:
     sensors, manifold, thermal = inverse_map.sensors, inverse_map.manifold, inverse_map.thermal
     if len(sensors.kind) != n_d:
         raise InputError(f"inverse map: sensors of {len(sensors.kind)} rows, must be {n_d}")
+    inertia = inverse_map.inertia
+    if inertia is not None and len(inertia.mode_strain) != n_d:
+        raise InputError(f"inverse map: inertia: modes of {len(inertia.mode_strain)} gauges, must be of {n_d}")
     if len(thermal.mode_strain) != n_d:
         raise InputError(
             f"inverse map: thermal: temperature modes of {len(thermal.mode_strain)} gauges, must be of {n_d}"

@@ -2,7 +2,7 @@
 
 A name is PART.VALUE. Every map has the parts "linear", "scaled", "settings", "envelope" and "tare". A map that
 has them adds "scaled_errors", "other_loads" (the loads behind the five; both of form DYNAMIC_PRESSURE),
-"filter", "thermal", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
+"filter", "thermal", "inertia", "parameters" and "sensors". :mod:`.nonlinear_arrays` has the parts of
 a nonlinear map. A module of ``fmus/native/estimator`` reads each part by its names. A bound that the map does not
 state is the largest finite number.
 
@@ -37,6 +37,7 @@ from strainfmu.estimator.map.flow_parameters import (
     FlowParameters,
     flow_parameters,
 )
+from strainfmu.estimator.map.inertia import CHANNELS
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.lateral_slope import incidence_per_force
 from strainfmu.estimator.map.offers import has_filter, has_other_outputs
@@ -107,8 +108,11 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
     }
     if has_filter(inverse_map):
         parts["filter"] = _filter(inverse_map)
-    if inverse_map.has_temperature:
-        parts["thermal"] = _thermal(inverse_map, inverse_map.thermal)
+    if inverse_map.modes.n_modes:
+        parts["thermal"] = _thermal(inverse_map, inverse_map.modes)
+    if inverse_map.inertia is not None:
+        vibrations = inverse_map.inertia.vibration_strain.shape[1]
+        parts["inertia"] = {"channels": len(CHANNELS), "vibrations": vibrations}
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)
@@ -286,8 +290,8 @@ def white_noise(inverse_map: InverseMap) -> FloatArray:
     A covariance of the gauges below the one of their noise has less noise than stated.
     """
     covariance, manifold = inverse_map.gauge_covariance, inverse_map.manifold
-    if inverse_map.has_temperature:
-        covariance = inverse_map.thermal.isothermal_covariance
+    if inverse_map.modes.n_modes:
+        covariance = inverse_map.modes.isothermal_covariance
     elif manifold is not None:
         covariance = manifold.gauge_covariance
     std = inverse_map.noise_std
@@ -296,7 +300,7 @@ def white_noise(inverse_map: InverseMap) -> FloatArray:
 
 
 def _thermal(inverse_map: InverseMap, thermal: ThermalMap) -> Values:
-    """Return temperature modes, and the covariance of the errors that scale."""
+    """Return modes of temperature and inertia, and the covariance of the errors that scale."""
     error = inverse_map.error_strain
     names = (
         *("reference_temperature", "gauge_factor_slope", "modulus_slope", "prior_std", "sensor_std"),

@@ -102,8 +102,10 @@ def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
     """Return ``inverse_map`` as it holds while the inputs ``known`` are."""
     thermal, manifold = inverse_map.thermal, inverse_map.manifold
     if thermal.n_sensors:
-        at_rest = np.full((1, thermal.n_sensors), thermal.reference_temperature)
-        left = amplitudes(thermal, at_rest, np.ones(thermal.n_sensors, dtype=bool)).covariance
+        modes = inverse_map.modes
+        at_rest = np.full((1, modes.n_sensors), thermal.reference_temperature)
+        # No inertial unit measures anything.
+        left = amplitudes(modes, at_rest, np.arange(modes.n_sensors) < thermal.n_sensors).covariance
         noise = row_noise(inverse_map, inverse_map.gauge_covariance, left=left)
         inverse_map = with_gauge_covariance(inverse_map, noise)
         manifold = inverse_map.manifold

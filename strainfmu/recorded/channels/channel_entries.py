@@ -15,7 +15,7 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.recorded.channels.bridges import BENDING, BRIDGES, POISSON, WIRES
 from strainfmu.recorded.channels.rasters import JOINS, Join
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES, DateOrder
+from strainfmu.recorded.columns.column_names import QUANTITIES, DateOrder
 from strainfmu.recorded.columns.temperature_columns import is_temperature
 from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 
@@ -74,7 +74,7 @@ class ChannelEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FlowEntry:
-    """One channel of the flow: one of ``FLOW_NAMES``, ``NAVIGATION_NAMES``, ``temperature[k]`` or
+    """One channel of the flow: one of ``QUANTITIES``, ``temperature[k]`` or
     ``parameter.NAME``; its unit."""
 
     where: str
@@ -260,7 +260,7 @@ def _quantity(item: TomlTable) -> str:
         is_temperature(stated) or stated.startswith((PREFIX, SENSOR_PREFIX)) or stated == THRUST
     ):
         return str(item.entries.pop("quantity"))
-    return _one_of(item, "quantity", (*FLOW_NAMES, *NAVIGATION_NAMES), None) or ""
+    return _one_of(item, "quantity", QUANTITIES, None) or ""
 
 
 def _flow(item: TomlTable) -> FlowEntry:

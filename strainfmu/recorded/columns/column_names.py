@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Literal
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, LAST_INPUTS, NAVIGATION_INPUTS
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import FLOW_INPUTS, LAST_INPUTS, NAVIGATION_INPUTS, SAMPLE_INPUTS
+from strainfmu.estimator.air_inputs import INERTIAL_NAMES as INERTIAL_NAMES
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE as STATIC_PRESSURE
 from strainfmu.estimator.air_inputs import STD as STD
 from strainfmu.estimator.other_loads import ROLLING
@@ -29,6 +30,9 @@ FLOW_NAMES = (*FLOW_INPUTS, *LAST_INPUTS)
 NAVIGATION_NAMES = NAVIGATION_INPUTS
 """What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``; p_inf of it stands in, with the Mach
 number, for a dynamic pressure that is missing for the others."""
+
+QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES, *INERTIAL_NAMES)
+"""All that is known of flow and motion; maps with masses alone take what an inertial unit measures."""
 
 DateOrder = Literal["day", "month"]
 """What stands first in a date of figures."""
@@ -63,7 +67,7 @@ _UNIT = re.compile(r"(?P<name>.*?)\s*\[(?P<unit>[^\[\]]*)\]")
 _ROUND_UNIT = re.compile(r"(?P<name>.*\S)\s*\((?P<unit>[^()]*[^()0-9])\)")
 
 OTHER_NAMES = {
-    **{alias: one.name for one in AIR_INPUTS for alias in one.aliases},
+    **{alias: one.name for one in SAMPLE_INPUTS for alias in one.aliases},
     "timestamp": "time",
 }
 """Names that others give to a quantity, in small letters and digits alone: for suggestions."""
@@ -77,7 +81,7 @@ class Wanted:
     ----------
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], NaN where it is not known, None to take it from the file.
-    flow : the quantities of ``FLOW_NAMES`` and ``NAVIGATION_NAMES`` that are read, and flow parameters by name.
+    flow : the quantities of ``QUANTITIES`` that are read, and flow parameters by name.
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.

@@ -10,11 +10,13 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, SAMPLE_INPUTS
 from strainfmu.recorded.columns.column_names import (
     CHANNEL_FILE_HINT,
     FLOW_NAMES,
+    INERTIAL_NAMES,
     NAVIGATION_NAMES,
+    QUANTITIES,
     STATIC_PRESSURE,
     STD,
     TIME_NAMES,
@@ -44,10 +46,13 @@ from strainfmu.units import NUMBER_UNITS, READING_UNITS, STRAIN_UNITS, TIME_UNIT
 LARGEST_STRAIN = 0.1
 """Strain [m/m] above which all columns are taken to be in another unit: no gauge bears it."""
 
-_FLOW_UNITS = {one.name: (UNITS_OF[one.unit], one.unit) for one in AIR_INPUTS}
+_FLOW_UNITS = {
+    one.name: (STRAIN_UNITS if one.shown in STRAIN_UNITS else UNITS_OF[one.unit], one.unit)
+    for one in SAMPLE_INPUTS
+}
 """Units of a quantity, and the one that is meant without any."""
 
-_NOT_NEGATIVE = tuple(one.name for one in AIR_INPUTS if one.is_std)
+_NOT_NEGATIVE = tuple(one.name for one in SAMPLE_INPUTS if one.is_std)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +132,7 @@ class ColumnPlan:
     @property
     def stated(self) -> tuple[str, ...]:
         """Quantities of flow and navigation beside q_inf that the file holds for the estimator."""
-        taken = (*FLOW_NAMES[1:], *NAVIGATION_NAMES) if self.navigates else FLOW_NAMES[1:]
+        taken = (*FLOW_NAMES[1:], *INERTIAL_NAMES, *(NAVIGATION_NAMES if self.navigates else ()))
         return tuple(name for name in self.flow if name in taken)
 
     @property
@@ -187,7 +192,7 @@ class ColumnPlan:
         pressure = flow.pop(DYNAMIC_PRESSURE, np.full(len(table), self.fixed_pressure))
         warm = temperatures(self.temperature, behind[:, len(self.flow) :])
         readings = {name: flow.pop(name) for name in self.readings if name in flow}
-        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in (*FLOW_NAMES, *NAVIGATION_NAMES)}
+        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in QUANTITIES}
         stated = [name for name in parameters if name.endswith(STD) and name.removesuffix(STD) in parameters]
         return StrainBlock(
             time,
@@ -317,7 +322,7 @@ def refuse_lone_deviations(path: Path, held: Mapping[str, object], wanted: Wante
     """
     for name in held:
         parameter = name.removesuffix(STD)
-        is_parameter = parameter in wanted.flow and parameter not in (*FLOW_NAMES, *NAVIGATION_NAMES)
+        is_parameter = parameter in wanted.flow and parameter not in QUANTITIES
         if is_parameter and parameter not in held:
             raise InputError(f"{path}: {name}: expected {parameter} beside its standard deviation, got none")
 

@@ -15,7 +15,7 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import THRUST
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, INERTIAL_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.sensor_readings import all_readings, recorded_readings
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -40,7 +40,7 @@ def opened_fmu(source: Path, zeros: Path | None = None) -> Iterator[FmuBlocks]:
     asked = (*(f"health.{name}" for name in _HEALTH), *(one.output for one in others))
     scores = [one.output for one in others if one.output.startswith(OUTSIDE_PREFIX)]
     parameters = (one.replace(OUTSIDE_PREFIX, kind, 1) for one in scores for kind in (PREFIX, STD_PREFIX))
-    inputs = (*FLOW_NAMES[1:], *NAVIGATION_NAMES, TEMPERATURE, SENSORS, *parameters)
+    inputs = (*FLOW_NAMES[1:], *NAVIGATION_NAMES, *INERTIAL_NAMES, TEMPERATURE, SENSORS, *parameters)
     with FmuStep(source, inputs, asked) as step:
         if zeros is not None:
             step.set_zeros(load_zeros(zeros, step.gauge_names))

@@ -23,7 +23,7 @@ from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import FLOW_NAMES, NAVIGATION_NAMES
+from strainfmu.recorded.columns.column_names import FLOW_NAMES, INERTIAL_NAMES, NAVIGATION_NAMES
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.sensor_readings import recorded_readings, rows_of_map
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -48,7 +48,11 @@ class MapBlocks:
         inverse_map, self.estimator = estimator.inverse_map, estimator
         self.inverse_map: InverseMap | None = inverse_map
         manifold = inverse_map.manifold
-        self.inputs: tuple[str, ...] = (*FLOW_NAMES[1:], *(NAVIGATION_NAMES if estimator.is_nonlinear else ()))
+        self.inputs: tuple[str, ...] = (
+            *FLOW_NAMES[1:],
+            *(NAVIGATION_NAMES if estimator.is_nonlinear else ()),
+            *(INERTIAL_NAMES if inverse_map.has_masses else ()),
+        )
         self.envelope_score_limit = (
             inverse_map.envelope_score_limit if manifold is None else outside_score(manifold)
         )

@@ -27,8 +27,7 @@ from strainfmu.recorded.channels.channel_conversion import (
 from strainfmu.recorded.channels.channel_entries import COMPENSATIONS, ChannelMap
 from strainfmu.recorded.channels.rasters import Channel, on_one_raster
 from strainfmu.recorded.columns.column_names import (
-    FLOW_NAMES,
-    NAVIGATION_NAMES,
+    QUANTITIES,
     TIME_NAMES,
     Wanted,
     excluded_gauges,
@@ -48,8 +47,6 @@ from strainfmu.recorded.formats.registry import open_channels
 from strainfmu.recorded.strains.channel_clock import ChannelClock
 from strainfmu.recorded.strains.sample_blocks import SampleBlocks, StrainFile, column_file
 from strainfmu.units import STRAIN_UNITS
-
-_QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES)
 
 _NUMBERED_TIME = re.compile(r"(?:time|zeit|temps)\s*\d+\b", re.IGNORECASE)
 """Names of columns of time of recorders with several rates, as "Time  2 - slow"."""
@@ -91,7 +88,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     stated += [one for one in (mapping.time, mapping.raster) if one is not None]
     stated += [*temperature_quantities(wanted.sensors), *wanted.sensors]
     stated += _parameters(wanted)
-    known = {plain_name(name) for name in (*stated, *_QUANTITIES, *TIME_NAMES)}
+    known = {plain_name(name) for name in (*stated, *QUANTITIES, *TIME_NAMES)}
 
     def is_known(name: str) -> bool:  # or behind the name of an instance, as in recorded simulations
         return plain_name(name) in known or last_name(name) in known
@@ -234,7 +231,7 @@ def _is_slow(known: float, n: int) -> bool:
 
 def _parameters(wanted: Wanted) -> list[str]:
     """Return the flow parameters that are read."""
-    return [name for name in wanted.flow if name not in _QUANTITIES]
+    return [name for name in wanted.flow if name not in QUANTITIES]
 
 
 def _gauges(mapping: ChannelMap, wanted: Wanted) -> dict[str, str]:
@@ -370,7 +367,7 @@ def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: Ch
                 f"map, got '{entry.quantity}'"
             )
         _add_flow(file, name, quantity, unit=unit, clock=clock, found=found, readings=wanted.readings)
-    of_flow = [quantity for quantity in _QUANTITIES if quantity in wanted.flow]
+    of_flow = [quantity for quantity in QUANTITIES if quantity in wanted.flow]
     for quantity in (*of_flow, *_parameters(wanted), *temperature_quantities(wanted.sensors)):
         names = _own_names(quantity, wanted.sensors)
         own = [name for name in file.names if last_name(name) in names and not is_signal(name)]

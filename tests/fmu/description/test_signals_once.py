@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 from flight_maps import whole_map
+from inertia_maps import with_masses
 from other_load_maps import with_further_tables
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 import strainfmu
+from strainfmu.estimator.air_inputs import INERTIAL_NAMES
 from strainfmu.estimator.other_loads import ROLLING
 from strainfmu.estimator.signal_names import TEMPERATURE, THRUST
 from strainfmu.interface.contents import estimator_contents
@@ -51,10 +53,10 @@ def test_few_files_hold_the_name_of_a_signal() -> None:
     if not (ROOT / "pyproject.toml").is_file():
         # The count reads the sources, which an installed package lacks.
         pytest.skip("installed without its sources")
-    with_sensors_and_loads = with_temperature(with_sensors(with_further_tables(whole_map())))
-    names = [one["name"] for one in estimator_contents(with_sensors_and_loads)["signals"]]
+    whole = with_masses(with_temperature(with_sensors(with_further_tables(whole_map()))))
+    names = [one["name"] for one in estimator_contents(whole)["signals"]]
     assert len(names) > 80
-    assert {THRUST, TEMPERATURE, ROLLING} < set(names)
+    assert {THRUST, TEMPERATURE, ROLLING, *INERTIAL_NAMES} < set(names)
     found = {name: files_by_literal()[name] for name in names}
     too_many = {name: count for name, count in found.items() if count > MOST}
     assert too_many == {}

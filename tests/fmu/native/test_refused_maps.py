@@ -12,6 +12,7 @@ import pytest
 from damaged_resource import put, refusal, with_arrays
 from deflected_shape import known_map
 from flight_fmu import whole_map
+from inertia_maps import with_masses
 from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_parameters
 from raw_fmu import Fmu2
@@ -36,6 +37,7 @@ MAPS: dict[str, Callable[[], InverseMap]] = {
     "linear": cache(linear_map),
     "nonlinear": cache(lambda: with_further_tables(whole_map())),
     "parameters": known_map,
+    "masses": cache(lambda: with_masses(whole_map())),
 }
 
 NOT_FINITE = "holds a value that is not finite"
@@ -100,9 +102,21 @@ OF_PARAMETERS: tuple[tuple[str, Change, str], ...] = (
     ("parameter_tables.product", put((-1, -1), np.inf), NOT_FINITE),
 )
 
+OF_MASSES: tuple[tuple[str, Change, str], ...] = (
+    ("inertia.channels", np.int64(10), "expected 11"),
+    ("inertia.channels", np.int64(40), "expected at most the number of sensors"),
+    ("inertia.vibrations", np.int64(40), "expected at most the number of modes"),
+    ("inertia.vibrations", None, "is missing"),
+)
+
 CASES = [
     (name, *case)
-    for name, cases in (("linear", LINEAR), ("nonlinear", NONLINEAR), ("parameters", OF_PARAMETERS))
+    for name, cases in (
+        ("linear", LINEAR),
+        ("nonlinear", NONLINEAR),
+        ("parameters", OF_PARAMETERS),
+        ("masses", OF_MASSES),
+    )
     for case in cases
 ]
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "../estimator_derivative.h"
+#include "../sample/inertia.h"
 #include "../sample/readings.h"
 #include "estimator_state.h"
 #include "estimator_variables.h"
@@ -125,6 +126,9 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     }
     if (health == DEGRADED && estimator_renews(e)) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; matrices for other deviations of zeros are being made");
+    }
+    if (health == DEGRADED && thermal_vibrates(&e->thermal)) {
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "; vibration of %.3g um/m", 1e6 * known_vibration(&e->inputs));
     }
     e->reported_health = health;
     return 1;

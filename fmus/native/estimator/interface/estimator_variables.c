@@ -16,7 +16,7 @@ static unsigned zero_reference(const Estimator *e) {
 }
 
 static int has_temperatures(const Estimator *e) {
-    return e->thermal.present && e->thermal.map.n_sensors > 0;
+    return e->inputs.n_temperatures > 0;
 }
 
 /* Value reference of FMI 3.0 of the first of thrust and the time constant of the filter. */
@@ -44,13 +44,13 @@ static size_t n_of_parameters(const Estimator *e) {
     return (e->flight.known.present ? 3 : 2) * e->parameters.count;
 }
 
-/* Number of variables of LATER_INPUTS; those of LAST_INPUTS and health.usable follow. */
+/* Number of variables of LATER_INPUTS; those of LAST_INPUTS, health.usable and those of INERTIAL_INPUTS follow. */
 static size_t n_later(const Estimator *e) {
     return e->flight.present ? N_LATER_INPUTS : 0;
 }
 
 unsigned time_reference(const Estimator *e) {
-    return parameter_reference(e) + (unsigned)(n_of_parameters(e) + n_later(e) + N_LAST_INPUTS + 1);
+    return parameter_reference(e) + (unsigned)(n_of_parameters(e) + n_later(e) + N_LAST_INPUTS + 1 + e->inputs.n_inertial);
 }
 
 /* Number of the first of the other loads. */
@@ -130,6 +130,9 @@ size_t input_of(const Estimator *e, size_t variable) {
     if (later - n_later(e) < N_LAST_INPUTS) {
         return first_last(&e->inputs) + (later - n_later(e));
     }
+    if (variable - (usable_variable(e) + 1) < e->inputs.n_inertial) {
+        return first_inertial(&e->inputs) + (variable - (usable_variable(e) + 1));
+    }
     return scalar < (e->flight.present ? N_ALL_SCALARS : N_SCALAR_INPUTS) ? n + scalar : SIZE_MAX;
 }
 
@@ -166,7 +169,7 @@ static Selection input_array(const Estimator *e, unsigned reference) {
     if (which < ZERO_REFERENCES) {
         return (Selection){NULL, first + which * n, which < 2 ? n : 1};
     }
-    const size_t n_temperatures = e->thermal.present ? e->thermal.map.n_sensors : 0;
+    const size_t n_temperatures = e->inputs.n_temperatures;
     const size_t temperatures = first + number_of_zeros(n);
     if (reference < thrust_reference(e)) {
         return (Selection){NULL, temperatures, n_temperatures};

@@ -11,8 +11,9 @@
 #include "fit.h"
 #include "tare_record.h"
 
-#define MAX_FIELDS 24
+#define MAX_FIELDS 32
 #define N_RECORDS (SL_TARE + 1)
+#define N_RUNS 9 /* of a sample */
 
 /* Fields of a record. */
 typedef struct {
@@ -29,7 +30,7 @@ struct StrainLoad {
     Model *model;
     Estimator *estimator;
     Record record[N_RECORDS];
-    Run sample[10], setting[8]; /* that end with a run of no inputs */
+    Run sample[N_RUNS + 1], setting[8]; /* that end with a run of no inputs */
     Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is that of its FMU */
 };
 
@@ -55,6 +56,7 @@ static void describe_inputs(StrainLoad *handle) {
     static const char *const MORE[] = {NAVIGATION_INPUTS(AIR_INPUT_NAME)};
     static const char *const LATER[] = {LATER_INPUTS(AIR_INPUT_NAME) LAST_INPUTS(AIR_INPUT_NAME) NULL};
     static const char *const READINGS[] = {"strain", "sensor"};
+    static const char *const INERTIAL[] = {INERTIAL_INPUTS(AIR_INPUT_NAME) NULL};
     static const char *const TEMPERATURE[] = {"temperature"}, *const THRUST[] = {"thrust"};
     static const char *const PARAMETERS[] = {"parameter", "parameter_std"};
     const Estimator *e = handle->estimator;
@@ -68,6 +70,7 @@ static void describe_inputs(StrainLoad *handle) {
     run = add_run(record, run, first_temperature(&e->inputs), e->inputs.n_temperatures, 1, TEMPERATURE);
     run = add_run(record, run, thrust == SIZE_MAX ? 0 : thrust, thrust == SIZE_MAX ? 0 : 1, 1, THRUST);
     run = add_run(record, run, first_parameter(&e->inputs), e->parameters.count, e->map.has_known ? 2 : 1, PARAMETERS);
+    run = add_run(record, run, first_inertial(&e->inputs), e->inputs.n_inertial > 0 ? 1 : 0, N_INERTIAL_INPUTS, INERTIAL);
     *run = (Run){0, 0, 0};
 }
 
@@ -284,7 +287,7 @@ void sl_renew(StrainLoad *handle) {
 static void set_sample(StrainLoad *handle, const double *input, const unsigned char *valid) {
     Estimator *e = handle->estimator;
     estimator_before_change(e);
-    for (const Run *run = handle->sample; run < handle->sample + 8; run++) {
+    for (const Run *run = handle->sample; run < handle->sample + N_RUNS; run++) {
         memcpy(e->inputs.value + run->input, input + run->first, run->count * sizeof *input);
     }
     if (valid != NULL) {

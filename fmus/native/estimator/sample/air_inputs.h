@@ -3,7 +3,7 @@
 
    Those of later versions stand behind all others, among the inputs and among the variables, so that numbers of variables
    stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input, last_input; but for angles,
-   which are not known where they are the map's not_known, or NaN: known_angle. */
+   which are not known where they are the map's not_known, or NaN: known_angle; so are those of an inertial unit. */
 
 #ifndef AIR_INPUTS_H
 #define AIR_INPUTS_H
@@ -33,6 +33,19 @@
     X(MEASURED_ATTACK_STD, "measured_angle_of_attack_std")        \
     X(MEASURED_SIDESLIP, "measured_sideslip_angle")               \
     X(MEASURED_SIDESLIP_STD, "measured_sideslip_angle_std")
+
+/* Of maps with masses alone, behind health.usable: what an inertial unit measures [m/s2, rad/s,
+   rad/s2], and the standard deviation of vibrating strain [1], inertia.h. */
+#define INERTIAL_INPUTS(X)                                        \
+    X(SPECIFIC_FORCE_X, "specific_force_x")                       \
+    X(SPECIFIC_FORCE_Y, "specific_force_y")                       \
+    X(SPECIFIC_FORCE_Z, "specific_force_z")                       \
+    X(ANGULAR_RATE_X, "angular_rate_x")                           \
+    X(ANGULAR_RATE_Y, "angular_rate_y")                           \
+    X(ANGULAR_RATE_Z, "angular_rate_z")                           \
+    X(ANGULAR_ACCELERATION_Y, "angular_acceleration_y")           \
+    X(ANGULAR_ACCELERATION_Z, "angular_acceleration_z")           \
+    X(VIBRATION, "vibration")
 
 #define AIR_INPUT_NUMBER(number, name) number,
 #define AIR_INPUT_NAME(number, name) name,

@@ -40,8 +40,12 @@ size_t first_last(const Inputs *in) {
     return first_later(in) + N_LATER_INPUTS;
 }
 
-size_t inputs_count(const Inputs *in) {
+size_t first_inertial(const Inputs *in) {
     return first_last(in) + N_LAST_INPUTS;
+}
+
+size_t inputs_count(const Inputs *in) {
+    return first_inertial(in) + in->n_inertial;
 }
 
 size_t parameter_beyond(const Inputs *in) {
@@ -74,6 +78,9 @@ void inputs_reset(Inputs *in) {
     memcpy(scalar + N_ALL_SCALARS, in->zero_offset, in->sensors->n_strains * sizeof *scalar);
     for (size_t k = 0; k < in->parameters->count; k++) {
         in->value[first_parameter(in) + k] = in->map->not_known;
+    }
+    for (size_t k = 0; k < in->n_inertial; k++) {
+        in->value[first_inertial(in) + k] = in->map->not_known;
     }
     in->value[first_last(in) + MEASURED_ATTACK] = in->value[first_last(in) + MEASURED_SIDESLIP] = in->map->not_known;
 }

@@ -36,11 +36,15 @@ enum { LATER_INPUTS(AIR_INPUT_NUMBER) N_LATER_INPUTS };
 /* Behind these; variables of every map. */
 enum { LAST_INPUTS(AIR_INPUT_NUMBER) N_LAST_INPUTS };
 
+/* Behind these, of maps with masses. */
+enum { INERTIAL_INPUTS(AIR_INPUT_NUMBER) N_INERTIAL_INPUTS };
+
 /* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
    the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
    map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
    that has one. Then other parameters of the flow, as thrust, and, with tables of them, their deviations, which are
-   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS and LAST_INPUTS. */
+   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS and LAST_INPUTS,
+   and of a map with masses INERTIAL_INPUTS, each not_known or NaN where it is not known. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
 }
@@ -52,6 +56,7 @@ typedef struct {
     const FlowParameters *parameters;  /* of the flow */
     size_t n_temperatures;             /* sensors of temperature */
     const double *zero_offset;         /* (n_strains) start values of the zeros, of the map's calibration [1] */
+    size_t n_inertial;                 /* N_INERTIAL_INPUTS, 0 of a map without masses */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
     double *value;                     /* (inputs_count) readings, scalars, zeros, temperatures, .. */
     unsigned char *valid;              /* (n_gauges) 1 for the gauges that the caller trusts */
@@ -72,9 +77,10 @@ size_t thrust_input(const Inputs *inputs);
 size_t first_parameter(const Inputs *inputs);
 size_t first_parameter_std(const Inputs *inputs);
 
-/* The first of LATER_INPUTS, and of LAST_INPUTS behind them. */
+/* The first of LATER_INPUTS, of LAST_INPUTS behind them, and of INERTIAL_INPUTS behind these. */
 size_t first_later(const Inputs *inputs);
 size_t first_last(const Inputs *inputs);
+size_t first_inertial(const Inputs *inputs);
 
 /* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
 size_t filter_setting(const Inputs *inputs);

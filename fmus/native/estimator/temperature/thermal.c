@@ -10,11 +10,20 @@
 
 #define MAX_COUNT 4096
 #define ALIGNMENT 64
+#define ROOT_2 0x1.6a09e667f3bcdp+0
+#define LEAST_VIBRATION 0.0625 /* over prior_std; less counts as none */
+#define MOST_VIBRATION 1024.0
+#define NO_VIBRATION 1e-6
+#define LARGEST_CHANNEL 1e6 /* of what an inertial unit measures: one beyond is broken */
 
 static int parse(MapFile *file, size_t n, ThermalMap *map) {
     map->n_modes = map_length(file, "thermal.prior_std", 0, 1, MAX_COUNT);
     map->n_sensors = map_length(file, "thermal.sensor_std", 0, 0, MAX_COUNT);
     map->n_powers = map_length(file, "thermal.apparent_strain", 0, 0, MAX_COUNT);
+    map->n_channels = map_has(file, "inertia") ? map_count(file, "inertia.channels", 1, MAX_COUNT) : 0;
+    map->n_vibrations = map->n_channels > 0 ? map_count(file, "inertia.vibrations", 0, MAX_COUNT) : 0;
+    map_require(file, map->n_vibrations <= map->n_modes, "inertia.vibrations", "at most the number of modes");
+    map_require(file, map->n_channels <= map->n_sensors, "inertia.channels", "at most the number of sensors");
     map->reference = map_number(file, "thermal.reference_temperature");
     map->largest_rise = map_positive(file, "thermal.largest_rise");
     map->gauge_factor_slope = map_number(file, "thermal.gauge_factor_slope");
@@ -67,6 +76,7 @@ int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     thermal->scratch = thermal->amplitude + k * map->n_sensors;
     thermal->known = (unsigned char *)(thermal->gain + count);
     thermal->present = 1;
+    thermal->vibration = 1.0;
     thermal->wide = wide;
     thermal->n_gauges = n_gauges;
     thermal_renew(thermal);
@@ -77,12 +87,51 @@ void thermal_free(Thermal *thermal) {
     free(thermal->memory);
 }
 
-int thermal_read(Thermal *thermal, const double *temperature) {
+/* The next larger power of the root of 2, so that matrices stay while the vibration changes little. */
+static double step_above(double ratio) {
+    double step = LEAST_VIBRATION;
+    if (ratio <= LEAST_VIBRATION) {
+        return NO_VIBRATION;
+    }
+    while (step < ratio && step < MOST_VIBRATION) {
+        step = step * ROOT_2 >= ratio ? step * ROOT_2 : 2.0 * step;
+    }
+    return step;
+}
+
+int thermal_set_vibration(Thermal *thermal, double vibration) {
+    const int known = vibration > 0.0;
+    const double step = known ? vibration : 1.0;
+    const int changed = known != thermal->knows_vibration || step != thermal->vibration;
+    thermal->knows_vibration = known;
+    thermal->vibration = step;
+    return changed;
+}
+
+int thermal_is_vibration(double vibration) {
+    return vibration == 0.0 || (vibration >= NO_VIBRATION && vibration <= 2.0 * MOST_VIBRATION);
+}
+
+/* Whether the matrices are for another vibration than this one [1]. */
+static int read_vibration(Thermal *thermal, double vibration) {
     const ThermalMap *map = &thermal->map;
-    int changed = 0, moved = 0;
+    const int known = map->n_vibrations > 0 && vibration >= 0.0;
+    return thermal_set_vibration(thermal, known ? step_above(vibration / map->prior_std[map->n_modes - 1]) : 0.0);
+}
+
+int thermal_vibrates(const Thermal *thermal) {
+    return thermal->knows_vibration && thermal->vibration > 1.0;
+}
+
+int thermal_read(Thermal *thermal, const double *temperature, const double *channel, double vibration) {
+    const ThermalMap *map = &thermal->map;
+    const size_t n_temperatures = map->n_sensors - map->n_channels;
+    int changed = read_vibration(thermal, vibration), moved = 0;
     for (size_t t = 0; t < map->n_sensors; t++) {
-        const double above = temperature[t] - map->reference;
-        const unsigned char known = temperature[t] > 0.0 && fabs(above) <= map->largest_rise; /* 0 for NaN */
+        const int is_channel = t >= n_temperatures;
+        const double above = is_channel ? channel[t - n_temperatures] : temperature[t] - map->reference;
+        const unsigned char known = is_channel ? fabs(above) <= LARGEST_CHANNEL /* 0 for NaN */
+                                               : temperature[t] > 0.0 && fabs(above) <= map->largest_rise;
         const double rise = known ? above : 0.0;
         changed |= known != thermal->known[t];
         moved |= rise != thermal->rise[t];
@@ -93,6 +142,12 @@ int thermal_read(Thermal *thermal, const double *temperature) {
     return changed;
 }
 
+/* The deviation of a mode without sensors: of vibration it follows what is known of that. */
+static double prior_of(const Thermal *thermal, size_t mode) {
+    const ThermalMap *map = &thermal->map;
+    return map->prior_std[mode] * (mode >= map->n_modes - map->n_vibrations ? thermal->vibration : 1.0);
+}
+
 /* Amplitudes per rise of the known sensors (n_modes, n_sensors), and in `left` (n_modes, n_modes) the root of what they
    leave of the amplitudes: by whitened amplitudes A = R^-1/2 C diag(s), left = diag(s) L'^-1 with I + A' A = L L'. */
 static void set_amplitudes(Thermal *thermal, double *seen, double *left, double *root, double *amplitude) {
@@ -101,7 +156,7 @@ static void set_amplitudes(Thermal *thermal, double *seen, double *left, double 
     double *inverse = root + k * (k + 1) / 2, *information = thermal->information;
     for (size_t t = 0; t < n_t; t++) {
         for (size_t a = 0; a < k; a++) {
-            const double size = map->sensor_operator[t * k + a] * map->prior_std[a] / map->sensor_std[t];
+            const double size = map->sensor_operator[t * k + a] * prior_of(thermal, a) / map->sensor_std[t];
             seen[t * k + a] = thermal->known[t] ? size : 0.0;
         }
     }
@@ -123,7 +178,7 @@ static void set_amplitudes(Thermal *thermal, double *seen, double *left, double 
     }
     for (size_t a = 0; a < k; a++) {
         for (size_t b = 0; b < k; b++) {
-            left[a * k + b] = b < a ? 0.0 : map->prior_std[a] * inverse[triangle_column(b) + a];
+            left[a * k + b] = b < a ? 0.0 : prior_of(thermal, a) * inverse[triangle_column(b) + a];
         }
         for (size_t t = 0; t < n_t; t++) {
             amplitude[a * n_t + t] = dot(k, left + a * k, seen + t * k) / map->sensor_std[t];
@@ -162,7 +217,7 @@ void thermal_renew(Thermal *thermal) {
     const size_t k = map->n_modes, n_t = map->n_sensors, n = thermal->n_gauges;
     double *seen = thermal->scratch, *left = seen + n_t * k, *root = left + k * k;
     double *strain = root + k * (k + 1), *gain = strain + n * k, *amplitude = thermal->amplitude;
-    thermal->some = 0;
+    thermal->some = thermal->knows_vibration;
     for (size_t t = 0; t < n_t; t++) {
         thermal->some |= thermal->known[t];
     }

@@ -1,7 +1,8 @@
-/* Temperature at run time: what the wall's temperature strains, taken off the readings as far as sensors tell.
+/* Temperature and inertia at run time: what they strain, taken off the readings as far as sensors tell.
 
    The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas; it is part "thermal"
-   of resources/map.bin. */
+   of resources/map.bin. In a map with masses the last sensors are the channels of an inertial unit, each of a mode of
+   its own (strainfmu/estimator/map/inertia.py): part "inertia". */
 
 #ifndef THERMAL_H
 #define THERMAL_H
@@ -11,6 +12,8 @@
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {
     size_t n_modes, n_sensors, n_powers;
+    size_t n_channels;                         /* of the sensors, the last: those of an inertial unit */
+    size_t n_vibrations;                       /* of the modes, the last: of vibration, whose size is an input */
     double reference, largest_rise;            /* [K] */
     double gauge_factor_slope, modulus_slope;  /* [1/K] */
     const double *prior_std;                   /* (n_modes) [K] */
@@ -30,7 +33,9 @@ typedef struct {
     ThermalMap map;
     void *memory;
     unsigned char *known; /* (n_sensors) the sensors that the matrices are for */
-    int some;             /* whether there are any; if not, nothing is taken off */
+    int some;             /* whether there are any, or the vibration is known; if not, nothing is taken off */
+    double vibration;     /* that the matrices are for, over prior_std of its modes; 1 where it is not known */
+    int knows_vibration;  /* whether it is known */
     double *gain;         /* (2 n_gauges, n_sensors) strain, then temperature of the gauges per rise, in panels */
     double *own, *noise;  /* (n_gauges, n_gauges) covariances of the gauges, and with the errors that scale */
     double *rise;         /* (n_sensors) of the sensors, 0 of those not known [K] */
@@ -47,8 +52,16 @@ typedef struct {
 int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal);
 void thermal_free(Thermal *thermal);
 
-/* Take the readings of the sensors [K]. Whether others are known than before: then thermal_renew comes next. */
-int thermal_read(Thermal *thermal, const double *temperature);
+/* Take the readings of the sensors [K], of the channels, and the vibration, NaN of those not known. Whether others are known than before: then thermal_renew comes next. */
+int thermal_read(Thermal *thermal, const double *temperature, const double *channel, double vibration);
+
+/* Use the vibration of a state, over prior_std of its modes, 0 for none known; whether matrices were for another. Whether
+   a number is one. */
+int thermal_set_vibration(Thermal *thermal, double vibration);
+int thermal_is_vibration(double vibration);
+
+/* Whether there is more vibration than the map states without knowing it. */
+int thermal_vibrates(const Thermal *thermal);
 
 /* Make gain and covariances for the known sensors. */
 void thermal_renew(Thermal *thermal);

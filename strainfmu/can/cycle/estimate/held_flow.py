@@ -31,10 +31,10 @@ from strainfmu.can.wire.frame_layout import (
     is_reading,
     is_temperature,
 )
-from strainfmu.estimator.air_inputs import AIR_INPUTS
+from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 
-_SENSIBLE = {one.name: (one.smallest, one.largest) for one in AIR_INPUTS}
+_SENSIBLE = {one.name: (one.smallest, one.largest) for one in SAMPLE_INPUTS}
 """Smallest and largest value of a quantity that may be used, in SI units, whatever its signal allows."""
 
 _SENSIBLE_TEMPERATURE = (1.0, 5e3)

@@ -1,0 +1,43 @@
+"""The section [mass] of a vehicle file: how fast masses may be accelerated, and what measures it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from builder.vehicle.toml.sections import Section
+
+Percent = Annotated[float, Field(ge=0.0, le=100.0)]
+LoadFactor = Annotated[float, Field(ge=0.01, le=1e3)]
+Std = Annotated[float, Field(ge=1e-6, le=1e3)]
+
+
+class Mass(Section):
+    """Inertia of the structure in flight, whose strain no air load makes.
+
+    Masses are those of the material's density, ``structure.covers`` and ``structure.point_masses``, known to
+    ``structure_percent`` and ``equipment_percent``; ``unlisted_kg`` is the standard deviation of what the file
+    does not list at each of five stations.
+
+    What no inertial unit measures has standard deviations: specific force of ``axial_g`` along the body and
+    ``lateral_g`` across it, ``angular_acceleration_rad_per_s2``, angular rates of ``roll_rate_rad_per_s`` about
+    the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
+    ``unit_x_m`` on the axis (default: the moment reference) measures has the deviations ``.._std_..``.
+    ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
+    they strain most, where the input ``vibration`` does not state it.
+    """
+
+    structure_percent: Percent = 2.0
+    equipment_percent: Percent = 2.0
+    unlisted_kg: float = Field(default=0.2, ge=0.0, le=1e6)
+    lateral_g: LoadFactor = 2.5
+    axial_g: LoadFactor = 2.5
+    angular_acceleration_rad_per_s2: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
+    roll_rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0
+    rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0
+    vibration_um_per_m: Annotated[float, Field(ge=1e-3, le=1e4)] = 2.5
+    unit_x_m: Annotated[float, Field(ge=-1e3, le=1e3)] | None = None
+    specific_force_std_m_per_s2: Std = 0.1
+    angular_rate_std_rad_per_s: Std = 0.01
+    angular_acceleration_std_rad_per_s2: Std = 0.5

@@ -1,0 +1,173 @@
+"""Inertia of the vehicle at run time: what it strains, taken off the readings as far as an inertial unit tells.
+
+Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the specific force f
+of the unit (acceleration less that of gravity) and the angular rates w. Its inertia strains the gauges by Phi a.
+The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the products
+P = w w' - w'w 1 of w x (w x r) = P r. A priori they are independent with deviations s. Inertia modes are modes of
+temperature, each with a sensor of its own (:mod:`strainfmu.estimator.map.temperature`): :func:`with_inertia` joins
+both. Where nothing is measured, Phi diag(s^2) Phi' stays in the covariance of the gauges. Modes of vibration have
+no sensors: the input ``vibration`` states their standard deviation, in steps of the root of 2, in place of the
+map's.
+
+In free flight strain per pressure has the inertia of the motion that the pressure causes: Phi of f and dw/dt is
+then 0 for the masses of the model, and nothing counts twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import MEASURED_MOTION, NOT_KNOWN
+from strainfmu.estimator.map.temperature import ThermalMap, known_sensors
+
+CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
+"""Names of the amplitudes for people; units m/s2, rad/s2, rad2/s2."""
+
+LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
+"""Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
+
+ROOT_2 = 1.4142135623730951
+
+LARGEST_CHANNEL = 1e6
+"""Size of a channel beyond which the unit is taken to be broken."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InertiaMap:
+    """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration.
+
+    Attributes
+    ----------
+    prior_std : (k,) s, standard deviations of the channels where they are not measured.
+    sensor_std : (k,) those of the errors of measured ones.
+    mode_strain : (n_d, k) Phi, strain of the gauges per channel [(m/m)/unit].
+    rest_covariance : (n_d, n_d) the map's gauge_covariance without modes of inertia, vibration and temperature
+        [(m/m)^2].
+    vibration_strain : (n_d, v) strain of the gauges by each mode of vibration, over that of the gauge that it
+        strains most [1].
+    vibration_std : standard deviation of each where it is not known [m/m].
+    """
+
+    prior_std: FloatArray
+    sensor_std: FloatArray
+    mode_strain: FloatArray
+    rest_covariance: FloatArray
+    vibration_strain: FloatArray
+    vibration_std: float
+
+    def __post_init__(self) -> None:
+        k, n_d = len(CHANNELS), len(self.mode_strain)
+        if self.vibration_strain.shape[:1] != (n_d,) or not np.all(np.isfinite(self.vibration_strain)):
+            raise InputError(f"inertia vibration_strain: expected finite values of {n_d} gauges")
+        if not self.vibration_std > 0.0:
+            raise InputError(f"inertia vibration_std: expected a positive value, got {self.vibration_std:g}")
+        shapes = {"prior_std": (k,), "sensor_std": (k,), "mode_strain": (n_d, k), "rest_covariance": (n_d, n_d)}
+        for name, shape in shapes.items():
+            value = getattr(self, name)
+            if value.shape != shape or not np.all(np.isfinite(value)):
+                raise InputError(f"inertia {name}: expected finite values of shape {shape}, got {value.shape}")
+        for name in ("prior_std", "sensor_std"):
+            if not np.all(getattr(self, name) > 0.0):
+                raise InputError(f"inertia {name}: expected positive values")
+
+
+UNITS = {
+    "prior_std": "m/s2, rad/s2, rad2/s2",
+    "sensor_std": "m/s2, rad/s2, rad2/s2",
+    "mode_strain": "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)",
+    "rest_covariance": "(m/m)^2",
+    "vibration_std": "m/m",
+}
+
+
+def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the channels (m, k) of m samples of the inertial inputs by name, NaN where not known."""
+    known = [
+        np.where(values[name] == NOT_KNOWN, np.nan, values[name]) for name in (one.name for one in MEASURED_MOTION)
+    ]
+    force, (x, y, z), turn = known[:3], known[3:6], known[6:]
+    products = (-(y * y + z * z), -(x * x + z * z), -(x * x + y * y), x * y, x * z, y * z)
+    return np.stack([*force, *turn, *products], axis=1)
+
+
+def known_channels(channels: FloatArray) -> BoolArray:
+    """Return (m, k) which of ``channels`` (m, k) are measured: finite and plausible."""
+    return np.asarray(np.abs(channels) <= LARGEST_CHANNEL)
+
+
+def with_inertia(thermal: ThermalMap, inertia: InertiaMap | None) -> ThermalMap:
+    """Return ``thermal`` with the modes of ``inertia`` behind its own, and the channels behind its sensors.
+
+    Its sensors read channels above the reference temperature. The gauges are no warmer by the modes. Modes of
+    vibration are the last; nothing measures them.
+    """
+    if inertia is None:
+        return thermal
+    k, n_t, n, v = len(CHANNELS), thermal.n_sensors, thermal.n_modes, inertia.vibration_strain.shape[1]
+    of_both = np.zeros((n_t + k, n + k + v))
+    of_both[:n_t, :n] = thermal.sensor_operator
+    of_both[n_t:, n : n + k] = np.eye(k)
+    strain = np.hstack([inertia.mode_strain, inertia.vibration_strain])
+    return ThermalMap(
+        reference_temperature=thermal.reference_temperature,
+        prior_std=np.concatenate([thermal.prior_std, inertia.prior_std, np.full(v, inertia.vibration_std)]),
+        mode_strain=np.hstack([thermal.mode_strain, strain]),
+        gauge_operator=np.hstack([thermal.gauge_operator, np.zeros_like(strain)]),
+        sensor_names=(*thermal.sensor_names, *CHANNELS),
+        sensor_operator=of_both,
+        sensor_std=np.append(thermal.sensor_std, inertia.sensor_std),
+        apparent_strain=thermal.apparent_strain,
+        gauge_factor_slope=thermal.gauge_factor_slope,
+        modulus_slope=thermal.modulus_slope,
+        isothermal_covariance=inertia.rest_covariance,
+    )
+
+
+def readings_of_modes(
+    thermal: ThermalMap,
+    inertia: InertiaMap | None,
+    temperature: FloatArray,
+    inertial: Mapping[str, FloatArray],
+) -> tuple[FloatArray, BoolArray]:
+    """Return readings (m, n_t + k) of :func:`with_inertia` of m samples, and which of them are known.
+
+    ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
+    """
+    known = known_sensors(thermal, temperature)
+    if inertia is None:
+        return temperature, known
+    channels = channels_of(inertial)
+    read = np.hstack([temperature, thermal.reference_temperature + channels])
+    return read, np.hstack([known, known_channels(channels)])
+
+
+def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
+    """Return (m,) the ``vibration`` (m,) [m/m] over that of the map, as the covariance takes it.
+
+    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
+    changes little.
+    """
+    if inertia is None:
+        return np.full(len(vibration), np.nan)
+    known = np.isfinite(vibration) & (vibration >= 0.0)
+    ratio = np.where(known, vibration, 0.0) / inertia.vibration_std
+    steps, step = [NO_VIBRATION], LEAST_VIBRATION
+    while step <= MOST_VIBRATION:
+        steps += [step * ROOT_2, 2.0 * step]
+        step *= 2.0
+    found = np.array(steps)[np.searchsorted([LEAST_VIBRATION, *steps[1:-1]], np.minimum(ratio, MOST_VIBRATION))]
+    return np.where(known, found, np.nan)
+
+
+def with_vibration(modes: ThermalMap, inertia: InertiaMap | None, ratio: float) -> ThermalMap:
+    """Return the ``modes`` of :func:`with_inertia` whose vibration is ``ratio`` of the map's; NaN: as it is."""
+    if inertia is None or np.isnan(ratio):
+        return modes
+    first = modes.n_modes - inertia.vibration_strain.shape[1]
+    scale = np.where(np.arange(modes.n_modes) < first, 1.0, ratio)
+    return replace(modes, prior_std=modes.prior_std * scale)
