@@ -166,7 +166,7 @@ class _Screen:
         square = float(left @ np.linalg.solve(covariance, left))
         return float(chdtrc(len(at), square)), -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
 
-    def _of_load(self, case: int) -> tuple[FloatArray, FloatArray]:
+    def _of_load(self, case: int) -> tuple[BoolArray, FloatArray]:
         """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
         zeros = np.array([name.startswith("zero ") for name in self.model.names])
         return zeros, np.where(zeros, 0.0, self.columns[case])

@@ -100,8 +100,8 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
 def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     """Return the load cases and the gauges that do not fit, before any estimate.
 
-    A gauge at fault makes cases look wrong, and a wrong case makes gauges look at fault. The cases are judged first,
-    then the gauges first; the result with fewer faults, and more of them named, counts.
+    A gauge at fault makes cases look wrong, and a wrong case makes gauges look at fault. The cases are judged
+    first, then the gauges first; the result with fewer faults, and more of them named, counts.
     """
     names, gauges = [case.name for case in model.test.cases], model.structure.gauges.names
 
