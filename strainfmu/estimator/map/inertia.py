@@ -28,6 +28,9 @@ from strainfmu.estimator.map.temperature import ThermalMap, known_sensors
 CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
 """Names of the amplitudes for people; units m/s2, rad/s2, rad2/s2."""
 
+SPECIFIC_FORCE = slice(0, 3)
+"""Place of the specific force among the channels; own weight on the ground acts by it alone."""
+
 LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
 """Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
 

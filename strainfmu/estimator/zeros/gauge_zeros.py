@@ -5,7 +5,7 @@ Auxiliary sensors of a map have none: what they read without load is taken off b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -63,7 +63,12 @@ def zero_fault(name: str, value: float) -> str:
     return f"{name}: expected {smallest:g} to {LARGEST_ZERO:g} m/m, got {value:g}"
 
 
+def no_zeros(n_gauges: int) -> GaugeZeros:
+    """Return zeros of 0, exactly known: they replace those of a calibrated map."""
+    return GaugeZeros(value=np.zeros(n_gauges), std=np.zeros(n_gauges))
+
+
 def zeros_of_map(inverse_map: InverseMap) -> GaugeZeros:
     """Return the zeros that a map holds, whose errors are part of its noise; 0 without a calibration."""
     value = inverse_map.zero_offset[: inverse_map.n_strain_gauges]
-    return GaugeZeros(value=value, std=np.zeros(len(value)))
+    return replace(no_zeros(len(value)), value=value)

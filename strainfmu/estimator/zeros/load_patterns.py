@@ -1,6 +1,7 @@
 """Whether readings of a tare look like load: the strain of flights, and how much of random zeros lies along it.
 
-The strain of every flow of the map is a sum of a few patterns: the mean flow's and one for each pressure mode.
+The strain of every flow of the map is a sum of a few patterns: the mean flow's and one for each pressure mode. Own
+weight has three more.
 Zeros are random from gauge to gauge. With k orthonormal patterns of n gauges, the part b of their sum of squares
 that lies along the patterns has the distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size.
 Source: the F test of a linear model, Rao, *Linear Statistical Inference and its Applications*, section 4b.2.
@@ -12,6 +13,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.map.inertia import SPECIFIC_FORCE
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 GAUGES_PER_PATTERN = 4
@@ -22,9 +24,13 @@ _HALVINGS = 60
 
 
 def load_patterns(inverse_map: InverseMap) -> FloatArray:
-    """Return (k, n_d) strain of flights, to any scale: of the mean flow, then of pressure modes in their order."""
-    n = inverse_map.n_strain_gauges
-    columns = np.column_stack([inverse_map.mean_strain, inverse_map.state_operator])[:n]
+    """Return (k, n_d) strain of loads, to any scale.
+
+    Of the mean flow; of own weight along each axis, if the map knows masses; then of pressure modes in order.
+    """
+    n, inertia = inverse_map.n_strain_gauges, inverse_map.inertia
+    weight = np.zeros((inverse_map.n_gauges, 0)) if inertia is None else inertia.mode_strain[:, SPECIFIC_FORCE]
+    columns = np.column_stack([inverse_map.mean_strain, weight, inverse_map.state_operator])[:n]
     return np.ascontiguousarray(columns[:, : max(1, n // GAUGES_PER_PATTERN)].T)
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from inertia_maps import with_masses
 from scipy.stats import beta
 from tare_windows import HELD
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.zeros.load_patterns import largest_part, load_odds, load_patterns, part_survival
-from strainfmu.estimator.zeros.tare import Tare
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare
 
 pytestmark = pytest.mark.fast
 
@@ -63,6 +64,19 @@ def test_flights_with_small_zeros_are_refused() -> None:
         reading = 5e-5 * flight / np.abs(flight).max() + random.uniform(-5e-6, 5e-6, N_D)
         refused += like_load(tare_of(reading, random))
     assert refused >= 49
+
+
+def test_own_weight_is_refused_by_a_map_that_knows_masses() -> None:
+    held = with_masses(HELD, size=1e-4)
+    assert held.inertia is not None
+    estimator, random = Estimator(held), np.random.default_rng(4)
+    for axis in range(2):  # twelve gauges have room for three patterns, of which one is the mean flow
+        weight = 9.81 * held.inertia.mode_strain[:, axis]
+        reading = weight + 0.02 * np.abs(weight).max() * random.normal(size=N_D)
+        noise = HELD.noise_std * random.normal(size=(200, N_D))
+        assert like_load(estimator.tare(reading + noise))
+        known = KnownStrain(value=weight)
+        assert not like_load(estimator.tare(reading + noise, known=known))
 
 
 def test_zeros_of_any_size_at_rest_are_taken() -> None:
