@@ -37,6 +37,16 @@ OTHER_AIR_DATA = (
 """Deviations, p_inf, sources, angles and inertial inputs: what not every sender knows, and not every
 estimator takes."""
 
+
+def other_air_data(*, is_nonlinear: bool, has_masses: bool) -> tuple[str, ...]:
+    """Return those of :data:`OTHER_AIR_DATA` that an estimator takes.
+
+    Mach number and pressures are of nonlinear ones, inertial inputs of maps with masses.
+    """
+    not_taken = {*(() if is_nonlinear else NAVIGATION_INPUTS), *(() if has_masses else INERTIAL_NAMES)}
+    return tuple(name for name in OTHER_AIR_DATA if name not in not_taken)
+
+
 _SIGNED = {one.name for one in SAMPLE_INPUTS if one.is_signed}
 
 

@@ -16,14 +16,14 @@ from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS, Step, StepResult
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import ALTITUDE, INERTIAL_NAMES, MACH_NUMBER
+from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.offers import groups_of_outputs
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
-from strainfmu.interface.input_names import NAVIGATION_INPUTS, OTHER_AIR_DATA, given_flow, given_thrust
+from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust, other_air_data
 from strainfmu.interface.other_load_variables import other_load_values
 from strainfmu.interface.parameter_variables import (
     OUTSIDE_PREFIX,
@@ -97,11 +97,7 @@ class MapStep:
         self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
-        not_taken = (
-            *(NAVIGATION_INPUTS if self.needs_pressure else ()),
-            *(() if inverse_map.has_masses else INERTIAL_NAMES),
-        )
-        self._flow = tuple(name for name in OTHER_AIR_DATA if name not in not_taken)
+        self._flow = other_air_data(is_nonlinear=not self.needs_pressure, has_masses=inverse_map.has_masses)
         of_flow = (*NAVIGATION, *self._flow, *self._temperatures)
         self.other_inputs = (*of_flow, *self._parameters, *self._stds, *self.reading_units)
         self.noise_std = inverse_map.noise_std[: inverse_map.n_strain_gauges]

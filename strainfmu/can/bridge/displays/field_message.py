@@ -21,7 +21,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust
+from strainfmu.interface.input_names import given_flow, given_thrust, other_air_data
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import has_thrust, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
@@ -43,6 +43,7 @@ class FieldMessages:
         if held is None:
             raise ValueError("inverse_map: expected one that holds the pressure field")
         self._estimator, self._zeros = estimator, estimator.zeros
+        self._air_data = other_air_data(is_nonlinear=True, has_masses=inverse_map.has_masses)
         self._temperatures = temperature_names(inverse_map.thermal)
         self._parameters = estimator.parameters.names
         self._sensors, self._has_thrust = sensor_names(inverse_map), has_thrust(inverse_map)
@@ -88,7 +89,7 @@ class FieldMessages:
 
     def _other_inputs(self, given: Mapping[str, float]) -> dict[str, Any]:
         """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
-        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in OTHER_AIR_DATA})
+        found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in self._air_data})
         if self._temperatures:
             found[TEMPERATURE] = np.array([given.get(name, np.nan) for name in self._temperatures])
         found["parameters"] = {name: given.get(PREFIX + name, np.nan) for name in self._parameters}
