@@ -31,6 +31,7 @@ from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.strain import true_structure
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.air_inputs import STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
@@ -134,7 +135,7 @@ def score(estimator: Estimator, flights: ReadFlights, mask: Mask, rows: slice) -
     truth = np.repeat(flights.coefficients, flights.vehicles, axis=0)[rows]
     known: dict[str, Any] = {name: np.asarray(value)[rows] for name, value in flights.known.items()}
     if not estimator.is_nonlinear:
-        known = {name: value for name, value in known.items() if name != "static_pressure"}
+        known = {name: value for name, value in known.items() if name != STATIC_PRESSURE}
     strain = np.where(mask.used, flights.strain[rows], np.nan)
     found = estimator.estimate(strain, **known)
     error = np.abs(found.coefficients - truth)

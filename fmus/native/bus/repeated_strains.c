@@ -3,6 +3,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "../core/elementary.h"
+
 /* A step of splitmix64 (S. Vigna), which mixes all bits of a number. */
 static uint64_t mixed(uint64_t x) {
     x += UINT64_C(0x9E3779B97F4A7C15);
@@ -49,7 +51,8 @@ int repeats_take(SbRepeats *repeats, const SbChecks *c, const SbCycle *cycle, co
     const int is_known = *place == hash && hash != r->last;
     r->last = hash;
     r->counts -= r->counts > 0;
-    if (is_known && log_probability(c, cycle, plausible, has_slow) + log((double)(r->n > 0 ? r->n : 1)) < r->limit) {
+    const double of_count = logarithm((double)(r->n > 0 ? r->n : 1));
+    if (is_known && log_probability(c, cycle, plausible, has_slow) + of_count < r->limit) {
         r->counts = r->alarm; /* of a buffer, some cycles may never have come */
     }
     if (*place != hash) {
