@@ -109,11 +109,12 @@ class Vehicle(Section):
         """Return what of the vehicle does not go with masses."""
         entry = self.structure
         if self.mass is None:
+            listed = [f"structure.{name}" for name in ("covers", "point_masses") if getattr(entry, name)]
+            if not listed or entry.support == "free_flight":
+                return []
             return [
-                f"structure.{name}: expected none with support '{entry.support}', which carries all mass, "
+                f"{' and '.join(listed)}: expected none with support '{entry.support}', which carries all mass, "
                 "and without a section [mass]"
-                for name in ("point_masses", "covers")
-                if getattr(entry, name) and entry.support != "free_flight"
             ]
         faults = []
         if self.material.density_kg_per_m3 is None:
