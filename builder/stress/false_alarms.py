@@ -11,13 +11,10 @@ roll angle of the flow and dynamic pressure. Seeds are not those that the alarm 
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
@@ -26,6 +23,7 @@ from scipy.special import chdtri
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
 from builder.stress.run import vehicle_and_flows
+from builder.stress.study import run_study, study_parser
 from builder.trial.alarm_levels import alarm_ratios, ratios_and_health
 from builder.trial.readings import VEHICLES, ReadFlights, read_flights
 from builder.trial.vehicles import drawn_vehicles
@@ -34,7 +32,7 @@ from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
@@ -194,17 +192,9 @@ def _tests(inverse_map: InverseMap, flights: ReadFlights, search: bool) -> tuple
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m builder.stress.false_alarms",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("vehicle", type=Path, help="vehicle file of the map")
-    parser.add_argument("map", type=Path, help="map.h5")
-    parser.add_argument("flows", type=Path, help="flows of the independent model")
+    parser = study_parser("false_alarms", __doc__)
     parser.add_argument("--samples", type=int, default=1_000_000)
     parser.add_argument("--vehicles", type=int, default=VEHICLES, help="vehicles at each flight condition")
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
         "--estimator", metavar="linear|nonlinear", help="linear: the linear estimator of a map that includes both"
     )
@@ -237,8 +227,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except StrainfmuError as error:
-        print(f"strainfmu: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+    run_study(main)

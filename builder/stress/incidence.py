@@ -10,8 +10,6 @@ the linear estimator within a map of both.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from math import radians
@@ -20,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.stress.run import vehicle_and_flows
+from builder.stress.study import run_study, study_parser
 from builder.trial.conditions import drawn_altitudes_km, drawn_conditions, wind_angles
 from builder.trial.readings import ReadFlights, readings
 from builder.trial.run import estimates
@@ -28,7 +27,7 @@ from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 
@@ -114,18 +113,10 @@ def line_of(band: tuple[float, float], linear: Score, nonlinear: Score) -> str:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m builder.stress.incidence",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("vehicle", type=Path, help="vehicle file of the map")
-    parser.add_argument("map", type=Path, help="map.h5 with the nonlinear estimator")
-    parser.add_argument("flows", type=Path, help="independent_flows.h5, or other flows of the independent model")
+    parser = study_parser("incidence", __doc__)
     parser.add_argument("--linear", type=Path, help="map of the linear estimator alone; that of MAP without it")
     parser.add_argument("--conditions", type=int, default=400, help="in each band of incidence")
     parser.add_argument("--vehicles", type=int, default=10, help="vehicles as built at each condition")
-    parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if min(options.conditions, options.vehicles) < 1 or options.seed < 0:
         raise InputError("expected --conditions and --vehicles from 1 on and --seed from 0 on")
@@ -143,8 +134,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except StrainfmuError as error:
-        print(f"strainfmu: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+    run_study(main)

@@ -10,8 +10,6 @@ flow may be taken for it.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -25,12 +23,13 @@ from rich.console import Console
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.reporting import Progress
 from builder.stress.run import vehicle_and_flows
+from builder.stress.study import run_study, study_parser
 from builder.trial.readings import ReadFlights, read_flights
 from builder.trial.score import SIGMAS
 from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.strain import true_structure
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -231,18 +230,10 @@ def read(
 
 def main() -> None:
     """Print a table for each estimator of the map."""
-    parser = argparse.ArgumentParser(
-        prog="python -m builder.stress.masks",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("vehicle", type=Path, help="vehicle file of the map")
-    parser.add_argument("map", type=Path, help="map.h5")
-    parser.add_argument("flows", type=Path, help="flows of the independent model")
+    parser = study_parser("masks", __doc__)
     parser.add_argument("--samples", type=int, default=SAMPLES, help="of each mask by rows and directions")
     parser.add_argument("--of-drawn", type=int, default=OF_DRAWN, help="samples of each mask that is drawn")
     parser.add_argument("--halves", type=int, default=HALVES, help="random halves of the gauges")
-    parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
     if min(options.samples, options.of_drawn) < 1 or min(options.halves, options.seed) < 0:
         raise InputError("expected --samples and --of-drawn from 1 on, --halves and --seed from 0 on")
@@ -274,8 +265,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except StrainfmuError as error:
-        print(f"strainfmu: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+    run_study(main)

@@ -14,9 +14,7 @@ bound of the tables with installation errors, without errors of the flow.
 
 from __future__ import annotations
 
-import argparse
 import json
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -27,6 +25,7 @@ import numpy as np
 
 from builder.stress.flows import newtonian_flows
 from builder.stress.run import vehicle_and_flows
+from builder.stress.study import run_study, study_parser
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.readings import ReadFlights, read_flights
 from builder.trial.run import estimates
@@ -35,7 +34,7 @@ from builder.trial.vehicles import drawn_vehicles
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
@@ -145,17 +144,9 @@ def line_of(entry: dict[str, Any]) -> str:
 
 def main() -> None:
     """Print the table, and write it with ``-o``."""
-    parser = argparse.ArgumentParser(
-        prog="python -m builder.stress.uncertainty",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("vehicle", type=Path, help="vehicle file of the map")
-    parser.add_argument("map", type=Path, help="map.h5")
-    parser.add_argument("flows", type=Path, help="independent_flows.h5, or other flows of the independent model")
+    parser = study_parser("uncertainty", __doc__)
     parser.add_argument("--conditions", type=int, default=400)
     parser.add_argument("--vehicles", type=int, default=20, help="vehicles as built at each condition")
-    parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="JSON file with all figures")
     options = parser.parse_args()
     if min(options.conditions, options.vehicles) < 1 or options.seed < 0:
@@ -174,8 +165,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except StrainfmuError as error:
-        print(f"strainfmu: {error}", file=sys.stderr)
-        sys.exit(error.exit_code)
+    run_study(main)
