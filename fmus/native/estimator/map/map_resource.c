@@ -75,8 +75,8 @@ static void take_arrays(MapFile *file, Map *map) {
     map->gauge_covariance = map_doubles(file, "linear.gauge_covariance", n, n);
     map->error_strain = map_doubles(file, "linear.error_strain", map->n_errors, n);
     map->error_load = map_doubles(file, "linear.error_load", map->n_errors, N_LOADS);
-    map->chi_square_limit = map_doubles(file, "linear.chi_square_limit", n);
-    map->outlier_threshold = map_doubles(file, "linear.outlier_threshold", n);
+    map->chi_square_limit = map_positives(file, "linear.chi_square_limit", n);
+    map->outlier_threshold = map_positives(file, "linear.outlier_threshold", n);
     map->regularisation = map_between(file, "linear.regularisation", 0.0, DBL_MAX);
     map->min_information = map_number(file, "linear.min_information");
     map->ambiguous_correlation = map_number(file, "linear.ambiguous_correlation");
