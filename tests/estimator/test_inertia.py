@@ -108,7 +108,8 @@ def test_what_is_not_measured_stays_in_the_uncertainty(held: InverseMap) -> None
 
 @KINDS
 def test_vibration_widens_the_uncertainty_and_health_shows_it(held: InverseMap) -> None:
-    estimator, stated = Estimator(held), held.inertia.vibration_std  # type: ignore[union-attr]
+    assert held.inertia is not None
+    estimator, stated = Estimator(held), held.inertia.vibration_std
     at = {**air(held), **AT_REST}
     usual = estimator.estimate(fitting(held), **at)
     found = [estimator.estimate(fitting(held), **at, vibration=part * stated) for part in (0.0, 0.5, 1.0, 4.0)]

@@ -190,13 +190,13 @@ class _Screen:
             same = np.array_equal(self.reading[case], self.reading[other], equal_nan=True)
             if other == case or (self._weighs(case) and self._weighs(other) and not same):
                 continue  # another attitude, which has a name of its own
-            kind, text = "mislabelled", f"its readings are of the loads of '{names[other]}'"
+            kind, text = "mislabelled", f"its readings fit the loads of case '{names[other]}'"
             noise = np.hypot(self.model.test.reading_stds[case], self.model.test.reading_stds[other])
             difference = np.abs(self.reading[case] - self.reading[other])
             if np.nanmax(difference / noise) < 2.0 * OFF:
-                kind, text = "duplicate", f"its readings are those of '{names[other]}'"
+                kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
             elif other in wrong:
-                kind, text = "interchanged", f"its readings are interchanged with those of '{names[other]}'"
+                kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
             yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=self.columns[other])
 
     def _weighs(self, case: int) -> bool:

@@ -52,7 +52,7 @@ class Fault:
     Attributes
     ----------
     where : name of the gauge or of the load case.
-    kind : of gauges "swapped", "sign", "unit", "dead" or "gauge"; of cases "load" or those of
+    kind : of gauges "swapped", "sign", "unit", "dead" or "gauge"; of cases "load" or a kind of
         :class:`~builder.calibration.estimate.case_faults.CaseFault`.
     line : one sentence for the user.
     """

@@ -42,7 +42,7 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
 
 
 def newtonian_difference(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> Ensemble | None:
-    """Return newtonian flow less ``ensemble``, that of ``snapshots``, at one standard deviation.
+    """Return newtonian flow less ``ensemble``, which holds ``snapshots``, at one standard deviation.
 
     None where :func:`newtonian_snapshots` gives none.
     """

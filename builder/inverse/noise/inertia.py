@@ -24,7 +24,7 @@ NAME = "inertia"
 """Name of the noise term of the modes."""
 
 VIBRATION_MODES = "modes of vibration"
-"""Name of that of the bending modes."""
+"""Name of the noise term of the bending modes."""
 
 _OF_MODES = (NAME, VIBRATION_MODES)
 _MICRO = 1e-6
@@ -42,7 +42,7 @@ class InertiaStrain:
     Attributes
     ----------
     by_part : (n_d, k) per channel, by part: wall with covers, each point mass by its number, and 1 kg at stations.
-    by_bending : (n_d, 2) of the first bending modes, over that of the gauge that each strains most [1].
+    by_bending : (n_d, 2) of the first bending modes, over the strain of the gauge that each strains most [1].
     """
 
     by_part: dict[str, FloatArray]
