@@ -32,6 +32,7 @@ class OneGauge:
     gauge_position: Any = field(default_factory=lambda: np.array([[1.0, 0.0, -0.1]]))
     gauge_roll_angle: Any = field(default_factory=lambda: np.array([np.pi]))
     noise_std: Any = field(default_factory=lambda: np.array([2.4e-7]))
+    zero_offset: Any = field(default_factory=lambda: np.zeros(1))
     strain_range: Any = field(default_factory=lambda: np.array([1e-4]))
     coefficient_range: Any = field(default_factory=lambda: np.tile([-1.0, 1.0], (5, 1)))
     reference_area: float = 0.108

@@ -6,6 +6,7 @@ then read in this process, or comes from the child item by item; systems that do
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import pickle
 import select
@@ -118,6 +119,7 @@ def _leave_after(read: Callable[[], object], memory: int) -> NoReturn:
         silent = os.open(os.devnull, os.O_WRONLY)
         os.dup2(silent, 1)
         os.dup2(silent, 2)
+        faulthandler.disable()  # it may write to a copy of standard error
         _limit_memory(memory)
         read()
         code = 0
