@@ -40,6 +40,7 @@ def test_every_event_is_stepped(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setattr("strainfmu.fmu.checks.worst_step.REPEATS", 3)
+    monkeypatch.setenv("COLUMNS", "250")  # one row of the table is one line
     save_inverse_map(make(), tmp_path / "map.h5")
     with pytest.raises(SystemExit) as left:
         main(["bench", str(tmp_path), "--worst", "--random-steps", "300"])
