@@ -15,7 +15,7 @@ from builder.stress.flights import (
     mirrored,
     mirrored_is_inside,
 )
-from builder.stress.flows import AnotherEngine, vortex_pairs, windward_bump
+from builder.stress.flows import AnotherEngine, TangentCones, vortex_pairs, windward_bump
 from builder.stress.kind import Kind, KindClass, as_stated
 from builder.vehicle.file import Vehicle
 from strainfmu.flight_condition import ALTITUDE
@@ -156,6 +156,19 @@ def flow_kinds(vehicle: Vehicle) -> list[Kind]:
             group="outside",
             what=f"Pressure of modified Newtonian theory, {leeward}, on the same body.",
             flow=AnotherEngine(),
+        ),
+        *(
+            [
+                Kind(
+                    error="another engine",
+                    size="tangent cones",
+                    group="outside",
+                    what="Pressure of the cone that is tangent at each point, Prandtl-Meyer expansion leeward.",
+                    flow=TangentCones(),
+                )
+            ]
+            if vehicle.is_of_revolution
+            else []
         ),
         Kind(
             error="local pressure, windward",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from builder.aero.deflections import deflections_of
 from builder.aero.engine import FlowKey
+from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.journal import Journal
@@ -23,7 +25,7 @@ from builder.truth.revolution.flows import truth_engine, truth_surface
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError
-from strainfmu.flight_condition import MACH_NUMBER
+from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 
 
 class OtherFlow(Protocol):
@@ -118,17 +120,28 @@ def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
 
     Source: :mod:`builder.aero.engines.local_inclination`.
     """
-    surface = truth_surface(vehicle)
-    engine = NewtonianEngine(mesh_of_grid(surface), leeward="prandtl_meyer")
-    n_m = table.harmonic.shape[3]
+    engine = NewtonianEngine(mesh_of_grid(truth_surface(vehicle)), leeward="prandtl_meyer")
+    return _other_table(
+        vehicle,
+        table,
+        # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
+        lambda mach, incidence: engine.solve((mach, incidence, 0.0)).arrays["pressure_ratio"],
+        "newtonian",
+    )
+
+
+def _other_table(
+    vehicle: Vehicle, table: FlowTable, ratio_at: Callable[[float, float], FloatArray], engine: str
+) -> FlowTable:
+    """Return ``table`` with p / p_inf of ``ratio_at`` (M, total incidence [rad]) at the nodes of the surface."""
+    surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
     weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / surface.n_roll
     harmonic = np.empty_like(table.harmonic)
     for i, mach in enumerate(table.mach_knots.tolist()):
         for j, incidence in enumerate(table.incidence_knots.tolist()):
-            # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
-            ratio = engine.solve((mach, incidence, 0.0)).arrays["pressure_ratio"]
+            ratio = ratio_at(mach, incidence)
             harmonic[i, j] = np.fft.rfft(surface.as_map(ratio), axis=1).real[:, :n_m] * weight
-    return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": "newtonian"})
+    return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": engine})
 
 
 @dataclass(frozen=True)
@@ -146,6 +159,33 @@ class AnotherEngine:
         ratio = [engine.pressure_ratio(engine.solve(engine.flow_key(one)), one) for one in conditions]
         ambient = np.array([one.ambient_pressure for one in conditions])
         return replace(flows, pressure=ambient[:, None] * np.array(ratio))
+
+
+@dataclass(frozen=True)
+class TangentCones:
+    """Pressure of tangent cones on a body, or a shape whose surface does not move."""
+
+    def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
+        normal = mesh_of_grid(truth_surface(vehicle)).node_normal
+
+        def ratio(mach: float, incidence: float) -> FloatArray:
+            return tangent_cone_pressure_ratio(
+                mach, -normal @ np.array([np.cos(incidence), 0.0, np.sin(incidence)])
+            )
+
+        return _other_table(vehicle, table, ratio, "tangent cones")
+
+    def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
+        normal, conditions = flows.surface.node_normal, flows.conditions()
+        ratio = [tangent_cone_pressure_ratio(one.mach_number, -normal @ _wind(one)) for one in conditions]
+        ambient = np.array([one.ambient_pressure for one in conditions])
+        return replace(flows, pressure=ambient[:, None] * np.array(ratio))
+
+
+def _wind(condition: FlightCondition) -> FloatArray:
+    """Return the direction (3,) of the free stream."""
+    alpha, beta = condition.angle_of_attack, condition.sideslip_angle
+    return np.array([np.cos(alpha) * np.cos(beta), -np.sin(beta), np.sin(alpha) * np.cos(beta)])
 
 
 @dataclass(frozen=True, kw_only=True)

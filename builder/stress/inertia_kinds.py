@@ -133,10 +133,43 @@ class InertialUnit:
 
 
 def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
-    """Return masses in a manoeuvre, none of a vehicle without a section [mass]."""
-    entry = vehicle.mass
-    if entry is None:
-        return []
+    """Return masses in a manoeuvre, and vibration.
+
+    A vehicle without a section [mass] flies the masses of its file, too, where its materials have a density: no
+    strain separates them from air loads.
+    """
+    if vehicle.mass is not None:
+        return _stated_kinds(vehicle, vehicle.mass)
+    held = vehicle.is_of_revolution and vehicle.structure.support != "free_flight"
+    return _unknown_kinds(vehicle) if held and vehicle.material.density_kg_per_m3 is not None else []
+
+
+def _unknown_kinds(vehicle: Vehicle) -> list[Kind]:
+    """Return kinds of a vehicle whose map does not include inertia."""
+    entry = Mass()
+    wall = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G)
+    extra = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G, with_listed=False, extra=EXTRA_KG)
+    vibration = Vibration(vehicle=vehicle, entry=entry, amplitude=AMPLITUDE)
+    lateral, bending = f"{LATERAL_G:g} g lateral", f"{1e6 * AMPLITUDE:g} um/m"
+    cure = "A section [mass] in the vehicle file includes it in sigma; an inertial unit then takes it off."
+    listed = (
+        ("inertia of the masses", lateral, "Masses of the file, accelerated to the leeward side.", wall),
+        (
+            "inertia of a mass that is not listed",
+            f"{EXTRA_KG:g} kg at mid-body, {lateral}",
+            "A mass at mid-body that the file does not list, without the others.",
+            extra,
+        ),
+        ("vibration", bending, "First bending mode at any phase, across any axis.", vibration),
+    )
+    return [
+        Kind(error=error, size=size, group="unobservable", what=f"{what} {cure}", readings=one.readings)
+        for error, size, what, one in listed
+    ]
+
+
+def _stated_kinds(vehicle: Vehicle, entry: Mass) -> list[Kind]:
+    """Return kinds of a vehicle with the section [mass] ``entry``."""
     listed = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G)
     extra = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G, with_listed=False, extra=EXTRA_KG)
     straight = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=0.0)

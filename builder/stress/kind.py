@@ -122,6 +122,14 @@ class AirData(Protocol):
         ...
 
 
+class AddedStrain(Protocol):
+    """Strain that no pressure makes."""
+
+    def strain(self, conditions: Sequence[FlightCondition]) -> FloatArray:
+        """Return (k, n_d) strain of the gauges [m/m] in flights at ``conditions``."""
+        ...
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Kind:
     """One kind of error.
@@ -134,6 +142,7 @@ class Kind:
     flights : where it is flown.
     flow : the pressure, None for that of the independent model.
     build : the vehicle of one draw.
+    added : strain that no pressure makes; None for none.
     readings, sensor_readings : what becomes of the strains, and of what auxiliary sensors read.
     parameters : flow parameters that are given; None for none.
     air_data : air data that are given otherwise; None for none.
@@ -150,6 +159,7 @@ class Kind:
     flights: DrawConditions = inside
     flow: OtherFlow | None = None
     build: Build = exact
+    added: AddedStrain | None = None
     readings: Readings = as_read
     sensor_readings: Readings = as_read
     parameters: KnownParameters | None = None

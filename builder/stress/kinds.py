@@ -9,6 +9,7 @@ from builder.stress.hardware_kinds import beyond_kinds, filter_kinds, fixed_kind
 from builder.stress.inertia_kinds import inertia_kinds
 from builder.stress.kind import Kind
 from builder.stress.sensor_kinds import parameter_kinds, sensor_kinds
+from builder.stress.viscous_kinds import viscous_kinds
 from builder.vehicle.file import Vehicle
 
 
@@ -28,4 +29,5 @@ def all_kinds(vehicle: Vehicle) -> list[Kind]:
         *parameter_kinds(vehicle),
         *envelope_kinds(vehicle),
         *flow_kinds(vehicle),
+        *viscous_kinds(vehicle),
     ]

@@ -198,6 +198,8 @@ class Range:
             other = kind.air_data.known(flights.conditions, self.hardware.noise, random)
             known = other if DYNAMIC_PRESSURE in other else known | other
         n, how = self.hardware.n_gauges, kind.filtered
+        if kind.added is not None:
+            strain[:, :n] += kind.added.strain(flights.conditions)
         if how is not None:
             std, common = self._zeros(how)
             strain[:, :n] += std * random.standard_normal(n) + common * random.standard_normal()

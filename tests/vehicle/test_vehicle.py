@@ -312,8 +312,8 @@ def test_file_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
         ),
         ('= "ambient" # "ambient"', '= "vacuum" #', ("internal_pressure_Pa", "got 'vacuum'")),
         (
-            "mach_number = [5.25, 5.75,",
-            "mach_number = [5.25, 5.25,",
+            "mach_number = [5.0, 5.25, 5.75,",
+            "mach_number = [5.0, 5.25, 5.25,",
             ("truth.mach_number", "each value once", "got 5.25"),
         ),
         ("sideslip_angle_deg = [0.0, 5.0, 10.0]", "sideslip_angle_deg = []", ("at least 1 value", "got []")),

@@ -14,9 +14,12 @@ sin(delta) = -n . V/|V| with n outward. Windward (delta > 0): C_p = C_p,max sin^
 
 Pressure never falls below vacuum, C_p >= -2/(gamma M^2). Perfect gas, gamma = 1.4.
 
+Tangent cones are another theory: the pressure is that on a cone of half angle delta without incidence.
+
 Sources: L. Lees, "Hypersonic flow", Proc. 5th Int. Aeronautical Conf. (1955); NACA Report 1135, eqs. 44, 100 and
 171c; L. G. Kaufman, "Pressure estimation techniques for hypersonic flows over blunt bodies", J. Astronaut. Sci. 10
-(1963); J. D. Anderson, Hypersonic and High-Temperature Gas Dynamics, ch. 3.
+(1963); M. L. Rasmussen, "On hypersonic flow past an unyawed cone", AIAA J. 5 (1967); J. D. Anderson, Hypersonic
+and High-Temperature Gas Dynamics, ch. 3.
 """
 
 from __future__ import annotations
@@ -150,4 +153,25 @@ def inclination_pressure_ratio(
         away = inclination < match.inclination
         turning = match.inclination - inclination[away]
         ratio[away] = pitot_pressure_ratio(mach_number) * expanded_to_total(match.mach_number, turning)
+    return ratio
+
+
+def tangent_cone_pressure_ratio(mach_number: float, sine: FloatArray) -> FloatArray:
+    """Return p/p_inf (n,) of tangent cones at points inclined by the sines ``sine`` (n,), Prandtl-Meyer leeward.
+
+    C_p / sin^2(delta) = 1 + ((gamma + 1) K^2 + 2) / ((gamma - 1) K^2 + 2) ln((gamma + 1) / 2 + 1 / K^2) with
+    K = M sin(delta) (Rasmussen), and not above the stagnation pressure behind a normal shock.
+
+    Raises
+    ------
+    FlowReachError
+        The free stream is not supersonic.
+    """
+    ratio = inclination_pressure_ratio(mach_number, sine, leeward="prandtl_meyer")
+    windward = sine > 0.0
+    square = (mach_number * sine[windward]) ** 2
+    shape = ((GAMMA + 1.0) * square + 2.0) / ((GAMMA - 1.0) * square + 2.0)
+    coefficient = sine[windward] ** 2 * (1.0 + shape * np.log(0.5 * (GAMMA + 1.0) + 1.0 / square))
+    cone = 1.0 + 0.5 * GAMMA * mach_number**2 * coefficient
+    ratio[windward] = np.minimum(cone, pitot_pressure_ratio(mach_number))
     return ratio

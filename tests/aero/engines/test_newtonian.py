@@ -7,8 +7,14 @@ from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
+from cone_theory import taylor_maccoll_pressure
 
-from builder.aero.engines.local_inclination import largest_pressure_coefficient
+from builder.aero.engines.local_inclination import (
+    inclination_pressure_ratio,
+    largest_pressure_coefficient,
+    pitot_pressure_ratio,
+    tangent_cone_pressure_ratio,
+)
 from builder.aero.engines.newtonian import NewtonianEngine, newtonian_engine
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from strainfmu.errors import FlowReachError, InputError
@@ -174,6 +180,21 @@ def test_low_on_slender_cones() -> None:
     for stagnation, share in (("rayleigh_pitot", 0.787), ("classical", 0.863)):
         k = largest_pressure_coefficient(7.0, stagnation)
         assert k * sin(theta) ** 2 / exact == pytest.approx(share, abs=2e-3)
+
+
+@pytest.mark.parametrize(("half_angle_deg", "mach_number"), [(10.0, 7.0), (5.0, 4.0), (15.0, 3.0), (20.0, 6.0)])
+def test_tangent_cones(half_angle_deg: float, mach_number: float) -> None:
+    """C_p on cones is that of Taylor-Maccoll flow but for 4 %."""
+    exact = taylor_maccoll_pressure(radians(half_angle_deg), mach_number) - 1.0
+    found = tangent_cone_pressure_ratio(mach_number, np.array([np.sin(radians(half_angle_deg))]))[0] - 1.0
+    assert found == pytest.approx(exact, rel=0.04)
+
+
+def test_tangent_cones_end_at_stagnation_and_expand_leeward() -> None:
+    sine = np.array([1.0, -0.1])
+    stagnation, leeward = tangent_cone_pressure_ratio(6.0, sine)
+    assert stagnation == pytest.approx(pitot_pressure_ratio(6.0))
+    assert leeward == inclination_pressure_ratio(6.0, sine, leeward="prandtl_meyer")[1]
 
 
 def test_keys_and_inputs() -> None:
