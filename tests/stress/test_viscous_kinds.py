@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from builder.stress.kinds import all_kinds
+from builder.stress.model import RevolvedModel
 from builder.stress.score import Range
 from builder.stress.viscous_kinds import OVERPRESSURE, Friction, Raised
 from builder.truth.revolution.strain import true_structure
@@ -14,6 +15,7 @@ AT = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.0, 
 
 
 def test_even_pressure_pushes_on_the_base_area(trial: Range) -> None:
+    assert isinstance(trial.model, RevolvedModel)
     kind = next(one for one in all_kinds(trial.vehicle) if one.error == "viscous pressure")
     raised = Raised(size=OVERPRESSURE).on_table(trial.vehicle, trial.model.table)
     np.testing.assert_allclose(raised.harmonic[..., 0] - trial.model.table.harmonic[..., 0], OVERPRESSURE)
