@@ -95,7 +95,7 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
 
 
 def test_standard_deviation_is_that_of_a_mean(tmp_path: Path) -> None:
-    """The scatter of all windows, pooled, over the root of the number of samples; the stated one is added."""
+    """Windows that are alike: their pooled scatter over the root of the number of samples, and the stated one."""
     strain = two_steps(tmp_path)
     found = read_windows(load_test_file(written(tmp_path)), GAUGES)
     pooled = np.sqrt(0.5 * (strain[:20].var(axis=0, ddof=1) + strain[20:].var(axis=0, ddof=1)))
@@ -123,9 +123,13 @@ def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> Non
     found = read_windows(load_test_file(written(tmp_path)), GAUGES)
     assert np.isnan(found.mean[0, 0])
     assert np.isfinite(found.mean[1, 0])
-    assert found.std[0, 1] > 0.0
+    assert np.isnan(found.mean[:, 1]).all()
     said = "\n".join(found.notes)
-    assert "do not scatter within any window: b" in said
+    (line,) = found.left_out
+    assert line.endswith(
+        "gauge 'b': railed or frozen, 100 % of its samples in test.csv stand at 3 um/m; left out of all cases"
+    )
+    assert line in said
     assert "case 'level': 1 gauges without a reading" in said
     assert "case 'pad': strain moves by 4.99 um/m" in said
 
@@ -210,12 +214,24 @@ def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
     [
         (
             FILE.replace("[1.0, 1.95]", "[9.0, 9.5]"),
-            r"case\.2\.window_s: expected times of .*, 0 to 1.95 s",
+            r"case\.2\.window_s: 'pad': expected times of .*, 0 to 1.95 s, got \[9\.0, 9\.5\]",
         ),
-        (FILE.replace("window_s = [1.0, 1.95]", "row = 41"), r"case\.2\.row: expected at most 40"),
+        (FILE.replace("window_s = [1.0, 1.95]", "row = 41"), r"case\.2\.row: 'pad': expected at most 40"),
         (FILE.replace("window_s = [1.0, 1.95]\n", ""), r"case\.2\.window_s: entry is missing, expected it or row"),
         (FILE.replace('recording = "test.csv"\n', ""), r"case\.1\.recording: entry is missing"),
         (FILE.replace("test.csv", "other.csv"), r"other\.csv: no such file"),
+        (
+            FILE.replace("[1.0, 1.95]", "[1.0, 2.5]"),
+            r"case\.2\.window_s: 'pad': expected times of the recording, 0 to 1.95 s, got \[1\.0, 2\.5\]",
+        ),
+        (
+            FILE.replace("[1.0, 1.95]", "[0.9, 1.9]"),
+            r"case\.2\.window_s: 'pad': expected .* case\.1 'level', \[0\.0, 0\.95\] s, got \[0\.9, 1\.9\]",
+        ),
+        (
+            FILE.replace("window_s = [0.0, 0.95]", "row = 7").replace("window_s = [1.0, 1.95]", "row = 7"),
+            r"case\.2\.row: 'pad': expected another row than case\.1 'level', got 7 as well",
+        ),
     ],
 )
 def test_readings_that_are_not_there_are_refused(tmp_path: Path, text: str, line: str) -> None:

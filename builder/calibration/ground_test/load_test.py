@@ -86,6 +86,7 @@ class LoadTest:
     gauge_names : n_d names, the order of the readings.
     cases : in the order of the file.
     errors : of what is stated of the loads.
+    left_out : a line for each channel whose readings were left out, as it stands still in its recording.
 
     Raises
     ------
@@ -96,6 +97,7 @@ class LoadTest:
     gauge_names: tuple[str, ...]
     cases: tuple[LoadCase, ...]
     errors: LoadErrors = field(default_factory=LoadErrors)
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.cases:

@@ -49,8 +49,8 @@ class ReadingEntries(Section):
     """Where the readings are, of all cases that do not say otherwise; files are relative to this one.
 
     ``channels`` is a channels.toml for recordings whose columns are not named by the gauges. A reading is the mean
-    over its window; its standard deviation follows from the scatter of all windows, and
-    ``reading_std_um_per_m`` (drift, hysteresis) is added to it.
+    over its window; its standard deviation follows from the scatter in the windows, and ``reading_std_um_per_m``
+    (drift, hysteresis) is added to it.
     """
 
     recording: FileName | None = None

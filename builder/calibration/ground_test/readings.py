@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from builder.calibration.ground_test.channel_faults import channel_faults, resolution
 from builder.calibration.ground_test.load_test import LoadCase, LoadTest
 from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
+from builder.calibration.ground_test.reading_noise import window_variances
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import Wanted
@@ -28,12 +31,14 @@ class Readings:
     std : (n_cases, n_d) of the mean [m/m].
     samples : (n_cases, n_d) number of samples.
     notes : lines for the user.
+    left_out : those of them on channels that stand still, whose readings are left out.
     """
 
     mean: FloatArray
     std: FloatArray
     samples: FloatArray
     notes: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTest, tuple[str, ...]]:
@@ -46,8 +51,8 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
     Raises
     ------
     InputError
-        A recording is missing or wrong, a window holds no sample, a reading's standard deviation is not known, or
-        no case has a load.
+        A recording is missing or wrong, a window is not within it or overlaps another one, a reading's standard
+        deviation is not known, or no case has a load.
     """
     if not any(case.load for case in file.case):
         raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
@@ -63,45 +68,128 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
         )
         for k, case in enumerate(file.case)
     )
-    return LoadTest(gauge_names=gauge_names, cases=cases, errors=errors), found.notes
+    test = LoadTest(gauge_names=gauge_names, cases=cases, errors=errors, left_out=found.left_out)
+    return test, found.notes
 
 
 def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     """Return mean and standard deviation of every gauge in the window of every case.
 
-    The scatter of one sample is pooled over all windows, gauge by gauge; white noise is assumed.
+    Each gauge has the scatter of its own samples in each window, as exact as their number makes it
+    (:mod:`~builder.calibration.ground_test.reading_noise`); white noise is assumed. Channels that stand still
+    (:mod:`~builder.calibration.ground_test.channel_faults`) have no reading there, and are named.
 
     Raises
     ------
     InputError
         As :func:`load_test`.
     """
-    recordings: dict[tuple[Path, Path | None], tuple[FloatArray, FloatArray]] = {}
-    notes: list[str] = []
-    windows = []
-    for number, case in enumerate(file.case, start=1):
-        source = _source(file, case, number)
-        if source not in recordings:
-            recordings[source] = _samples(*source, gauge_names, notes)
-        windows.append(_window(file, case, number, *recordings[source]))
+    sources, recordings, notes = _opened(file, gauge_names)
+    windows = [_window(file, number, *recordings[source]) for number, source in enumerate(sources, start=1)]
+    _refuse_overlaps(file, sources)
+    windows, left_out = _without_faults(file, sources, recordings, windows, gauge_names)
     count = np.array([np.isfinite(one).sum(axis=0) for one in windows], dtype=float)
     has_any = count > 0.0
     mean = np.array([np.nansum(one, axis=0) for one in windows]) / np.maximum(count, 1.0)
-    squares = [np.nansum((one - m) ** 2, axis=0) for one, m in zip(windows, mean, strict=True)]
-    freedom = np.maximum(count - 1.0, 0.0).sum(axis=0)
-    scatter = np.sqrt(np.sum(squares, axis=0) / np.maximum(freedom, 1.0))
-    still: BoolArray = np.all([_repeats(one) for one in windows], axis=0) & (freedom > 0.0)
+    squares = np.array([np.nansum((one - m) ** 2, axis=0) for one, m in zip(windows, mean, strict=True)])
+    freedom = np.maximum(count - 1.0, 0.0)
+    scatter = np.sqrt(window_variances(squares / np.maximum(freedom, 1.0), freedom))
+    held = np.array([_repeats(one) for one in windows]) & (freedom > 0.0)
+    still: BoolArray = np.all(held | (freedom == 0.0), axis=0) & held.any(axis=0)
     if still.any() and not still.all():
         # A channel that repeats one value says nothing of its noise.
         scatter = np.where(still, np.median(scatter[scatter > 0.0]), scatter)
         named = ", ".join(name for name, one in zip(gauge_names, still.tolist(), strict=True) if one)
         notes.append(f"{file.path}: readings do not scatter within any window: {named}")
     floor = 1e-6 * file.readings.reading_std_um_per_m
-    std = np.hypot(scatter / np.sqrt(np.maximum(count, 1.0)), floor)
+    # A value that repeats is one sample, rounded.
+    alone = np.hypot(scatter, _rounding(sources, recordings))
+    of_mean = np.where(held, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
+    std = np.hypot(of_mean, floor)
     _check_std(file, gauge_names, std, has_any)
-    notes += _missing(file, gauge_names, has_any)
+    notes += [*left_out, *_missing(file, gauge_names, has_any)]
     notes += _unsettled(file, windows, std=np.hypot(scatter, floor))
-    return Readings(mean=np.where(has_any, mean, np.nan), std=std, samples=count, notes=tuple(notes))
+    return Readings(
+        mean=np.where(has_any, mean, np.nan), std=std, samples=count, notes=tuple(notes), left_out=left_out
+    )
+
+
+Source = tuple[Path, Path | None]
+"""A recording, and its channels file."""
+
+
+def _opened(
+    file: LoadTestFile, gauge_names: tuple[str, ...]
+) -> tuple[list[Source], dict[Source, tuple[FloatArray, FloatArray]], list[str]]:
+    """Return the source of each case, times and strains of every source, and what its reader notes."""
+    recordings: dict[Source, tuple[FloatArray, FloatArray]] = {}
+    sources, notes = list[Source](), list[str]()
+    for number, case in enumerate(file.case, start=1):
+        sources.append(_source(file, case, number))
+        if sources[-1] not in recordings:
+            recordings[sources[-1]] = _samples(*sources[-1], gauge_names, notes)
+    return sources, recordings, notes
+
+
+def _without_faults(
+    file: LoadTestFile,
+    sources: Sequence[Source],
+    recordings: Mapping[Source, tuple[FloatArray, FloatArray]],
+    windows: Sequence[FloatArray],
+    gauge_names: tuple[str, ...],
+) -> tuple[list[FloatArray], tuple[str, ...]]:
+    """Return the windows without samples of channels that stand still in them, and a line for each of these."""
+    kept, lines = [one.copy() for one in windows], []
+    for source, (_, strain) in recordings.items():
+        cases = [k for k, one in enumerate(sources) if one == source]
+        for fault in channel_faults(strain, [windows[k] for k in cases]):
+            hit = [cases[k] for k in fault.windows]
+            for k in hit:
+                kept[k][:, fault.gauge] = np.nan
+            whole = len(hit) == len(cases)
+            names = ", ".join(f"'{file.case[k].name}'" for k in hit)
+            where = "all cases" if whole else f"case{'s' * (len(hit) > 1)} {names}"
+            values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
+            lines.append(
+                f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
+                f"its samples in {source[0].name} stand at {values} um/m; left out of {where}"
+            )
+    return kept, tuple(lines)
+
+
+def percent_of(fraction: float) -> str:
+    """Return a fraction [1] in percent, with two digits at least."""
+    return f"{100.0 * fraction:.{1 if fraction < 0.1 else 0}f} %"
+
+
+def _rounding(sources: Sequence[Source], recordings: Mapping[Source, tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Return the standard deviation of a sample by the resolution of its channel (n_cases, n_d) [m/m]."""
+    by_source = {
+        source: np.array([resolution(strain[:, g]) for g in range(strain.shape[1])]) / np.sqrt(12.0)
+        for source, (_, strain) in recordings.items()
+    }
+    return np.array([by_source[source] for source in sources])
+
+
+def _refuse_overlaps(file: LoadTestFile, sources: Sequence[Source]) -> None:
+    """Refuse cases that are read from the same samples of a recording."""
+    for second, case in enumerate(file.case):
+        for first, other in enumerate(file.case[:second]):
+            if sources[first][0] != sources[second][0]:
+                continue
+            where = f"{file.path}: case.{second + 1}"
+            if case.row is not None and case.row == other.row:
+                raise InputError(
+                    f"{where}.row: '{case.name}': expected another row than case.{first + 1} '{other.name}', "
+                    f"got {case.row} as well"
+                )
+            if case.window_s is None or other.window_s is None:
+                continue
+            if case.window_s[0] < other.window_s[1] and other.window_s[0] < case.window_s[1]:
+                raise InputError(
+                    f"{where}.window_s: '{case.name}': expected a window beside that of case.{first + 1} "
+                    f"'{other.name}', {other.window_s} s, got {case.window_s}, which overlaps"
+                )
 
 
 def _source(file: LoadTestFile, case: CaseEntry, number: int) -> tuple[Path, Path | None]:
@@ -125,20 +213,24 @@ def _samples(
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
 
 
-def _window(file: LoadTestFile, case: CaseEntry, number: int, time: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return the samples (n, n_d) of a case."""
-    where = f"{file.path}: case.{number}"
+def _window(file: LoadTestFile, number: int, time: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return the samples (n, n_d) of case ``number``, from 1."""
+    case, where = file.case[number - 1], f"{file.path}: case.{number}"
     if case.row is not None:
         if case.row > len(time):
-            raise InputError(f"{where}.row: expected at most {len(time)}, the recording's rows, got {case.row}")
+            raise InputError(
+                f"{where}.row: '{case.name}': expected at most {len(time)}, the recording's rows, got {case.row}"
+            )
         return strain[case.row - 1 : case.row]
     if case.window_s is None:
         raise InputError(f"{where}.window_s: entry is missing, expected it or row")
     first, last = case.window_s
     within = (time >= first) & (time <= last)
-    if not within.any():
+    # Windows may end where the next sample would be.
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if first < time[0] - step or last > time[-1] + step or not within.any():
         raise InputError(
-            f"{where}.window_s: expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
+            f"{where}.window_s: '{case.name}': expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
             f"got {case.window_s}"
         )
     return strain[within]
@@ -178,6 +270,7 @@ def _missing(file: LoadTestFile, gauge_names: tuple[str, ...], has_any: BoolArra
 def _unsettled(file: LoadTestFile, windows: list[FloatArray], std: FloatArray) -> list[str]:
     """Return lines on windows in which the strain still moved."""
     lines = []
+    usual = np.median(std, axis=0)  # a window in which the strain moves scatters by that as well
     for case, window in zip(file.case, windows, strict=True):
         half = len(window) // 2
         parts = window[:half], window[len(window) - half :]
@@ -185,7 +278,7 @@ def _unsettled(file: LoadTestFile, windows: list[FloatArray], std: FloatArray) -
             continue
         full = np.isfinite(window).all(axis=0)
         step = np.abs(parts[1].mean(axis=0) - parts[0].mean(axis=0))[full]
-        limit = SETTLED * std[full] * np.sqrt(2.0 / half)
+        limit = SETTLED * usual[full] * np.sqrt(2.0 / half)
         if np.any(step > limit):
             worst = 1e6 * float(step.max())
             lines.append(f"{file.path}: case '{case.name}': strain moves by {worst:.3g} um/m within its window")
