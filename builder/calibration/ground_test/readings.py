@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from builder.calibration.ground_test.channel_faults import channel_faults, resolution
-from builder.calibration.ground_test.load_test import LoadCase, LoadTest
+from builder.calibration.ground_test.load_test import LoadCase, LoadStep, LoadTest
 from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
 from builder.calibration.ground_test.reading_noise import window_variances
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.strains.strain_files import open_strains
+
+Source = tuple[Path, Path | None]
+"""A recording, and its channels file."""
+
+Recordings = dict[Source, tuple[FloatArray, FloatArray]]
+"""Times (n,) [s] and strains (n, n_d) [m/m] of every source."""
 
 SETTLED = 6.0
 """Difference between both halves of a window, in its standard deviations, above which the load still moved."""
@@ -30,6 +37,7 @@ class Readings:
     mean : (n_cases, n_d) [m/m], NaN where no sample of a window has a value.
     std : (n_cases, n_d) of the mean [m/m].
     samples : (n_cases, n_d) number of samples.
+    steps : of each case.
     notes : lines for the user.
     left_out : those of them on channels that stand still, whose readings are left out.
     """
@@ -37,6 +45,7 @@ class Readings:
     mean: FloatArray
     std: FloatArray
     samples: FloatArray
+    steps: tuple[tuple[LoadStep, ...], ...]
     notes: tuple[str, ...]
     left_out: tuple[str, ...] = ()
 
@@ -56,6 +65,8 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
     """
     if not any(case.load for case in file.case):
         raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
+    if all(case.check for case in file.case):
+        raise InputError(f"{file.path}: case: expected one without check or more, got check loads alone")
     found, errors = read_windows(file, gauge_names), file.errors.errors()
     cases = tuple(
         LoadCase(
@@ -65,11 +76,73 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
             reading_std=found.std[k],
             temperature=case.temperature_K,
             group=case.zeros,
+            check=case.check,
+            steps=found.steps[k],
         )
         for k, case in enumerate(file.case)
     )
     test = LoadTest(gauge_names=gauge_names, cases=cases, errors=errors, left_out=found.left_out)
     return test, found.notes
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """Where a reading stands in its recording.
+
+    Attributes
+    ----------
+    entry : of the file, such as ``case.2`` or ``case.2.step.1``.
+    name : of its case, in words.
+    case : number of that, from 0.
+    part : of its loads [1].
+    window, row : as of the entry.
+    source : recording, and its channels file.
+    """
+
+    entry: str
+    name: str
+    case: int
+    part: float
+    window: list[float] | None
+    row: int | None
+    source: Source
+
+    @property
+    def start(self) -> float:
+        """Time or row, to order readings of one case by."""
+        return float(self.row or 0) if self.window is None else self.window[0]
+
+
+def _places(file: LoadTestFile) -> list[_Place]:
+    """Return the places of all cases, then of all steps."""
+    cases, steps = [], []
+    for number, case in enumerate(file.case, start=1):
+        source = _source(file, case, number)
+        entry, name = f"case.{number}", f"'{case.name}'"
+        cases.append(
+            _Place(
+                entry=entry,
+                name=name,
+                case=number - 1,
+                part=1.0,
+                window=case.window_s,
+                row=case.row,
+                source=source,
+            )
+        )
+        steps += [
+            _Place(
+                entry=f"{entry}.step.{k}",
+                name=f"{name}, {step.load_percent:g} %",
+                case=number - 1,
+                part=0.01 * step.load_percent,
+                window=step.window_s,
+                row=step.row,
+                source=source,
+            )
+            for k, step in enumerate(case.step, start=1)
+        ]
+    return cases + steps
 
 
 def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
@@ -84,10 +157,14 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     InputError
         As :func:`load_test`.
     """
-    sources, recordings, notes = _opened(file, gauge_names)
-    windows = [_window(file, number, *recordings[source]) for number, source in enumerate(sources, start=1)]
-    _refuse_overlaps(file, sources)
-    windows, left_out = _without_faults(file, sources, recordings, windows, gauge_names)
+    places, notes = _places(file), list[str]()
+    recordings: Recordings = {}
+    for place in places:
+        if place.source not in recordings:
+            recordings[place.source] = _samples(*place.source, gauge_names, notes)
+    windows = [_window(file, place, *recordings[place.source]) for place in places]
+    _refuse_overlaps(file, places)
+    windows, left_out = _without_faults(file, places, recordings, windows, gauge_names)
     count = np.array([np.isfinite(one).sum(axis=0) for one in windows], dtype=float)
     has_any = count > 0.0
     mean = np.array([np.nansum(one, axis=0) for one in windows]) / np.maximum(count, 1.0)
@@ -103,52 +180,54 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
         notes.append(f"{file.path}: readings do not scatter within any window: {named}")
     floor = 1e-6 * file.readings.reading_std_um_per_m
     # A value that repeats is one sample, rounded.
-    alone = np.hypot(scatter, _rounding(sources, recordings))
+    alone = np.hypot(scatter, _rounding(places, recordings))
     of_mean = np.where(held, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
     std = np.hypot(of_mean, floor)
-    _check_std(file, gauge_names, std, has_any)
-    notes += [*left_out, *_missing(file, gauge_names, has_any)]
-    notes += _unsettled(file, windows, std=np.hypot(scatter, floor))
+    mean, n_c = np.where(has_any, mean, np.nan), len(file.case)
+    _check_std(places, file, gauge_names, std, has_any)
+    notes += [*left_out, *_missing(file, gauge_names, has_any[:n_c])]
+    notes += _unsettled(file, places, windows, std=np.hypot(scatter, floor))
     return Readings(
-        mean=np.where(has_any, mean, np.nan), std=std, samples=count, notes=tuple(notes), left_out=left_out
+        mean=mean[:n_c],
+        std=std[:n_c],
+        samples=count[:n_c],
+        steps=tuple(_steps_of(k, places, mean, std) for k in range(n_c)),
+        notes=tuple(notes),
+        left_out=left_out,
     )
 
 
-Source = tuple[Path, Path | None]
-"""A recording, and its channels file."""
-
-
-def _opened(
-    file: LoadTestFile, gauge_names: tuple[str, ...]
-) -> tuple[list[Source], dict[Source, tuple[FloatArray, FloatArray]], list[str]]:
-    """Return the source of each case, times and strains of every source, and what its reader notes."""
-    recordings: dict[Source, tuple[FloatArray, FloatArray]] = {}
-    sources, notes = list[Source](), list[str]()
-    for number, case in enumerate(file.case, start=1):
-        sources.append(_source(file, case, number))
-        if sources[-1] not in recordings:
-            recordings[sources[-1]] = _samples(*sources[-1], gauge_names, notes)
-    return sources, recordings, notes
+def _steps_of(case: int, places: Sequence[_Place], mean: FloatArray, std: FloatArray) -> tuple[LoadStep, ...]:
+    """Return the steps of a case in the order of time."""
+    own = [(place.start, k) for k, place in enumerate(places) if place.case == case and k != case]
+    return tuple(
+        LoadStep(
+            part=places[k].part,
+            unloading=start > places[case].start,
+            reading=mean[k],
+            reading_std=std[k],
+        )
+        for start, k in sorted(own)
+    )
 
 
 def _without_faults(
     file: LoadTestFile,
-    sources: Sequence[Source],
-    recordings: Mapping[Source, tuple[FloatArray, FloatArray]],
+    places: Sequence[_Place],
+    recordings: Recordings,
     windows: Sequence[FloatArray],
     gauge_names: tuple[str, ...],
 ) -> tuple[list[FloatArray], tuple[str, ...]]:
     """Return the windows without samples of channels that stand still in them, and a line for each of these."""
     kept, lines = [one.copy() for one in windows], []
     for source, (_, strain) in recordings.items():
-        cases = [k for k, one in enumerate(sources) if one == source]
-        for fault in channel_faults(strain, [windows[k] for k in cases]):
-            hit = [cases[k] for k in fault.windows]
+        here = [k for k, place in enumerate(places) if place.source == source]
+        for fault in channel_faults(strain, [windows[k] for k in here]):
+            hit = [here[k] for k in fault.windows]
             for k in hit:
                 kept[k][:, fault.gauge] = np.nan
-            whole = len(hit) == len(cases)
-            names = ", ".join(f"'{file.case[k].name}'" for k in hit)
-            where = "all cases" if whole else f"case{'s' * (len(hit) > 1)} {names}"
+            names = ", ".join(places[k].name for k in hit)
+            where = "all cases" if len(hit) == len(here) else f"case{'s' * (len(hit) > 1)} {names}"
             values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
             lines.append(
                 f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
@@ -162,34 +241,31 @@ def percent_of(fraction: float) -> str:
     return f"{100.0 * fraction:.{1 if fraction < 0.1 else 0}f} %"
 
 
-def _rounding(sources: Sequence[Source], recordings: Mapping[Source, tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Return the standard deviation of a sample by the resolution of its channel (n_cases, n_d) [m/m]."""
+def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
+    """Return the standard deviation of a sample by the resolution of its channel (n_windows, n_d) [m/m]."""
     by_source = {
         source: np.array([resolution(strain[:, g]) for g in range(strain.shape[1])]) / np.sqrt(12.0)
         for source, (_, strain) in recordings.items()
     }
-    return np.array([by_source[source] for source in sources])
+    return np.array([by_source[place.source] for place in places])
 
 
-def _refuse_overlaps(file: LoadTestFile, sources: Sequence[Source]) -> None:
-    """Refuse cases that are read from the same samples of a recording."""
-    for second, case in enumerate(file.case):
-        for first, other in enumerate(file.case[:second]):
-            if sources[first][0] != sources[second][0]:
-                continue
-            where = f"{file.path}: case.{second + 1}"
-            if case.row is not None and case.row == other.row:
-                raise InputError(
-                    f"{where}.row: '{case.name}': expected another row than case.{first + 1} '{other.name}', "
-                    f"got {case.row} as well"
-                )
-            if case.window_s is None or other.window_s is None:
-                continue
-            if case.window_s[0] < other.window_s[1] and other.window_s[0] < case.window_s[1]:
-                raise InputError(
-                    f"{where}.window_s: '{case.name}': expected a window beside that of case.{first + 1} "
-                    f"'{other.name}', {other.window_s} s, got {case.window_s}, which overlaps"
-                )
+def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
+    """Refuse readings that are of the same samples of a recording."""
+    ordered = sorted(places, key=lambda place: (str(place.source[0]), place.window is None, place.start))
+    for other, one in pairwise(ordered):
+        if one.source[0] != other.source[0]:
+            continue
+        if one.row is not None and one.row == other.row:
+            raise InputError(
+                f"{file.path}: {one.entry}.row: {one.name}: expected another row than {other.entry} "
+                f"{other.name}, got {one.row} as well"
+            )
+        if one.window is not None and other.window is not None and one.window[0] < other.window[1]:
+            raise InputError(
+                f"{file.path}: {one.entry}.window_s: {one.name}: expected a window apart from {other.entry} "
+                f"{other.name}, {other.window} s, got {one.window}, which overlaps"
+            )
 
 
 def _source(file: LoadTestFile, case: CaseEntry, number: int) -> tuple[Path, Path | None]:
@@ -213,25 +289,25 @@ def _samples(
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
 
 
-def _window(file: LoadTestFile, number: int, time: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return the samples (n, n_d) of case ``number``, from 1."""
-    case, where = file.case[number - 1], f"{file.path}: case.{number}"
-    if case.row is not None:
-        if case.row > len(time):
+def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return the samples (n, n_d) of a reading."""
+    where = f"{file.path}: {place.entry}"
+    if place.row is not None:
+        if place.row > len(time):
             raise InputError(
-                f"{where}.row: '{case.name}': expected at most {len(time)}, the recording's rows, got {case.row}"
+                f"{where}.row: {place.name}: expected at most {len(time)}, the recording's rows, got {place.row}"
             )
-        return strain[case.row - 1 : case.row]
-    if case.window_s is None:
+        return strain[place.row - 1 : place.row]
+    if place.window is None:
         raise InputError(f"{where}.window_s: entry is missing, expected it or row")
-    first, last = case.window_s
+    first, last = place.window
     within = (time >= first) & (time <= last)
     # Windows may end where the next sample would be.
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     if first < time[0] - step or last > time[-1] + step or not within.any():
         raise InputError(
-            f"{where}.window_s: '{case.name}': expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
-            f"got {case.window_s}"
+            f"{where}.window_s: {place.name}: expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
+            f"got {place.window}"
         )
     return strain[within]
 
@@ -243,14 +319,16 @@ def _repeats(window: FloatArray) -> BoolArray:
     return np.asarray(np.where(np.isfinite(held), held, -np.inf).max(axis=0) <= low)
 
 
-def _check_std(file: LoadTestFile, gauge_names: tuple[str, ...], std: FloatArray, has_any: BoolArray) -> None:
+def _check_std(
+    places: Sequence[_Place], file: LoadTestFile, gauge_names: tuple[str, ...], std: FloatArray, has_any: BoolArray
+) -> None:
     """Refuse readings whose standard deviation is 0: a sample for each case and no more is known."""
     wrong = np.argwhere((std == 0.0) & has_any)
     if len(wrong):
         case, gauge = wrong[0]
         raise InputError(
             f"{file.path}: readings.reading_std_um_per_m: expected more than 0, as samples of gauge "
-            f"'{gauge_names[gauge]}' in case '{file.case[case].name}' do not scatter"
+            f"'{gauge_names[gauge]}' in case {places[case].name} do not scatter"
         )
 
 
@@ -267,11 +345,13 @@ def _missing(file: LoadTestFile, gauge_names: tuple[str, ...], has_any: BoolArra
     return lines
 
 
-def _unsettled(file: LoadTestFile, windows: list[FloatArray], std: FloatArray) -> list[str]:
+def _unsettled(
+    file: LoadTestFile, places: Sequence[_Place], windows: list[FloatArray], std: FloatArray
+) -> list[str]:
     """Return lines on windows in which the strain still moved."""
     lines = []
     usual = np.median(std, axis=0)  # a window in which the strain moves scatters by that as well
-    for case, window in zip(file.case, windows, strict=True):
+    for place, window in zip(places, windows, strict=True):
         half = len(window) // 2
         parts = window[:half], window[len(window) - half :]
         if half < 2 or not all(np.isfinite(part).any() for part in parts):
@@ -281,5 +361,5 @@ def _unsettled(file: LoadTestFile, windows: list[FloatArray], std: FloatArray) -
         limit = SETTLED * usual[full] * np.sqrt(2.0 / half)
         if np.any(step > limit):
             worst = 1e6 * float(step.max())
-            lines.append(f"{file.path}: case '{case.name}': strain moves by {worst:.3g} um/m within its window")
+            lines.append(f"{file.path}: case {place.name}: strain moves by {worst:.3g} um/m within its window")
     return lines
