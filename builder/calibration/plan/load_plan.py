@@ -96,20 +96,20 @@ def load_plan(
         Nothing may act within ``limits``, or the map cannot be built.
     """
     vehicle, as_built = parts.vehicle, parts.as_built
-    offered = [_within(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
+    offered = [within_limits(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
     attitudes = [] if vehicle.material.density_kg_per_m3 is None else attitude_cases(limits)
     lying: tuple[Load, ...] = attitudes[0].loads if attitudes else ()
     cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
     exact = exactly_known_map(parts)
-    flight = _flight(parts, exact)
+    flight = flight_sensitivity(parts, exact)
     lead = attitudes or [Candidate(name="no load", loads=())]
-    told = _sensitivities(parts, [*lead, *offered], errors, exact.noise_std / np.sqrt(samples))
+    told = case_sensitivities(parts, [*lead, *offered], errors, exact.noise_std / np.sqrt(samples))
     first, bare = told[: len(lead)], told[len(lead) :]
     start = known = no_knowledge(flight)
     for one in first:
         known = known.after(one)
     if attitudes:
-        bare = [_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
+        bare = [acting_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
     chosen = select_cases(known, bare, count, progress)
     return LoadPlan(
         attitudes=tuple(attitudes),
@@ -135,7 +135,8 @@ def exactly_known_map(parts: PlanParts) -> InverseMap:
     return build_inverse_map(exact, parts.snapshots, parts.structure)
 
 
-def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
+def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
+    """Return what the parameters do in flight; the last one, the error of the load cell, does nothing."""
     vehicle, as_built = parts.vehicle, parts.as_built
     ensemble = ensemble_of(vehicle, on_structure(parts.snapshots, parts.structure))
     pressure = np.concatenate(list(ensemble.members()))
@@ -168,7 +169,7 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
     )
 
 
-def _sensitivities(
+def case_sensitivities(
     parts: PlanParts, cases: Sequence[Candidate], errors: LoadErrors, noise_std: FloatArray
 ) -> list[CaseSensitivity]:
     """Return what cases would tell; the last parameter is the error of the load cell."""
@@ -200,7 +201,7 @@ def _sensitivities(
     return found
 
 
-def _together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
+def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
     """Return what a case tells in which own weight acts as well; the parameters ``zeros`` act once."""
     jacobian = case.jacobian + weight.jacobian
     jacobian[:, zeros] = case.jacobian[:, zeros]
@@ -213,7 +214,7 @@ def _nominal_strain(as_built: AsBuiltStructure, load: Load) -> FloatArray:
     return as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(load))
 
 
-def _within(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
+def within_limits(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
     strain = sum((_nominal_strain(as_built, load) for load in case.loads), np.zeros(as_built.n_gauges))
     largest = float(np.abs(strain).max())
