@@ -11,9 +11,8 @@ import numpy as np
 from scipy.special import chdtri
 
 from builder.calibration.estimate.vehicle import FITS, Estimate
+from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
 from builder.reports.calibration_page.findings import CalibrationFindings
-from builder.structure.as_built.vehicle import in_words, slices
-from builder.structure.as_built_kinds import KINDS
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 IN_FLIGHT = 1.5
@@ -27,10 +26,6 @@ CHANCE = 1e-4
 
 PART = 0.1
 """Part of the gauges, and of the cases, that may be left out."""
-
-ESTABLISHED, AT_PRIOR = 0.5, 0.9
-"""Standard deviation after the test over that before: up to which a parameter is established, from which it stays
-as it was."""
 
 HELPS = 0.02
 """Relative fall of a sigma in flight from which a further case is worth naming."""
@@ -167,28 +162,15 @@ def _left_out(one: CalibrationFindings) -> Criterion:
     )
 
 
-def parameter_sigmas(found: Estimate) -> list[tuple[str, float, float]]:
-    """Return kinds of parameters with the root mean square of their sigmas before and after the test, in SI."""
-    rows = []
-    for kind, at in slices(found.parameters.counts).items():
-        if not found.model.std[at].any():
-            continue
-        before, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (found.model.std, found.std))
-        rows.append((kind, before, after))
-    return rows
+def _kinds(found: Estimate) -> list[KindSigmas]:
+    return kind_sigmas(found.parameters.counts, found.model.std, found.std, found.used.any(axis=0))
 
 
 def _established(one: CalibrationFindings) -> tuple[str, ...]:
     lines = [_ratios("sigma in flight, in units of a vehicle known exactly", one.worth.after / one.worth.exact)]
     lines.append(_ratios("by the drawing's tolerances it was", one.worth.before / one.worth.exact))
-    known = [
-        f"{in_words(kind)} {_size(kind, after)} ({_size(kind, before)})"
-        for kind, before, after in parameter_sigmas(one.found)
-        if after <= ESTABLISHED * before
-    ]
-    if known:
-        lines.append(f"of the vehicle, 1 sigma (before the test): {', '.join(known)}")
-    return tuple(lines)
+    known = established(_kinds(one.found))
+    return (*lines, *([known] if known else []))
 
 
 def _open(one: CalibrationFindings) -> tuple[str, ...]:
@@ -198,13 +180,9 @@ def _open(one: CalibrationFindings) -> tuple[str, ...]:
         for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True)
         if value > IN_FLIGHT
     ]
-    same = [
-        f"{in_words(kind)} ({_size(kind, after)})"
-        for kind, before, after in parameter_sigmas(one.found)
-        if after >= AT_PRIOR * before
-    ]
+    same = undetermined(_kinds(one.found))
     if same:
-        lines.append(f"as uncertain as before the test: {', '.join(same)}")
+        lines.append(same)
     common = one.found.model.test.errors.common
     lines.append(f"the gain that all load cells have in common: {100.0 * common:g} %, as stated")
     if not one.steps:
@@ -229,7 +207,3 @@ def _helps(one: CalibrationFindings) -> tuple[str, ...]:
 def _ratios(what: str, ratio: np.ndarray) -> str:
     parts = ", ".join(f"{name} {value:.3g}" for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True))
     return f"{what}: {parts}"
-
-
-def _size(kind: str, value: float) -> str:
-    return f"{value / KINDS[kind].scale:.2g} {KINDS[kind].unit}"
