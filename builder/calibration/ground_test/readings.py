@@ -164,6 +164,7 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
             recordings[place.source] = _samples(*place.source, gauge_names, notes)
     windows = [_window(file, place, *recordings[place.source]) for place in places]
     _refuse_overlaps(file, places)
+    recorded = np.array([np.isfinite(one).any(axis=0) for one in windows])
     windows, left_out = _without_faults(file, places, recordings, windows, gauge_names)
     count = np.array([np.isfinite(one).sum(axis=0) for one in windows], dtype=float)
     has_any = count > 0.0
@@ -185,7 +186,7 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     std = np.hypot(of_mean, floor)
     mean, n_c = np.where(has_any, mean, np.nan), len(file.case)
     _check_std(places, file, gauge_names, std, has_any)
-    notes += [*left_out, *_missing(file, gauge_names, has_any[:n_c])]
+    notes += [*left_out, *_missing(file, gauge_names, recorded[:n_c])]
     notes += _unsettled(file, places, windows, std=np.hypot(scatter, floor))
     return Readings(
         mean=mean[:n_c],
@@ -226,14 +227,23 @@ def _without_faults(
             hit = [here[k] for k in fault.windows]
             for k in hit:
                 kept[k][:, fault.gauge] = np.nan
-            names = ", ".join(places[k].name for k in hit)
-            where = "all cases" if len(hit) == len(here) else f"case{'s' * (len(hit) > 1)} {names}"
+            where = "all cases" if len(hit) == len(here) else _named([places[k] for k in hit])
             values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
             lines.append(
                 f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
                 f"its samples in {source[0].name} stand at {values} um/m; left out of {where}"
             )
     return kept, tuple(lines)
+
+
+def _named(places: Sequence[_Place]) -> str:
+    """Return the cases of readings in words, with the number of their steps."""
+    names = list(dict.fromkeys(place.case for place in places))
+    steps = sum("step" in place.entry for place in places)
+    text = f"{len(names)} cases: " if len(names) > 1 else "case "
+    text += ", ".join(next(place.name for place in places if place.case == case) for case in names)
+    whole = steps and len(places) > steps
+    return f"{text}, and of {steps} steps of these" if whole else text
 
 
 def percent_of(fraction: float) -> str:
@@ -333,7 +343,7 @@ def _check_std(
 
 
 def _missing(file: LoadTestFile, gauge_names: tuple[str, ...], has_any: BoolArray) -> list[str]:
-    """Return lines on readings that are not there."""
+    """Return lines on readings that are not in the recordings; ``has_any`` is (n_cases, n_d)."""
     never = [
         name for name, any_case in zip(gauge_names, np.any(has_any, axis=0).tolist(), strict=True) if not any_case
     ]

@@ -106,7 +106,7 @@ def _drawn(
 def _influence(found: Estimate) -> tuple[Block, ...]:
     return _drawn(
         lambda: ground_test.influence_figure(found),
-        "Strain per force of every case with one force, each gauge a point; own weight and zeros taken off.",
+        "Strain per force of every case with one force, each gauge a point; own weight and zeros subtracted.",
         "Measured influence coefficients over predicted ones, by the drawing and as calibrated.",
         "No case has one force alone: influence coefficients are not defined.",
     )

@@ -70,7 +70,7 @@ def _show(console: Console, result: Calibration) -> None:
     found = result.estimate
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
-        f"{found.n_readings} readings in {len(found.model.test.cases)} cases, chi-square per reading "
+        f"{found.n_readings} readings in {int(found.used.any(axis=1).sum())} cases, chi-square per reading "
         f"{found.per_reading:.3g} (1 is expected)"
     )
     lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]

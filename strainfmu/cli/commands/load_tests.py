@@ -89,7 +89,7 @@ def loadtest(
     """Propose the load cases of a ground test, in the order in which they lower the uncertainty in flight.
 
     Prints the gain of each case, what the test leaves undetermined and the time it takes. Writes a file of the
-    test, to be filled in after it, and a figure. Each load is applied in steps, and taken off in steps down to
+    test, to be filled in after it, and a figure. Each load is applied in steps, and removed in steps down to
     zero; check loads, repeated cases and zero readings are part of the file.
 
     Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
