@@ -114,17 +114,18 @@ def steps_figure(cases: Sequence[SteppedCase], names: Sequence[str]) -> Figure |
             up, colour = ~case.unloading, f"C{k}"
             turn = np.flatnonzero(up)[-1:]
             down = np.concatenate([turn, np.flatnonzero(~up)])
-            axis.plot(100 * case.part[up], 1e6 * case.reading[up, gauge], "o-", color=colour, markersize=4)
+            change = 1e6 * (case.reading[:, gauge] - case.reading[0, gauge])
+            axis.plot(100 * case.part[up], change[up], "o-", color=colour, markersize=4)
             axis.plot(
                 100 * case.part[down],
-                1e6 * case.reading[down, gauge],
+                change[down],
                 "s--",
                 color=colour,
                 markersize=3,
                 label=names[gauge],
             )
         axis.set_title(case.name, fontsize=9, loc="left")
-        axis.set(xlabel="load [%]", ylabel="reading [um/m]")
+        axis.set(xlabel="load [%]", ylabel="change from the first reading [um/m]")
         axis.legend(fontsize=6)
         axis.grid(alpha=0.3)
     return figure
@@ -172,6 +173,7 @@ def _check_equations(axis: Any, checks: Sequence[CheckLoad], equations: Sequence
         label = f"{name.replace('_', ' ')}, 1 = {size[k]:.3g} {unit}"
         axis.plot(loads[:, k] / size[k], by_equations[:, k] / size[k], "osD^v"[k], label=label, markersize=5)
     axis.set(xlabel="applied [largest of the check loads]", ylabel="by the load equations")
+    axis.set(xlim=(-1.15, 1.15))
     axis.set_title("By the regression load equations", fontsize=9, loc="left")
     axis.legend(fontsize=7)
     axis.grid(alpha=0.3)

@@ -32,6 +32,10 @@ def _rms(found: Estimate, predicted: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(_left(found, predicted) ** 2)))
 
 
+ROUNDED = 1e-9
+"""Loads over the largest one below which they are the rounding of none."""
+
+
 def cases_table(found: Estimate) -> Table:
     """Return what each case leaves."""
     std = found.model.test.reading_stds
@@ -240,7 +244,12 @@ def check_equations_table(checks: Sequence[CheckLoad], equations: Sequence[LoadE
         [one.case, name.replace("_", " "), unit, float(applied), float(found), equation.residual_std]
         for one in checks
         for name, unit, applied, found, equation in zip(
-            LOAD_NAMES, LOAD_UNITS, one.loads, one.by_equations, equations, strict=True
+            LOAD_NAMES,
+            LOAD_UNITS,
+            np.where(np.abs(one.loads) > ROUNDED * np.abs(one.loads).max(), one.loads, 0.0),
+            one.by_equations,
+            equations,
+            strict=True,
         )
     ]
     columns = (

@@ -13,6 +13,7 @@ from scipy.special import chdtri
 from builder.calibration.estimate.vehicle import FITS, Estimate
 from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
 from builder.reports.calibration_page.findings import CalibrationFindings
+from strainfmu.arrays import BoolArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 IN_FLIGHT = 1.5
@@ -163,7 +164,8 @@ def _left_out(one: CalibrationFindings) -> Criterion:
 
 
 def _kinds(found: Estimate) -> list[KindSigmas]:
-    return kind_sigmas(found.parameters.counts, found.model.std, found.std, found.used.any(axis=0))
+    used: BoolArray = np.any(found.used, axis=0)
+    return kind_sigmas(found.parameters.counts, found.model.std, found.std, used)
 
 
 def _established(one: CalibrationFindings) -> tuple[str, ...]:
