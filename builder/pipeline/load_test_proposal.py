@@ -117,6 +117,7 @@ def write_proposal(
         errors=error_entries(errors),
         head=(*HEAD, "", *left_lines(plan), time_line(plan, schedule)),
         vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
+        blanks=True,
     )
 
 
@@ -223,6 +224,7 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
         errors=error_entries(errors),
         head=TEMPLATE_HEAD,
         vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
+        blanks=True,
     )
 
 

@@ -76,6 +76,8 @@ def test_a_template_reads_back_with_one_case_of_each_usual_kind(
     assert len(file.case) == 7
     assert text.count("# window_s = ") == 7 + 4
     assert "# recording = " in text
+    assert "# tested_on = " in text
+    assert [cell.name for cell in file.load_cell] == ["1"]
 
 
 @pytest.mark.fast

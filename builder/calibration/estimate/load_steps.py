@@ -51,9 +51,21 @@ class SteppedCase:
     @property
     def return_to_zero(self) -> FloatArray | None:
         """(n_d,) the last reading without load less the first one [m/m]; None without both."""
+        ends = self._without_load
+        return None if ends is None else np.asarray(self.reading[ends[1]] - self.reading[ends[0]])
+
+    @property
+    def return_to_zero_std(self) -> FloatArray | None:
+        """(n_d,) of that, by noise [m/m]."""
+        ends = self._without_load
+        return None if ends is None else np.asarray(np.hypot(*self.reading_std[list(ends)]))
+
+    @property
+    def _without_load(self) -> tuple[int, int] | None:
+        """First and last reading without load, on both sides of the whole load; None without both."""
         none = np.flatnonzero(self.part == 0.0)
         before, after = none[~self.unloading[none]], none[self.unloading[none]]
-        return None if not len(before) or not len(after) else self.reading[after[-1]] - self.reading[before[0]]
+        return (int(before[0]), int(after[-1])) if len(before) and len(after) else None
 
     def _differences(self, reading: FloatArray) -> tuple[FloatArray, FloatArray]:
         found, std = [], []
@@ -88,12 +100,13 @@ def _stepped(case: LoadCase) -> SteppedCase:
 def step_remarks(test: LoadTest) -> tuple[str, ...]:
     """Return a line where readings do not repeat as exactly as they are stated."""
     cases = stepped_cases(test)
-    lines = []
-    zero = [(case, value) for case in cases if (value := case.return_to_zero) is not None]
-    if zero:
-        lines += _remark(
-            "do not return to zero", [(case.name, value, case.reading_std[0]) for case, value in zero]
-        )
+    lines = list[str]()
+    zero = [
+        (case.name, case.return_to_zero, case.return_to_zero_std)
+        for case in cases
+        if case.return_to_zero is not None and case.return_to_zero_std is not None
+    ]
+    lines += _remark("do not return to zero", zero)
     pairs = [
         (case.name, value, std)
         for case in cases

@@ -51,6 +51,7 @@ def write_load_test(
     *,
     head: Sequence[str] = (),
     vehicle: str | None = None,
+    blanks: bool = False,
 ) -> None:
     """Write ``loadtest.toml``.
 
@@ -59,11 +60,15 @@ def write_load_test(
     readings, errors : entries of the sections of these names; a value of None leaves a line to be filled in.
     head : lines of comment at the top.
     vehicle : path of the vehicle file, relative to this one; None for none.
+    blanks : leave lines to be filled in for the date of the test and its load cell.
     """
     lines = [f"# {line}".rstrip() for line in head] + ["", f"name = {_value(name)}"]
     lines += [] if vehicle is None else [f"vehicle = {_value(vehicle)}"]
+    lines += [_line("tested_on", None)] if blanks else []
     for section, entries in (("readings", readings), ("errors", errors)):
         lines += ["", f"[{section}]", *(_line(key, value) for key, value in entries.items())]
+    if blanks:
+        lines += ["", "[[load_cell]]", 'name = "1"', _line("serial_number", None), _line("calibrated_on", None)]
     for case in cases:
         lines += ["", *([f"# {case.remark}"] if case.remark else []), "[[case]]", f"name = {_value(case.name)}"]
         lines.append(_line("window_s", None if case.window is None else list(case.window)))

@@ -171,7 +171,7 @@ def loads_table(found: Estimate) -> Table:
     rows = [
         [found.model.test.cases[case].name, type(one.load).__name__, 100.0 * float(size[k]), float(shift[k])]
         for k, (case, one) in enumerate(found.model.loads)
-        if one.std > 0.0
+        if one.std > 0.0 and found.used[case].any()
     ]
     columns = (Column("load case"), Column("load"), Column("differs by", "%"), Column("in its sigma"))
     return make_table("loads", "What the readings say of each load, without its own prior.", columns, rows)
