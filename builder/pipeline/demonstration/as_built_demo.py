@@ -251,6 +251,8 @@ class AsBuiltRun:
         zeros, found = self.zeros(), dict[str, FlownEstimates]()
         for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
             inverse_map = load_inverse_map(self.pipeline.path(file))
-            flown = flown_estimators(inverse_map, recording, zeros=zeros[name])
+            # The calibrated map subtracts its own.
+            rest = zeros[name] - inverse_map.zero_offset[: len(zeros[name])]
+            flown = flown_estimators(inverse_map, recording, zeros=rest)
             found[name] = flown["linear" if inverse_map.manifold is None else "nonlinear"]
         return found
