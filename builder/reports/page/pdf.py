@@ -147,7 +147,7 @@ def _put(sheets: _Sheets, block: Block, level: int) -> None:
         case Section():
             size = HEADINGS[min(level, len(HEADINGS)) - 1]
             sheets.y -= 0.12
-            sheets.room(1.3)  # a heading stands with what it is of
+            sheets.room(_least_height(block.blocks[0]) if block.blocks else 0.5)
             sheets.words(block.title, size, after=0.06, weight="bold")
             for one in block.blocks:
                 _put(sheets, one, level + 1)
@@ -187,9 +187,7 @@ def _picture(sheets: _Sheets, block: Picture) -> None:
     from matplotlib.image import imread
 
     image = imread(io.BytesIO(block.content))
-    width = SHEET[0] - 2.0 * LEFT
-    height = min(width * image.shape[0] / image.shape[1], SHEET[1] - TOP - BOTTOM - 0.5)
-    width = height * image.shape[1] / image.shape[0]
+    width, height = _size_on_sheet(image.shape[1], image.shape[0])
     sheets.room(height + 0.4)
     box = (LEFT / SHEET[0], (sheets.y - height) / SHEET[1], width / SHEET[0], height / SHEET[1])
     axes = sheets.figures[-1].add_axes(box)
@@ -197,6 +195,21 @@ def _picture(sheets: _Sheets, block: Picture) -> None:
     axes.set_axis_off()
     sheets.y -= height + 0.03
     sheets.words(block.caption, SMALL, after=0.1, color=GREY)
+
+
+def _size_on_sheet(columns: int, rows: int) -> tuple[float, float]:
+    """Return width and height [in] of a picture of so many dots: as wide as the text, with room for a heading."""
+    width = SHEET[0] - 2.0 * LEFT
+    height = min(width * rows / columns, SHEET[1] - TOP - BOTTOM - 1.1)
+    return height * columns / rows, height
+
+
+def _least_height(block: Block) -> float:
+    """Return the height [in] that a heading needs with the block below it, or with the first lines of that."""
+    if not isinstance(block, Picture) or not block.content.startswith(PNG):
+        return 1.3
+    columns, rows = (int.from_bytes(block.content[at : at + 4], "big") for at in (16, 20))  # of the header
+    return _size_on_sheet(columns, rows)[1] + 0.9
 
 
 def _table(sheets: _Sheets, table: Table) -> None:
