@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,10 +14,9 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.after_test.flown_after_test import allowed_vehicles
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.estimate.cross_validation import cross_validation
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
-from builder.calibration.estimate.load_equations import load_equations
+from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
@@ -27,12 +26,13 @@ from builder.calibration.ground_test.load_test_file import LoadTestFile, load_te
 from builder.calibration.ground_test.readings import load_test
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
 from builder.pipeline.stages import solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
-from builder.reports.calibration_page import calibration_page
-from builder.reports.page.html import write_page
+from builder.reports.calibration_page.findings import CalibrationFindings
+from builder.reports.calibration_page.verdict import Verdict
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import prior_std, slices
 from builder.structure.fourier.model import structural_model
@@ -46,9 +46,6 @@ from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-
-PAGE = ".html"
-"""Suffix of the report beside the map."""
 
 ZEROS = "_zeros.toml"
 """End of the name of the file of zeros beside the map."""
@@ -64,7 +61,17 @@ class IndependentModel:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration:
-    """A finished calibration."""
+    """A finished calibration.
+
+    Attributes
+    ----------
+    inverse_map : of the vehicle as built.
+    estimate, faults, outside : what the test says.
+    files : that were written.
+    notes : lines for the user.
+    verdict : of the report, where one was written.
+    accepted : why no known error explains the readings, where that was accepted.
+    """
 
     inverse_map: InverseMap
     estimate: Estimate
@@ -72,6 +79,8 @@ class Calibration:
     outside: OutsideModel
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    verdict: Verdict | None = None
+    accepted: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,7 +106,7 @@ def run_calibrate(
     snapshots_path: Path | None = None,
     accept: bool = False,
 ) -> Calibration:
-    """Calibrate a map by a ground test; write the map and a page of the same name.
+    """Calibrate a map by a ground test; write the map and a report of the same name, as page, PDF and CSV.
 
     Parameters
     ----------
@@ -136,15 +145,43 @@ def run_calibrate(
     made = calibration_by(test, test_path, parts, reporter, accept)
     made = replace(made, inverse_map=with_zeros(made.inverse_map, made.estimate))
     save_inverse_map(made.inverse_map, output)
-    page, zeros = output.with_suffix(PAGE), zeros_beside(output)
+    zeros = zeros_beside(output)
     write_zeros_of(made.estimate, zeros, output.name)
     start = (
         f"zero offsets of the {structure.n_gauges} gauges by the test: part of {output.name}, which starts from "
         f"them, as its FMUs do; {zeros.name} has them for other maps (--zeros); a tare replaces them"
     )
+    files = {
+        "map of the drawing": map_path,
+        "snapshots": snapshots_path,
+        "vehicle": named_vehicle(file, vehicle_path),
+    }
     with reporter.stage("Report"):
-        write_report(made, f"{vehicle.name}: calibration by {file.name}", vehicle.reference.moment_station_m, page)
-    return replace(made, files=(output, page, zeros), notes=(*notes, *missing, start, *made.notes))
+        found, written, without = write_report(findings_of(made, parts, file, files), output)
+    said = (*without, *step_remarks(test))
+    return replace(
+        made,
+        files=(output, *written, zeros),
+        notes=(*notes, *missing, start, *said, *made.notes),
+        verdict=found,
+    )
+
+
+def findings_of(
+    made: Calibration, parts: CalibrationParts, file: LoadTestFile, files: Mapping[str, Path]
+) -> CalibrationFindings:
+    """Return what the report of a calibration is made from; ``files`` are those it was made from."""
+    return calibration_findings(
+        made.estimate,
+        made.faults,
+        made.outside,
+        vehicle=parts.vehicle,
+        snapshots=parts.snapshots,
+        structure=parts.structure,
+        file=file,
+        files=files,
+        accepted=made.accepted,
+    )
 
 
 def zeros_beside(output: Path) -> Path:
@@ -198,15 +235,9 @@ def calibration_by(
     facts = _facts(found, faults, outside, test_path) | ({"accepted": against} if against else {})
     notes = (f"accepted: {against}",) if against else ()
     made = with_provenance(made, facts)
-    return Calibration(inverse_map=made, estimate=found, faults=faults, outside=outside, notes=notes)
-
-
-def write_report(made: Calibration, title: str, moment_station: float, page: Path) -> None:
-    """Write the page of a calibration; moments of its load equations are about ``moment_station`` [m]."""
-    found = made.estimate
-    equations = load_equations(found, moment_station)
-    left_out = cross_validation(found)
-    write_page(calibration_page(title, found, made.faults, made.outside, left_out, equations), page)
+    return Calibration(
+        inverse_map=made, estimate=found, faults=faults, outside=outside, notes=notes, accepted=against
+    )
 
 
 @contextmanager
@@ -224,20 +255,33 @@ def check_output(path: Path) -> None:
     Raises
     ------
     InputError
-        It is the page's own, or a folder.
+        It is a name of the report's, or a folder.
     """
-    if path.suffix == PAGE:
-        raise InputError(f"{path}: --output: expected another suffix than {PAGE}, which is the report's")
-    for one in (path, path.with_suffix(PAGE), zeros_beside(path)):
+    if path.suffix in (PAGE, PDF):
+        raise InputError(f"{path}: --output: expected another suffix than {path.suffix}, which is the report's")
+    for one in (path, *report_files(path), zeros_beside(path)):
         if one.is_dir():
             raise InputError(f"{one}: is a folder, must be a file")
 
 
+def named_vehicle(file: LoadTestFile, path: Path | None) -> Path:
+    """Return the vehicle file: ``path``, or else the one that the file of the test names.
+
+    Raises
+    ------
+    InputError
+        Neither is there.
+    """
+    if path is not None:
+        return path
+    if file.vehicle is None:
+        raise InputError(f"{file.path}: vehicle: entry is missing; name the vehicle file there or by --vehicle")
+    return file.beside(file.vehicle)
+
+
 def _vehicle(file: LoadTestFile, path: Path | None, drawn: InverseMap, map_path: Path) -> Vehicle:
     """Return the vehicle with the map options of the map that is calibrated."""
-    if path is None and file.vehicle is None:
-        raise InputError(f"{file.path}: vehicle: entry is missing; name the vehicle file there or by --vehicle")
-    vehicle = load_vehicle(path or file.beside(str(file.vehicle)))
+    vehicle = load_vehicle(named_vehicle(file, path))
     if vehicle.name != drawn.vehicle:
         raise InputError(f"{map_path}: expected a map of '{vehicle.name}', got one of '{drawn.vehicle}'")
     if drawn.form != vehicle.map.form or drawn.case != vehicle.map.case:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits
+from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
 from builder.calibration.ground_test.simulated import error_entries
+from builder.calibration.plan.kind_sigmas import established, undetermined
 from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
+from builder.calibration.plan.schedule import RunCase, Schedule, run_order, whole_time
 from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
@@ -26,14 +29,26 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 HEAD = (
     "Proposed by strainfmu loadtest. To be filled in after the test: the recording, its channels.toml, and when",
-    "each case was recorded (window_s, or row). Loads as they were measured replace those stated here.",
+    "each case and step was recorded (window_s, or row). Loads as they were measured replace those stated here.",
+    "Steps (case.step) show hysteresis and the return to zero; delete those that were not run. Check loads",
+    "(check = true) are predicted and not fitted.",
 )
+
+KINDS = {
+    "attitude": "",
+    "zero": "zero reading: the vehicle as in the first case, nothing else acts",
+    "check": "check load: predicted by calibrate, not fitted",
+    "repeat": "repeated: take the rig off and set it up again; ",
+    "load": "",
+}
+"""Comments of cases by their kind, followed by what a case is worth."""
 
 
 TEMPLATE_HEAD = (
     "Template of a ground test, written by strainfmu loadtest --template. It has a case of each usual kind: keep,",
     "copy and change what your test has, delete the rest. Fill in the recording, its channels.toml (written by",
     "strainfmu channels), when each case was recorded (window_s, or row), and every load as it was measured.",
+    "Steps (case.step) on the way to a load and back show hysteresis and the return to zero.",
     "Axes: x aft, y starboard, z up. All entries and kinds of load: docs/reference/load_test_file.md",
 )
 
@@ -45,8 +60,14 @@ def propose_load_test(
     errors: LoadErrors,
     reporter: Reporter,
     snapshots_path: Path | None = None,
+    *,
+    noise: float | None = None,
+    samples: int = 25,
+    checks: int = 2,
+    repeats: int = 1,
 ) -> LoadPlan:
-    """Return load cases for the vehicle of a file.
+    """Return load cases for the vehicle of a file; options as of
+    :func:`~builder.calibration.plan.load_plan.load_plan`.
 
     Flows come from ``snapshots_path``, or else from local inclination: which loads a test needs depends on where
     the flow presses, not on its last percent.
@@ -69,23 +90,86 @@ def propose_load_test(
         as_built = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=structure, as_built=as_built)
     with reporter.stage("Load cases: the best next one") as progress:
-        return load_plan(parts, count, limits, errors, progress=progress)
+        return load_plan(
+            parts,
+            count,
+            limits,
+            errors,
+            samples=samples,
+            noise=noise,
+            checks=checks,
+            repeats=repeats,
+            progress=progress,
+        )
 
 
-def write_proposal(plan: LoadPlan, vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
-    """Write ``loadtest.toml`` with the cases of ``plan``, windows to be filled in."""
-    gained = [(case, remark(plan, number)) for number, case in enumerate(plan.cases)]
-    first = plan.attitudes or (Candidate(name="no load", loads=()),)
-    cases = [WrittenCase(name=case.name, loads=case.loads, remark=text) for case, text in gained]
-    cases = [WrittenCase(name=case.name, loads=case.loads) for case in first] + cases
+def write_proposal(
+    plan: LoadPlan, vehicle_path: Path, path: Path, errors: LoadErrors, schedule: Schedule | None = None
+) -> None:
+    """Write ``loadtest.toml`` with the cases of ``plan`` as they are run, windows to be filled in."""
+    schedule = schedule or Schedule()
+    cases = [_written(one, plan, schedule) for one in run_order(plan)]
     write_load_test(
         path,
         f"{load_vehicle(vehicle_path).name}: ground test",
         cases,
         readings={"recording": None, "channels": None},
         errors=error_entries(errors),
-        head=HEAD,
+        head=(*HEAD, "", *left_lines(plan), time_line(plan, schedule)),
         vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
+        blanks=True,
+    )
+
+
+def _written(one: RunCase, plan: LoadPlan, schedule: Schedule) -> WrittenCase:
+    """Return a case as it stands in the file."""
+    before, after = schedule.parts(one.case)
+    worth = remark(plan, one.number) if one.number >= 0 else ""
+    return WrittenCase(
+        name=one.case.name,
+        loads=one.case.loads,
+        remark=f"{KINDS[one.kind]}{worth}",
+        check=one.kind == "check",
+        steps=tuple(
+            WrittenStep(part=part, unloading=unloading)
+            for parts, unloading in ((before, False), (after, True))
+            for part in parts
+        ),
+    )
+
+
+def left_lines(plan: LoadPlan) -> list[str]:
+    """Return what the test will leave undetermined, for the noise that is stated: a line each."""
+    noise, last = 1e6 * float(np.median(plan.noise_std)), plan.sigmas[-1]
+    sigma = ", ".join(f"{n} {s:.2g}" for n, s in zip(COEFFICIENT_NAMES, last, strict=True))
+    ratio = ", ".join(f"{n} {s:.2f}" for n, s in zip(COEFFICIENT_NAMES, last / plan.exact, strict=True))
+    return [
+        f"noise {noise:.2g} um/m of a sample, {plan.samples} samples a reading",
+        f"sigma in flight after the test: {sigma}",
+        f"in units of a vehicle known exactly: {ratio}",
+        *(line for line in (established(plan.kinds), undetermined(plan.kinds)) if line),
+        "the gain that all load cells have in common stays as stated",
+    ]
+
+
+def time_line(plan: LoadPlan, schedule: Schedule) -> str:
+    """Return how long the test takes, in one line."""
+    kinds = Counter(one.kind for one in run_order(plan))
+    parts = [
+        f"{kinds[kind]} {name}"
+        for kind, name in (
+            ("attitude", "attitudes" if plan.attitudes else "without load"),
+            ("load", "load cases"),
+            ("repeat", "repeated"),
+            ("check", "check loads"),
+            ("zero", "zero readings"),
+        )
+        if kinds[kind]
+    ]
+    readings = 1 + 2 * schedule.steps
+    return (
+        f"time: {whole_time(plan, schedule) / 3600.0:.1f} h for {', '.join(parts)}; {readings} readings of each "
+        f"load, {schedule.setup_time / 60.0:g} min to set up, {schedule.reading_time / 60.0:g} min a reading"
     )
 
 
@@ -105,6 +189,11 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
     half = 0.5 * length
     pad = PadPressure(station=half, roll_angle=0.0, half_length=0.05, half_angle=np.pi / 6.0, push=1000.0)
     moment = SectionLoad(station=length, force=(0.0, 0.0, 500.0), moment=(0.0, 100.0, 0.0))
+    both = (
+        PadPressure(
+            station=0.4 * length, roll_angle=0.5 * np.pi, half_length=0.05, half_angle=np.pi / 6.0, push=800.0
+        ),
+    )
     rows: list[tuple[str, tuple[Load, ...], str]] = [
         ("level", weight, f"what acts in every case stands in every case, own weight first{without}"),
         ("on its side", side, "the meridian at roll angle 90 deg points up"),
@@ -112,15 +201,30 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
         ("force on a point", (*weight, PointForce(station=half, roll_angle=0.0, force=(0.0, 0.0, -500.0))), ""),
         ("force and moment on a ring", (*weight, moment), "as an end fitting applies them"),
         ("internal pressure", (*weight, SurfacePressure(surface="inner", pressure=5e4)), "above the ambient one"),
+        ("check load", (*weight, pad, *both), "predicted and not fitted: loads that the other cases do not have"),
     ]
+    stepped = tuple(
+        WrittenStep(part=part, unloading=unloading)
+        for part, unloading in ((0.0, False), (0.5, False), (0.5, True), (0.0, True))
+    )
     write_load_test(
         path,
         f"{vehicle.name}: ground test",
-        [WrittenCase(name=name, loads=loads, remark=text) for name, loads, text in rows],
+        [
+            WrittenCase(
+                name=name,
+                loads=loads,
+                remark=text,
+                check=name == "check load",
+                steps=stepped if name == "push on a pad" else (),
+            )
+            for name, loads, text in rows
+        ],
         readings={"recording": None, "channels": None, "reading_std_um_per_m": None},
         errors=error_entries(errors),
         head=TEMPLATE_HEAD,
         vehicle=Path(os.path.relpath(vehicle_path, path.parent)).as_posix(),
+        blanks=True,
     )
 
 

@@ -68,6 +68,27 @@ def test_written_test_reads_back(tmp_path: Path) -> None:
     assert (found.cases[2].loads[0].std, found.cases[2].loads[0].on_load_cell) == (0.0, False)
 
 
+def test_steps_and_check_loads_are_recorded_and_read_back(tmp_path: Path) -> None:
+    structure = cast(AsBuiltStructure, SimpleStructure())
+    std, random = np.full(len(NAMES), 2e-7), np.random.default_rng(4)
+    plan = {"loading": (0.0, 0.5), "checks": ("two",)}
+    test = ground_test(structure, cast(Any, PARAMETERS), CASES, EXACT, std, random=random, **cast(Any, plan))
+    found, notes = load_test(load_test_file(write_ground_test(test, tmp_path, "bench")), NAMES)
+    assert notes == ()
+    assert found.fitted.tolist() == [True, True, False]
+    assert [len(case.steps) for case in found.cases] == [0, 4, 4]
+    assert [(one.part, one.unloading) for one in found.cases[1].steps] == [
+        (0.0, False),
+        (0.5, False),
+        (0.5, True),
+        (0.0, True),
+    ]
+    for case in found.cases[1:]:
+        whole = case.reading - PARAMETERS.zero
+        for step in case.steps:
+            np.testing.assert_allclose(step.reading - PARAMETERS.zero, step.part * whole, atol=3e-7)
+
+
 def test_test_without_errors_reads_the_stated_loads() -> None:
     mean = simulated().strain.mean(axis=1) - PARAMETERS.zero
     np.testing.assert_allclose(mean, np.outer([0.0, 1e-5, 2e-5], np.arange(1.0, 21.0)), atol=1e-18)

@@ -95,7 +95,7 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
 
 
 def test_standard_deviation_is_that_of_a_mean(tmp_path: Path) -> None:
-    """The scatter of all windows, pooled, over the root of the number of samples; the stated one is added."""
+    """Windows that are alike: their pooled scatter over the root of the number of samples, and the stated one."""
     strain = two_steps(tmp_path)
     found = read_windows(load_test_file(written(tmp_path)), GAUGES)
     pooled = np.sqrt(0.5 * (strain[:20].var(axis=0, ddof=1) + strain[20:].var(axis=0, ddof=1)))
@@ -123,9 +123,13 @@ def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> Non
     found = read_windows(load_test_file(written(tmp_path)), GAUGES)
     assert np.isnan(found.mean[0, 0])
     assert np.isfinite(found.mean[1, 0])
-    assert found.std[0, 1] > 0.0
+    assert np.isnan(found.mean[:, 1]).all()
     said = "\n".join(found.notes)
-    assert "do not scatter within any window: b" in said
+    (line,) = found.left_out
+    assert line.endswith(
+        "gauge 'b': railed or frozen, 100 % of its samples in test.csv stand at 3 um/m; left out of all cases"
+    )
+    assert line in said
     assert "case 'level': 1 gauges without a reading" in said
     assert "case 'pad': strain moves by 4.99 um/m" in said
 
@@ -147,6 +151,29 @@ def test_baselines_alone_are_no_test(tmp_path: Path) -> None:
     text = FILE[: FILE.index("[[case.load]]")]
     with pytest.raises(InputError, match=r"loadtest\.toml: case: expected a load in one case or more"):
         load_test(load_test_file(written(tmp_path, text)), GAUGES)
+
+
+def test_steps_and_check_loads_are_read_and_not_fitted(tmp_path: Path) -> None:
+    """Steps in the order of time, those after the whole load are unloading; a check load has readings as well."""
+    random = np.random.default_rng(4)
+    level = np.repeat(1e-6 * np.array([[0.0], [5.0], [10.0], [6.0], [1.0]]), 10, axis=0)
+    write_recording(tmp_path, level * np.array([1.0, 2.0, -1.0]) + 1e-8 * random.standard_normal((50, 3)))
+    steps = "".join(
+        f"[[case.step]]\nload_percent = {part}\nwindow_s = [{0.5 * k}, {0.5 * k + 0.45}]\n"
+        for k, part in ((4, 0), (3, 50), (1, 50))
+    )
+    text = FILE.replace("[0.0, 0.95]", "[0.0, 0.45]").replace("[1.0, 1.95]", "[1.0, 1.45]\ncheck = true") + steps
+    text = text.replace('name = "static test"', 'name = "static test"\ntested_on = 2026-03-03')
+    file = load_test_file(written(tmp_path, text + "[[load_cell]]\nname = '1'\nserial_number = 'A 17'\n"))
+    assert (str(file.tested_on), file.load_cell[0].serial_number) == ("2026-03-03", "A 17")
+    test, _ = load_test(file, GAUGES)
+    assert test.fitted.tolist() == [True, False]
+    found = test.cases[1].steps
+    assert [(one.part, one.unloading) for one in found] == [(0.5, False), (0.5, True), (0.0, True)]
+    np.testing.assert_allclose([1e6 * one.reading[1] for one in found], [10.0, 12.0, 2.0], atol=0.02)
+    checks = text.replace("[errors]", "[errors]").replace('name = "level"', 'name = "level"\ncheck = true')
+    with pytest.raises(InputError, match=r"case: expected one without check or more, got check loads alone"):
+        load_test(load_test_file(written(tmp_path, checks)), GAUGES)
 
 
 LOADS: tuple[Load, ...] = (
@@ -198,6 +225,14 @@ def test_temperature_is_a_mode_round_the_body(tmp_path: Path) -> None:
         (FILE.replace("load_percent = 0.4", "load_percent = -1"), r"errors\.load_percent: expected .*0 .. 100"),
         (FILE.replace("temperature_K = 4.0", "row = 3"), r"case\.2: expected window_s or row, got both"),
         ("name = 'x'", r"case: entry is missing"),
+        (
+            FILE + "[[load_cell]]\nname = 'A'\n",
+            r"case\.2\.load\.2\.load_cell: expected one of A, got '1'",
+        ),
+        (
+            FILE + "[[case.step]]\nload_percent = 50\nrow = 2\nwindow_s = [1, 2]\n",
+            r"case\.2\.step\.1: expected window_s or row, got both",
+        ),
     ],
 )
 def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
@@ -210,12 +245,28 @@ def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
     [
         (
             FILE.replace("[1.0, 1.95]", "[9.0, 9.5]"),
-            r"case\.2\.window_s: expected times of .*, 0 to 1.95 s",
+            r"case\.2\.window_s: 'pad': expected times of .*, 0 to 1.95 s, got \[9\.0, 9\.5\]",
         ),
-        (FILE.replace("window_s = [1.0, 1.95]", "row = 41"), r"case\.2\.row: expected at most 40"),
+        (FILE.replace("window_s = [1.0, 1.95]", "row = 41"), r"case\.2\.row: 'pad': expected at most 40"),
         (FILE.replace("window_s = [1.0, 1.95]\n", ""), r"case\.2\.window_s: entry is missing, expected it or row"),
         (FILE.replace('recording = "test.csv"\n', ""), r"case\.1\.recording: entry is missing"),
         (FILE.replace("test.csv", "other.csv"), r"other\.csv: no such file"),
+        (
+            FILE.replace("[1.0, 1.95]", "[1.0, 2.5]"),
+            r"case\.2\.window_s: 'pad': expected times of the recording, 0 to 1.95 s, got \[1\.0, 2\.5\]",
+        ),
+        (
+            FILE.replace("[1.0, 1.95]", "[0.9, 1.9]"),
+            r"case\.2\.window_s: 'pad': expected .* case\.1 'level', \[0\.0, 0\.95\] s, got \[0\.9, 1\.9\]",
+        ),
+        (
+            FILE.replace("window_s = [0.0, 0.95]", "row = 7").replace("window_s = [1.0, 1.95]", "row = 7"),
+            r"case\.2\.row: 'pad': expected another row than case\.1 'level', got 7 as well",
+        ),
+        (
+            FILE + "[[case.step]]\nload_percent = 50\nwindow_s = [0.9, 0.99]\n",
+            r"case\.2\.step\.1\.window_s: 'pad', 50 %: expected .* apart from case\.1 'level'",
+        ),
     ],
 )
 def test_readings_that_are_not_there_are_refused(tmp_path: Path, text: str, line: str) -> None:

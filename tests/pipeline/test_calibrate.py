@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +83,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     found = load_inverse_map(output)
     zeros = load_zeros(tmp_path / "calibrated_zeros.toml", found.gauge_names)
     np.testing.assert_allclose(zeros.value, result.estimate.parameters.zero, atol=1e-15)
-    assert any("--zeros calibrated_zeros.toml" in line for line in result.notes)
+    assert any("calibrated_zeros.toml has them for other maps (--zeros)" in line for line in result.notes)
     truth = structure.strain_operator(built)
     after = structure.strain_operator(result.estimate.parameters)
     drawing = structure.strain_operator(structure.exactly_built())
@@ -93,7 +94,14 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     assert "gauge gain" not in names
     assert np.trace(load_covariance(found)) < np.trace(load_covariance(before))
     page = output.with_suffix(".html").read_text(encoding="utf-8")
-    assert "Regression load equations" in page
+    assert result.verdict is not None
+    assert result.verdict.title in page
+    for path in (written, tmp_path / "loadtest.csv", tmp_path / "channels.toml", file, tmp_path / "map.h5"):
+        assert sha256(path.read_bytes()).hexdigest() in page
+    assert output.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+    equations = (tmp_path / "calibrated_load_equations.csv").read_text(encoding="utf-8").splitlines()
+    assert equations[0].startswith("load,unit,gauge,coefficient [unit per um/m],standard error")
+    assert any(line.startswith("normal force,N,") for line in equations)
     assert "wrong sign" in page
     assert all(f">{kind}<" in page for kind in ("mass", "clamp axial", "clamp transverse", "load cell"))
     larger = replace(test, strain=1.5 * test.strain)  # the gauge of the wrong sign is not named then

@@ -137,8 +137,8 @@ class Estimate:
 
 
 def usable(model: ReadingsModel) -> BoolArray:
-    """Return (n_cases, n_d) whether there is a reading."""
-    return np.asarray(np.isfinite(model.test.readings))
+    """Return (n_cases, n_d) whether there is a reading, and not of a check load."""
+    return np.asarray(np.isfinite(model.test.readings) & model.test.fitted[:, None])
 
 
 def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Estimate:

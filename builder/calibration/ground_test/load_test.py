@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from builder.structure.loads.applied import Load
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
 
@@ -56,6 +56,23 @@ class LoadErrors:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class LoadStep:
+    """A reading on the way to the loads of a case, or back.
+
+    Attributes
+    ----------
+    part : of the loads that a load cell reads [1].
+    unloading : whether it was read after the whole load.
+    reading, reading_std : (n_d,) as of a case [m/m].
+    """
+
+    part: float
+    unloading: bool
+    reading: FloatArray
+    reading_std: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class LoadCase:
     """One load case.
 
@@ -67,6 +84,8 @@ class LoadCase:
     reading_std : (n_d,) standard deviation of it, as of a mean over a window [m/m].
     temperature : of the whole vehicle above that of the test's zeros [K].
     group : cases of one group share the recorder's zeros.
+    check : whether the case is predicted and not fitted.
+    steps : readings on the way to its loads and back, in the order of time.
     """
 
     name: str
@@ -75,6 +94,8 @@ class LoadCase:
     reading_std: FloatArray
     temperature: float = 0.0
     group: str = "1"
+    check: bool = False
+    steps: tuple[LoadStep, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,6 +107,7 @@ class LoadTest:
     gauge_names : n_d names, the order of the readings.
     cases : in the order of the file.
     errors : of what is stated of the loads.
+    left_out : a line for each channel whose readings were left out, as it stands still in its recording.
 
     Raises
     ------
@@ -96,6 +118,7 @@ class LoadTest:
     gauge_names: tuple[str, ...]
     cases: tuple[LoadCase, ...]
     errors: LoadErrors = field(default_factory=LoadErrors)
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.cases:
@@ -113,6 +136,11 @@ class LoadTest:
     def readings(self) -> FloatArray:
         """(n_cases, n_d) [m/m]."""
         return np.array([case.reading for case in self.cases])
+
+    @property
+    def fitted(self) -> BoolArray:
+        """(n_cases,) whether a case is fitted; check loads are predicted alone."""
+        return np.array([not case.check for case in self.cases])
 
     @property
     def reading_stds(self) -> FloatArray:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from datetime import date
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, PrivateAttr, field_validator, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
@@ -14,6 +15,18 @@ from builder.vehicle.toml.faults import Faults
 from builder.vehicle.toml.limits import one_line
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import FileName, Section
+
+
+def _rising(value: list[float]) -> list[float]:
+    if value[0] >= value[1]:
+        raise ValueError(f"expected two rising times, got {value}")
+    return value
+
+
+def _refuse_both(window: list[float] | None, row: int | None) -> None:
+    if window is not None and row is not None:
+        raise ValueError("expected window_s or row, got both")
+
 
 CaseName = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
@@ -49,8 +62,8 @@ class ReadingEntries(Section):
     """Where the readings are, of all cases that do not say otherwise; files are relative to this one.
 
     ``channels`` is a channels.toml for recordings whose columns are not named by the gauges. A reading is the mean
-    over its window; its standard deviation follows from the scatter of all windows, and
-    ``reading_std_um_per_m`` (drift, hysteresis) is added to it.
+    over its window; its standard deviation follows from the scatter in the windows, and ``reading_std_um_per_m``
+    (drift, hysteresis) is added to it.
     """
 
     recording: FileName | None = None
@@ -58,34 +71,48 @@ class ReadingEntries(Section):
     reading_std_um_per_m: float = Field(default=0.0, ge=0.0, le=1e4)
 
 
+Window = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_rising)]
+
+
+class StepEntry(Section):
+    """A reading on the way to the loads of a case, or back: ``load_percent`` of each load that a load cell reads.
+
+    Steps after the case's own window are unloading, 0 % is the return to zero. They are not fitted: they show
+    hysteresis, and how far readings return to zero.
+    """
+
+    load_percent: float = Field(ge=0.0, le=200.0)
+    window_s: Window | None = None
+    row: int | None = Field(default=None, ge=1, le=10**9)
+
+    @model_validator(mode="after")
+    def _one_place(self) -> StepEntry:
+        _refuse_both(self.window_s, self.row)
+        return self
+
+
 class CaseEntry(Section):
     """A load case: what acts, and when it was recorded: from ``window_s``, or one ``row`` of the recording.
 
-    Cases of one ``zeros`` were read with the same zeros; a recorder that was balanced again starts another one.
-    ``temperature_K`` is the vehicle's above that at which its zeros were taken. A case without loads is a
-    baseline.
+    A case with ``check`` is predicted and not fitted. Cases of one ``zeros`` were read with the same zeros; a
+    recorder that was balanced again starts another one. ``temperature_K`` is the vehicle's above that at which its
+    zeros were taken. A case without loads is a baseline.
     """
 
     name: CaseName
     recording: FileName | None = None
     channels: FileName | None = None
-    window_s: list[float] | None = Field(default=None, min_length=2, max_length=2)
+    window_s: Window | None = None
     row: int | None = Field(default=None, ge=1, le=10**9)
+    check: bool = False
     zeros: CaseName = "1"
     temperature_K: float = Field(default=0.0, ge=-300.0, le=1000.0)
     load: list[AnyLoadEntry] = Field(default=[], max_length=200)
-
-    @field_validator("window_s")
-    @classmethod
-    def _rises(cls, value: list[float] | None) -> list[float] | None:
-        if value is not None and value[0] >= value[1]:
-            raise ValueError(f"expected two rising times, got {value}")
-        return value
+    step: list[StepEntry] = Field(default=[], max_length=200)
 
     @model_validator(mode="after")
-    def _window_or_row(self) -> CaseEntry:
-        if self.window_s is not None and self.row is not None:
-            raise ValueError("expected window_s or row, got both")
+    def _one_place(self) -> CaseEntry:
+        _refuse_both(self.window_s, self.row)
         return self
 
     def known_loads(self, errors: LoadErrors) -> tuple[KnownLoad, ...]:
@@ -99,11 +126,21 @@ class CaseEntry(Section):
         return tuple(found)
 
 
+class LoadCellEntry(Section):
+    """A load cell, for the record: loads name it as their ``load_cell``."""
+
+    name: CaseName
+    serial_number: CaseName | None = None
+    calibrated_on: date | None = None
+
+
 class LoadTestFile(Section):
     """The file of a ground test, whole."""
 
     name: CaseName
     vehicle: FileName | None = None
+    tested_on: date | None = None
+    load_cell: list[LoadCellEntry] = Field(default=[], max_length=200)
     errors: ErrorEntries = ErrorEntries()
     readings: ReadingEntries = ReadingEntries()
     case: list[CaseEntry] = Field(min_length=1, max_length=1000)
@@ -116,6 +153,13 @@ class LoadTestFile(Section):
             f"case.{k}.name: expected each name once, got '{name}' again"
             for k, name in enumerate(names, start=1)
             if name in names[: k - 1]
+        ]
+        cells = [cell.name for cell in self.load_cell]
+        faults += [
+            f"case.{k}.load.{n}.load_cell: expected one of {', '.join(cells)}, got '{load.load_cell}'"
+            for k, case in enumerate(self.case, start=1)
+            for n, load in enumerate(case.load, start=1)
+            if cells and load.kind not in NO_LOAD_CELL and load.load_cell not in cells
         ]
         if faults:
             raise Faults(faults)

@@ -12,6 +12,15 @@ from strainfmu.files import write_bytes_atomically
 
 
 @dataclass(frozen=True, kw_only=True)
+class WrittenStep:
+    """A step as it is written: part of the loads [1], and its window as of a case."""
+
+    part: float
+    unloading: bool
+    window: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
 class WrittenCase:
     """A case as it is written.
 
@@ -21,12 +30,16 @@ class WrittenCase:
     loads : that act, as they are stated.
     window : first and last time of its reading [s]; None leaves a line to be filled in.
     remark : comment above the case, empty for none.
+    check : whether it is a check load.
+    steps : on the way to its loads and back, in the order of time.
     """
 
     name: str
     loads: tuple[Load, ...]
     window: tuple[float, float] | None = None
     remark: str = ""
+    check: bool = False
+    steps: tuple[WrittenStep, ...] = ()
 
 
 def write_load_test(
@@ -38,6 +51,7 @@ def write_load_test(
     *,
     head: Sequence[str] = (),
     vehicle: str | None = None,
+    blanks: bool = False,
 ) -> None:
     """Write ``loadtest.toml``.
 
@@ -46,14 +60,23 @@ def write_load_test(
     readings, errors : entries of the sections of these names; a value of None leaves a line to be filled in.
     head : lines of comment at the top.
     vehicle : path of the vehicle file, relative to this one; None for none.
+    blanks : leave lines to be filled in for the date of the test and its load cell.
     """
-    lines = [f"# {line}" for line in head] + ["", f"name = {_value(name)}"]
+    lines = [f"# {line}".rstrip() for line in head] + ["", f"name = {_value(name)}"]
     lines += [] if vehicle is None else [f"vehicle = {_value(vehicle)}"]
+    lines += [_line("tested_on", None)] if blanks else []
     for section, entries in (("readings", readings), ("errors", errors)):
         lines += ["", f"[{section}]", *(_line(key, value) for key, value in entries.items())]
+    if blanks:
+        lines += ["", "[[load_cell]]", 'name = "1"', _line("serial_number", None), _line("calibrated_on", None)]
     for case in cases:
         lines += ["", *([f"# {case.remark}"] if case.remark else []), "[[case]]", f"name = {_value(case.name)}"]
         lines.append(_line("window_s", None if case.window is None else list(case.window)))
+        lines += ["check = true"] if case.check else []
+        for step in case.steps:
+            lines += [f"[[case.step]]  # {'unloading' if step.unloading else 'loading'}"]
+            lines += [f"load_percent = {_value(round(100.0 * step.part, 4))}"]
+            lines.append(_line("window_s", None if step.window is None else list(step.window)))
         lines += [f"[[case.load]]\n{_table(entry_of(load))}" for load in case.loads]
     write_bytes_atomically(path, ("\n".join(lines).lstrip("\n") + "\n").encode())
 

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from builder.calibration.ground_test.load_test import LoadCase, LoadTest
+from builder.calibration.ground_test.channel_faults import channel_faults, resolution
+from builder.calibration.ground_test.load_test import LoadCase, LoadStep, LoadTest
 from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
+from builder.calibration.ground_test.reading_noise import window_variances
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.strains.strain_files import open_strains
+
+Source = tuple[Path, Path | None]
+"""A recording, and its channels file."""
+
+Recordings = dict[Source, tuple[FloatArray, FloatArray]]
+"""Times (n,) [s] and strains (n, n_d) [m/m] of every source."""
 
 SETTLED = 6.0
 """Difference between both halves of a window, in its standard deviations, above which the load still moved."""
@@ -27,13 +37,17 @@ class Readings:
     mean : (n_cases, n_d) [m/m], NaN where no sample of a window has a value.
     std : (n_cases, n_d) of the mean [m/m].
     samples : (n_cases, n_d) number of samples.
+    steps : of each case.
     notes : lines for the user.
+    left_out : those of them on channels that stand still, whose readings are left out.
     """
 
     mean: FloatArray
     std: FloatArray
     samples: FloatArray
+    steps: tuple[tuple[LoadStep, ...], ...]
     notes: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTest, tuple[str, ...]]:
@@ -46,11 +60,13 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
     Raises
     ------
     InputError
-        A recording is missing or wrong, a window holds no sample, a reading's standard deviation is not known, or
-        no case has a load.
+        A recording is missing or wrong, a window is not within it or overlaps another one, a reading's standard
+        deviation is not known, or no case has a load.
     """
     if not any(case.load for case in file.case):
         raise InputError(f"{file.path}: case: expected a load in one case or more, got baselines alone")
+    if all(case.check for case in file.case):
+        raise InputError(f"{file.path}: case: expected one without check or more, got check loads alone")
     found, errors = read_windows(file, gauge_names), file.errors.errors()
     cases = tuple(
         LoadCase(
@@ -60,48 +76,206 @@ def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTes
             reading_std=found.std[k],
             temperature=case.temperature_K,
             group=case.zeros,
+            check=case.check,
+            steps=found.steps[k],
         )
         for k, case in enumerate(file.case)
     )
-    return LoadTest(gauge_names=gauge_names, cases=cases, errors=errors), found.notes
+    test = LoadTest(gauge_names=gauge_names, cases=cases, errors=errors, left_out=found.left_out)
+    return test, found.notes
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Place:
+    """Where a reading stands in its recording.
+
+    Attributes
+    ----------
+    entry : of the file, such as ``case.2`` or ``case.2.step.1``.
+    name : of its case, in words.
+    case : number of that, from 0.
+    part : of its loads [1].
+    window, row : as of the entry.
+    source : recording, and its channels file.
+    """
+
+    entry: str
+    name: str
+    case: int
+    part: float
+    window: list[float] | None
+    row: int | None
+    source: Source
+
+    @property
+    def start(self) -> float:
+        """Time or row, to order readings of one case by."""
+        return float(self.row or 0) if self.window is None else self.window[0]
+
+
+def _places(file: LoadTestFile) -> list[_Place]:
+    """Return the places of all cases, then of all steps."""
+    cases, steps = [], []
+    for number, case in enumerate(file.case, start=1):
+        source = _source(file, case, number)
+        entry, name = f"case.{number}", f"'{case.name}'"
+        cases.append(
+            _Place(
+                entry=entry,
+                name=name,
+                case=number - 1,
+                part=1.0,
+                window=case.window_s,
+                row=case.row,
+                source=source,
+            )
+        )
+        steps += [
+            _Place(
+                entry=f"{entry}.step.{k}",
+                name=f"{name}, {step.load_percent:g} %",
+                case=number - 1,
+                part=0.01 * step.load_percent,
+                window=step.window_s,
+                row=step.row,
+                source=source,
+            )
+            for k, step in enumerate(case.step, start=1)
+        ]
+    return cases + steps
 
 
 def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     """Return mean and standard deviation of every gauge in the window of every case.
 
-    The scatter of one sample is pooled over all windows, gauge by gauge; white noise is assumed.
+    Each gauge has the scatter of its own samples in each window, as exact as their number makes it
+    (:mod:`~builder.calibration.ground_test.reading_noise`); white noise is assumed. Channels that stand still
+    (:mod:`~builder.calibration.ground_test.channel_faults`) have no reading there, and are named.
 
     Raises
     ------
     InputError
         As :func:`load_test`.
     """
-    recordings: dict[tuple[Path, Path | None], tuple[FloatArray, FloatArray]] = {}
-    notes: list[str] = []
-    windows = []
-    for number, case in enumerate(file.case, start=1):
-        source = _source(file, case, number)
-        if source not in recordings:
-            recordings[source] = _samples(*source, gauge_names, notes)
-        windows.append(_window(file, case, number, *recordings[source]))
+    places, notes = _places(file), list[str]()
+    recordings: Recordings = {}
+    for place in places:
+        if place.source not in recordings:
+            recordings[place.source] = _samples(*place.source, gauge_names, notes)
+    windows = [_window(file, place, *recordings[place.source]) for place in places]
+    _refuse_overlaps(file, places)
+    recorded = np.array([np.isfinite(one).any(axis=0) for one in windows])
+    windows, left_out = _without_faults(file, places, recordings, windows, gauge_names)
     count = np.array([np.isfinite(one).sum(axis=0) for one in windows], dtype=float)
     has_any = count > 0.0
     mean = np.array([np.nansum(one, axis=0) for one in windows]) / np.maximum(count, 1.0)
-    squares = [np.nansum((one - m) ** 2, axis=0) for one, m in zip(windows, mean, strict=True)]
-    freedom = np.maximum(count - 1.0, 0.0).sum(axis=0)
-    scatter = np.sqrt(np.sum(squares, axis=0) / np.maximum(freedom, 1.0))
-    still: BoolArray = np.all([_repeats(one) for one in windows], axis=0) & (freedom > 0.0)
+    squares = np.array([np.nansum((one - m) ** 2, axis=0) for one, m in zip(windows, mean, strict=True)])
+    freedom = np.maximum(count - 1.0, 0.0)
+    scatter = np.sqrt(window_variances(squares / np.maximum(freedom, 1.0), freedom))
+    held = np.array([_repeats(one) for one in windows]) & (freedom > 0.0)
+    still: BoolArray = np.all(held | (freedom == 0.0), axis=0) & held.any(axis=0)
     if still.any() and not still.all():
         # A channel that repeats one value says nothing of its noise.
         scatter = np.where(still, np.median(scatter[scatter > 0.0]), scatter)
         named = ", ".join(name for name, one in zip(gauge_names, still.tolist(), strict=True) if one)
         notes.append(f"{file.path}: readings do not scatter within any window: {named}")
     floor = 1e-6 * file.readings.reading_std_um_per_m
-    std = np.hypot(scatter / np.sqrt(np.maximum(count, 1.0)), floor)
-    _check_std(file, gauge_names, std, has_any)
-    notes += _missing(file, gauge_names, has_any)
-    notes += _unsettled(file, windows, std=np.hypot(scatter, floor))
-    return Readings(mean=np.where(has_any, mean, np.nan), std=std, samples=count, notes=tuple(notes))
+    # A value that repeats is one sample, rounded.
+    alone = np.hypot(scatter, _rounding(places, recordings))
+    of_mean = np.where(held, alone, scatter / np.sqrt(np.maximum(count, 1.0)))
+    std = np.hypot(of_mean, floor)
+    mean, n_c = np.where(has_any, mean, np.nan), len(file.case)
+    _check_std(places, file, gauge_names, std, has_any)
+    notes += [*left_out, *_missing(file, gauge_names, recorded[:n_c])]
+    notes += _unsettled(file, places, windows, std=np.hypot(scatter, floor))
+    return Readings(
+        mean=mean[:n_c],
+        std=std[:n_c],
+        samples=count[:n_c],
+        steps=tuple(_steps_of(k, places, mean, std) for k in range(n_c)),
+        notes=tuple(notes),
+        left_out=left_out,
+    )
+
+
+def _steps_of(case: int, places: Sequence[_Place], mean: FloatArray, std: FloatArray) -> tuple[LoadStep, ...]:
+    """Return the steps of a case in the order of time."""
+    own = [(place.start, k) for k, place in enumerate(places) if place.case == case and k != case]
+    return tuple(
+        LoadStep(
+            part=places[k].part,
+            unloading=start > places[case].start,
+            reading=mean[k],
+            reading_std=std[k],
+        )
+        for start, k in sorted(own)
+    )
+
+
+def _without_faults(
+    file: LoadTestFile,
+    places: Sequence[_Place],
+    recordings: Recordings,
+    windows: Sequence[FloatArray],
+    gauge_names: tuple[str, ...],
+) -> tuple[list[FloatArray], tuple[str, ...]]:
+    """Return the windows without samples of channels that stand still in them, and a line for each of these."""
+    kept, lines = [one.copy() for one in windows], []
+    for source, (_, strain) in recordings.items():
+        here = [k for k, place in enumerate(places) if place.source == source]
+        for fault in channel_faults(strain, [windows[k] for k in here]):
+            hit = [here[k] for k in fault.windows]
+            for k in hit:
+                kept[k][:, fault.gauge] = np.nan
+            where = "all cases" if len(hit) == len(here) else _named([places[k] for k in hit])
+            values = " or ".join(f"{1e6 * value:.6g}" for value in fault.values[:2])
+            lines.append(
+                f"{file.path}: gauge '{gauge_names[fault.gauge]}': {fault.kind}, {percent_of(fault.fraction)} of "
+                f"its samples in {source[0].name} stand at {values} um/m; left out of {where}"
+            )
+    return kept, tuple(lines)
+
+
+def _named(places: Sequence[_Place]) -> str:
+    """Return the cases of readings in words, with the number of their steps."""
+    names = list(dict.fromkeys(place.case for place in places))
+    steps = sum("step" in place.entry for place in places)
+    text = f"{len(names)} cases: " if len(names) > 1 else "case "
+    text += ", ".join(next(place.name for place in places if place.case == case) for case in names)
+    whole = steps and len(places) > steps
+    return f"{text}, and of {steps} steps of these" if whole else text
+
+
+def percent_of(fraction: float) -> str:
+    """Return a fraction [1] in percent, with two digits at least."""
+    return f"{100.0 * fraction:.{1 if fraction < 0.1 else 0}f} %"
+
+
+def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
+    """Return the standard deviation of a sample by the resolution of its channel (n_windows, n_d) [m/m]."""
+    by_source = {
+        source: np.array([resolution(strain[:, g]) for g in range(strain.shape[1])]) / np.sqrt(12.0)
+        for source, (_, strain) in recordings.items()
+    }
+    return np.array([by_source[place.source] for place in places])
+
+
+def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
+    """Refuse readings that are of the same samples of a recording."""
+    ordered = sorted(places, key=lambda place: (str(place.source[0]), place.window is None, place.start))
+    for other, one in pairwise(ordered):
+        if one.source[0] != other.source[0]:
+            continue
+        if one.row is not None and one.row == other.row:
+            raise InputError(
+                f"{file.path}: {one.entry}.row: {one.name}: expected another row than {other.entry} "
+                f"{other.name}, got {one.row} as well"
+            )
+        if one.window is not None and other.window is not None and one.window[0] < other.window[1]:
+            raise InputError(
+                f"{file.path}: {one.entry}.window_s: {one.name}: expected a window apart from {other.entry} "
+                f"{other.name}, {other.window} s, got {one.window}, which overlaps"
+            )
 
 
 def _source(file: LoadTestFile, case: CaseEntry, number: int) -> tuple[Path, Path | None]:
@@ -125,21 +299,25 @@ def _samples(
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
 
 
-def _window(file: LoadTestFile, case: CaseEntry, number: int, time: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return the samples (n, n_d) of a case."""
-    where = f"{file.path}: case.{number}"
-    if case.row is not None:
-        if case.row > len(time):
-            raise InputError(f"{where}.row: expected at most {len(time)}, the recording's rows, got {case.row}")
-        return strain[case.row - 1 : case.row]
-    if case.window_s is None:
+def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return the samples (n, n_d) of a reading."""
+    where = f"{file.path}: {place.entry}"
+    if place.row is not None:
+        if place.row > len(time):
+            raise InputError(
+                f"{where}.row: {place.name}: expected at most {len(time)}, the recording's rows, got {place.row}"
+            )
+        return strain[place.row - 1 : place.row]
+    if place.window is None:
         raise InputError(f"{where}.window_s: entry is missing, expected it or row")
-    first, last = case.window_s
+    first, last = place.window
     within = (time >= first) & (time <= last)
-    if not within.any():
+    # Windows may end where the next sample would be.
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if first < time[0] - step or last > time[-1] + step or not within.any():
         raise InputError(
-            f"{where}.window_s: expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
-            f"got {case.window_s}"
+            f"{where}.window_s: {place.name}: expected times of the recording, {time[0]:g} to {time[-1]:g} s, "
+            f"got {place.window}"
         )
     return strain[within]
 
@@ -151,19 +329,21 @@ def _repeats(window: FloatArray) -> BoolArray:
     return np.asarray(np.where(np.isfinite(held), held, -np.inf).max(axis=0) <= low)
 
 
-def _check_std(file: LoadTestFile, gauge_names: tuple[str, ...], std: FloatArray, has_any: BoolArray) -> None:
+def _check_std(
+    places: Sequence[_Place], file: LoadTestFile, gauge_names: tuple[str, ...], std: FloatArray, has_any: BoolArray
+) -> None:
     """Refuse readings whose standard deviation is 0: a sample for each case and no more is known."""
     wrong = np.argwhere((std == 0.0) & has_any)
     if len(wrong):
         case, gauge = wrong[0]
         raise InputError(
             f"{file.path}: readings.reading_std_um_per_m: expected more than 0, as samples of gauge "
-            f"'{gauge_names[gauge]}' in case '{file.case[case].name}' do not scatter"
+            f"'{gauge_names[gauge]}' in case {places[case].name} do not scatter"
         )
 
 
 def _missing(file: LoadTestFile, gauge_names: tuple[str, ...], has_any: BoolArray) -> list[str]:
-    """Return lines on readings that are not there."""
+    """Return lines on readings that are not in the recordings; ``has_any`` is (n_cases, n_d)."""
     never = [
         name for name, any_case in zip(gauge_names, np.any(has_any, axis=0).tolist(), strict=True) if not any_case
     ]
@@ -175,18 +355,21 @@ def _missing(file: LoadTestFile, gauge_names: tuple[str, ...], has_any: BoolArra
     return lines
 
 
-def _unsettled(file: LoadTestFile, windows: list[FloatArray], std: FloatArray) -> list[str]:
+def _unsettled(
+    file: LoadTestFile, places: Sequence[_Place], windows: list[FloatArray], std: FloatArray
+) -> list[str]:
     """Return lines on windows in which the strain still moved."""
     lines = []
-    for case, window in zip(file.case, windows, strict=True):
+    usual = np.median(std, axis=0)  # a window in which the strain moves scatters by that as well
+    for place, window in zip(places, windows, strict=True):
         half = len(window) // 2
         parts = window[:half], window[len(window) - half :]
         if half < 2 or not all(np.isfinite(part).any() for part in parts):
             continue
         full = np.isfinite(window).all(axis=0)
         step = np.abs(parts[1].mean(axis=0) - parts[0].mean(axis=0))[full]
-        limit = SETTLED * std[full] * np.sqrt(2.0 / half)
+        limit = SETTLED * usual[full] * np.sqrt(2.0 / half)
         if np.any(step > limit):
             worst = 1e6 * float(step.max())
-            lines.append(f"{file.path}: case '{case.name}': strain moves by {worst:.3g} um/m within its window")
+            lines.append(f"{file.path}: case {place.name}: strain moves by {worst:.3g} um/m within its window")
     return lines

@@ -17,7 +17,7 @@ from builder.calibration.ground_test.candidate_cases import Candidate
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
+from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
@@ -79,6 +79,15 @@ class TestFaults:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class SimulatedStep:
+    """A step of a case: part of its loads [1], and readings (n_samples, n_d) while it stood [m/m]."""
+
+    part: float
+    unloading: bool
+    strain: FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class GroundTest:
     """A simulated test.
 
@@ -88,12 +97,16 @@ class GroundTest:
     cases : as stated.
     errors : how exactly the loads are known.
     strain : (n_cases, n_samples, n_d) readings while each load stood [m/m].
+    steps : of each case, in the order of time; none by default.
+    checks : names of the cases that are check loads.
     """
 
     gauge_names: tuple[str, ...]
     cases: tuple[Candidate, ...]
     errors: LoadErrors
     strain: FloatArray
+    steps: tuple[tuple[SimulatedStep, ...], ...] = ()
+    checks: tuple[str, ...] = ()
 
 
 def ground_test(
@@ -105,6 +118,8 @@ def ground_test(
     *,
     random: np.random.Generator,
     faults: TestFaults | None = None,
+    loading: Sequence[float] = (),
+    checks: Sequence[str] = (),
 ) -> GroundTest:
     """Apply ``cases`` to a vehicle as built and read its gauges.
 
@@ -114,21 +129,49 @@ def ground_test(
     errors : standard deviations that the errors of the loads are drawn with.
     noise_std : (n_d,) of one sample [m/m].
     faults : what went wrong; nothing by default.
+    loading : parts of the loads that are read on the way to them, and in reverse on the way back [1].
+    checks : names of the cases that are check loads.
     """
     faults, (gain, offset) = faults or TestFaults(), random.standard_normal(2).tolist()
     cell = CellErrors(gain=errors.common * gain, offset=errors.cell_offset * offset)
-    strain = []
+    strain, steps = [], []
+
+    def read(loads: Sequence[Load]) -> FloatArray:
+        reading = structure.reading(parameters, loads)
+        return np.asarray(reading + noise_std * random.standard_normal((WINDOW, len(reading))))
+
     for number, case in enumerate(cases):
-        loads = [as_applied(known, errors, cell, random) for known in known_loads(case, errors)]
+        stated = known_loads(case, errors)
+        loads = [as_applied(known, errors, cell, random) for known in stated]
         if faults.wrong_load is not None and faults.wrong_load[0] == number:
             loads = [scaled(load, faults.wrong_load[1]) for load in loads]
-        reading = structure.reading(parameters, loads)
-        strain.append(reading + noise_std * random.standard_normal((WINDOW, len(reading))))
+        strain.append(read(loads))
+        parts = loading if any(known.on_load_cell for known in stated) else ()
+        steps.append(
+            tuple(
+                SimulatedStep(
+                    part=part,
+                    unloading=unloading,
+                    strain=faults.recorded(
+                        read(
+                            [
+                                scaled(load, part) if known.on_load_cell else load
+                                for known, load in zip(stated, loads, strict=True)
+                            ]
+                        )
+                    ),
+                )
+                for unloading, order in ((False, parts), (True, parts[::-1]))
+                for part in order
+            )
+        )
     return GroundTest(
         gauge_names=structure.gauges.names,
         cases=tuple(cases),
         errors=errors,
         strain=faults.recorded(np.array(strain)),
+        steps=tuple(steps),
+        checks=tuple(checks),
     )
 
 
@@ -148,6 +191,7 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
     """
     channels = [f"AI{k // CHANNELS_PER_CARD}/ch{k % CHANNELS_PER_CARD}" for k in range(len(test.gauge_names))]
     time, rows, windows = _recording(test)
+    steps = test.steps or ((),) * len(test.cases)
     lines = [",".join(["Time", *channels]), ",".join(["s", *["um/m"] * len(channels)])]
     lines += [
         f"{t:.2f}," + ",".join(f"{1e6 * value:.4f}" for value in row) for t, row in zip(time, rows, strict=True)
@@ -158,8 +202,17 @@ def write_ground_test(test: GroundTest, folder: Path, name: str, vehicle: str | 
         entries += ["", "[[channel]]", f"name = '{channel}'", f"gauge = '{gauge}'"]
     write_bytes_atomically(folder / "channels.toml", ("\n".join(entries) + "\n").encode())
     written = [
-        WrittenCase(name=case.name, loads=case.loads, window=window)
-        for case, window in zip(test.cases, windows, strict=True)
+        WrittenCase(
+            name=case.name,
+            loads=case.loads,
+            window=windows[k, None],
+            check=case.name in test.checks,
+            steps=tuple(
+                WrittenStep(part=step.part, unloading=step.unloading, window=windows[k, n])
+                for n, step in enumerate(steps[k])
+            ),
+        )
+        for k, case in enumerate(test.cases)
     ]
     path = folder / "loadtest.toml"
     readings = {"recording": "loadtest.csv", "channels": "channels.toml"}
@@ -175,16 +228,26 @@ def error_entries(errors: LoadErrors) -> dict[str, object]:
     return found | {"mass_percent": None if errors.mass is None else _rounded(100.0 * errors.mass)}
 
 
-def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, list[tuple[float, float]]]:
-    """Return times (n,) [s] and readings (n, n_d) of the whole test, and the window of each case [s]."""
-    parts, windows, first = [], list[tuple[float, float]](), 0
+Windows = dict[tuple[int, int | None], tuple[float, float]]
+"""First and last time [s] of every case, and of every step by its number."""
+
+
+def _recording(test: GroundTest) -> tuple[FloatArray, FloatArray, Windows]:
+    """Return times (n,) [s] and readings (n, n_d) of the whole test, and the windows."""
+    segments = list[tuple[int, int | None, FloatArray]]()
     for case, strain in enumerate(test.strain):
-        windows.append((_rounded(first / SAMPLE_RATE), _rounded((first + len(strain) - 1) / SAMPLE_RATE)))
+        steps = list(enumerate(test.steps[case])) if test.steps else []
+        segments += [(case, n, step.strain) for n, step in steps if not step.unloading]
+        segments.append((case, None, strain))
+        segments += [(case, n, step.strain) for n, step in steps if step.unloading]
+    parts, windows, first = list[FloatArray](), Windows(), 0
+    for number, (case, step, strain) in enumerate(segments):
+        windows[case, step] = _rounded(first / SAMPLE_RATE), _rounded((first + len(strain) - 1) / SAMPLE_RATE)
         parts.append(strain)
         first += len(strain)
-        if case + 1 < len(test.strain):
+        if number + 1 < len(segments):
             share = (np.arange(BETWEEN) + 1.0)[:, None] / (BETWEEN + 1.0)
-            parts.append(strain[:BETWEEN] + share * (test.strain[case + 1][:BETWEEN] - strain[:BETWEEN]))
+            parts.append(strain[:BETWEEN] + share * (segments[number + 1][2][:BETWEEN] - strain[:BETWEEN]))
             first += BETWEEN
     rows = np.concatenate(parts)
     return np.arange(len(rows)) / SAMPLE_RATE, rows, windows

@@ -14,7 +14,14 @@ from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimit
 from builder.calibration.ground_test.load_changes import scaled
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
-from builder.calibration.plan.case_selection import CaseSensitivity, FlightSensitivity, no_knowledge, select_cases
+from builder.calibration.plan.case_selection import (
+    CaseSensitivity,
+    FlightSensitivity,
+    Knowledge,
+    no_knowledge,
+    select_cases,
+)
+from builder.calibration.plan.kind_sigmas import KindSigmas, kind_sigmas
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
@@ -46,6 +53,10 @@ class LoadPlan:
     before, after_attitudes, exact : (5,) sigma of a vehicle of the drawing's tolerances, of one whose weight has
         been read, and of one that is known exactly [1].
     candidates : number of cases that were compared.
+    repeats : how many of the last ``cases`` repeat the first ones.
+    checks : cases to be predicted and not fitted: those that would be the next best ones.
+    kinds : what the test leaves unknown of the vehicle.
+    noise_std : (n_d,) of one sample [m/m], and ``samples`` that a reading is the mean of.
     """
 
     attitudes: tuple[Candidate, ...]
@@ -55,6 +66,11 @@ class LoadPlan:
     after_attitudes: FloatArray
     exact: FloatArray
     candidates: int
+    repeats: int
+    checks: tuple[Candidate, ...]
+    kinds: tuple[KindSigmas, ...]
+    noise_std: FloatArray
+    samples: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -81,6 +97,9 @@ def load_plan(
     limits: LoadLimits,
     errors: LoadErrors,
     samples: int = 25,
+    noise: float | None = None,
+    checks: int = 0,
+    repeats: int = 0,
     progress: Progress | None = None,
 ) -> LoadPlan:
     """Return ``count`` load cases for a vehicle.
@@ -88,6 +107,9 @@ def load_plan(
     Parameters
     ----------
     samples : that a reading is the mean of.
+    noise : of one sample of the test's recorder [m/m]; by default the vehicle's in flight.
+    checks : number of check loads.
+    repeats : number of cases that are applied again, the first ones first.
     progress : called with (cases chosen, cases in all).
 
     Raises
@@ -96,30 +118,54 @@ def load_plan(
         Nothing may act within ``limits``, or the map cannot be built.
     """
     vehicle, as_built = parts.vehicle, parts.as_built
-    offered = [_within(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
+    offered = [within_limits(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
     attitudes = [] if vehicle.material.density_kg_per_m3 is None else attitude_cases(limits)
     lying: tuple[Load, ...] = attitudes[0].loads if attitudes else ()
     cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
     exact = exactly_known_map(parts)
-    flight = _flight(parts, exact)
+    flight = flight_sensitivity(parts, exact)
     lead = attitudes or [Candidate(name="no load", loads=())]
-    told = _sensitivities(parts, [*lead, *offered], errors, exact.noise_std / np.sqrt(samples))
+    sample_std = exact.noise_std if noise is None else np.full(as_built.n_gauges, noise)
+    told = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
     first, bare = told[: len(lead)], told[len(lead) :]
     start = known = no_knowledge(flight)
     for one in first:
         known = known.after(one)
     if attitudes:
-        bare = [_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
+        bare = [acting_together(one, first[0], slices(as_built.counts)[ZERO]) for one in bare]
     chosen = select_cases(known, bare, count, progress)
+    order, sigmas, end = [one.number for one in chosen], [one.sigmas for one in chosen], known
+    for number in order:
+        end = end.after(bare[number])
+    for number in order[:repeats]:
+        end = end.after(bare[number])
+        sigmas.append(flight.sigmas(end.error_covariance()))
+    prior = prior_std(vehicle.calibration, as_built.counts)
+    left = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
         attitudes=tuple(attitudes),
-        cases=_numbered([cases[one.number] for one in chosen]),
-        sigmas=np.array([one.sigmas for one in chosen]),
+        cases=_numbered([cases[k] for k in [*order, *order[:repeats]]]),
+        sigmas=np.array(sigmas),
         before=flight.sigmas(start.error_covariance()),
         after_attitudes=flight.sigmas(known.error_covariance()),
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         candidates=len(cases),
+        repeats=min(repeats, len(order)),
+        checks=tuple(cases[k] for k in _next_best(end, bare, order, checks)),
+        kinds=tuple(kind_sigmas(as_built.counts, prior.vector, left)),
+        noise_std=sample_std,
+        samples=samples,
     )
+
+
+def _next_best(known: Knowledge, cases: Sequence[CaseSensitivity], chosen: Sequence[int], count: int) -> list[int]:
+    """Return ``count`` distinct cases beside ``chosen``, each the best next one, or as many as there are."""
+    found, left = list[int](), [k for k in range(len(cases)) if k not in chosen]
+    while left and len(found) < count:
+        (best,) = select_cases(known, [cases[k] for k in left], 1)
+        found.append(left.pop(best.number))
+        known = known.after(cases[found[-1]])
+    return found
 
 
 def exactly_known_map(parts: PlanParts) -> InverseMap:
@@ -135,7 +181,8 @@ def exactly_known_map(parts: PlanParts) -> InverseMap:
     return build_inverse_map(exact, parts.snapshots, parts.structure)
 
 
-def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
+def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
+    """Return what the parameters do in flight; the last one, the error of the load cell, does nothing."""
     vehicle, as_built = parts.vehicle, parts.as_built
     ensemble = ensemble_of(vehicle, on_structure(parts.snapshots, parts.structure))
     pressure = np.concatenate(list(ensemble.members()))
@@ -168,7 +215,7 @@ def _flight(parts: PlanParts, exact: InverseMap) -> FlightSensitivity:
     )
 
 
-def _sensitivities(
+def case_sensitivities(
     parts: PlanParts, cases: Sequence[Candidate], errors: LoadErrors, noise_std: FloatArray
 ) -> list[CaseSensitivity]:
     """Return what cases would tell; the last parameter is the error of the load cell."""
@@ -200,7 +247,7 @@ def _sensitivities(
     return found
 
 
-def _together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
+def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
     """Return what a case tells in which own weight acts as well; the parameters ``zeros`` act once."""
     jacobian = case.jacobian + weight.jacobian
     jacobian[:, zeros] = case.jacobian[:, zeros]
@@ -213,7 +260,7 @@ def _nominal_strain(as_built: AsBuiltStructure, load: Load) -> FloatArray:
     return as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(load))
 
 
-def _within(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
+def within_limits(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
     strain = sum((_nominal_strain(as_built, load) for load in case.loads), np.zeros(as_built.n_gauges))
     largest = float(np.abs(strain).max())

@@ -31,11 +31,12 @@ from builder.pipeline.calibrate import (
     CalibrationParts,
     IndependentModel,
     calibration_by,
+    findings_of,
     with_levels,
     with_zeros,
-    write_report,
     write_zeros_of,
 )
+from builder.pipeline.calibration_report import write_report
 from builder.pipeline.demonstration.flight_score import SCORE_VERSION
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
@@ -136,15 +137,19 @@ class AsBuiltRun:
         pipeline = self.pipeline
 
         def calibrated(path: Path) -> None:
-            test, reporter, vehicle = self.test(), pipeline.reporter, pipeline.vehicle
+            test, reporter = self.test(), pipeline.reporter
             parts = self._parts
             made = calibration_by(test, pipeline.path(TEST), parts, reporter)
             found, faults = made.estimate, made.faults
             reporter.note(f"chi-square per reading {found.per_reading:.2f}, {len(faults)} faults")
             for fault in faults:
                 reporter.note(fault.line)
-            title = f"{vehicle.name}: calibration by {TEST}"
-            write_report(made, title, vehicle.reference.moment_station_m, path.with_suffix(".html"))
+            files = {
+                "map of the drawing": pipeline.path(MAP),
+                "snapshots": pipeline.path(SNAPSHOTS),
+                "vehicle": self.vehicle_path,
+            }
+            write_report(findings_of(made, parts, load_test_file(pipeline.path(TEST)), files), path)
             save_inverse_map(with_zeros(made.inverse_map, found), path)
             write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
@@ -155,7 +160,9 @@ class AsBuiltRun:
             save_inverse_map(with_levels(made, self._parts, known, pipeline.reporter), path)
 
         inputs = {"test": pipeline.made_from(TEST), "map": pipeline.made_from(MAP)}
-        holds = "the map as calibrated, zero offsets and report (.html); zeros.toml: the offsets for other maps"
+        holds = (
+            "the map as calibrated, zero offsets and report (.html, .pdf); zeros.toml: the offsets for other maps"
+        )
         pipeline.make(CALIBRATED, holds, inputs, calibrated)
         pipeline.make(EXACT, "the map of the same vehicle known exactly", inputs, exact)
 
@@ -244,6 +251,8 @@ class AsBuiltRun:
         zeros, found = self.zeros(), dict[str, FlownEstimates]()
         for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
             inverse_map = load_inverse_map(self.pipeline.path(file))
-            flown = flown_estimators(inverse_map, recording, zeros=zeros[name])
+            # The calibrated map subtracts its own.
+            rest = zeros[name] - inverse_map.zero_offset[: len(zeros[name])]
+            flown = flown_estimators(inverse_map, recording, zeros=rest)
             found[name] = flown["linear" if inverse_map.manifold is None else "nonlinear"]
         return found

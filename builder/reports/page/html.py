@@ -112,9 +112,16 @@ class Page:
 
 
 def picture(
-    figure: Figure | ValuedFigure, caption: str, alternative: str, kind: Literal["png", "svg"] = "png"
+    figure: Figure | ValuedFigure,
+    caption: str,
+    alternative: str,
+    kind: Literal["png", "svg"] = "png",
+    resolution: float = PICTURE_RESOLUTION,
 ) -> Picture:
-    """Draw a matplotlib figure into a page; "svg" for lines and rasterised meshes, "png" for meshes in 3-D."""
+    """Draw a matplotlib figure into a page; "svg" for lines and rasterised meshes, "png" for meshes in 3-D.
+
+    ``resolution`` is in dots per inch.
+    """
     from matplotlib import rc_context
 
     drawn = figure.figure if isinstance(figure, ValuedFigure) else figure
@@ -122,7 +129,7 @@ def picture(
     # Without a date, and with fixed names, the same figure gives the same bytes.
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
-        drawn.savefig(stream, format=kind, dpi=PICTURE_RESOLUTION, metadata=metadata)
+        drawn.savefig(stream, format=kind, dpi=resolution, metadata=metadata)
     places = figure.places() if isinstance(figure, ValuedFigure) else ()
     return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, places=places)
 

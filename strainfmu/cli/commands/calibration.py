@@ -36,10 +36,12 @@ def calibrate(
     Gauges and load cases that do not fit are named and left out. Readings that no vehicle within its
     tolerances can have are refused: check loads, units and signs.
 
-    The new map includes what the test left unknown in its noise. A report of the same name is written with it,
-    and the zero offsets of the gauges (calibrated_zeros.toml), which `estimate`, `bridge` and `replay` take by
-    --zeros. `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of
-    your own.
+    The new map includes what the test left unknown in its noise. A report of the same name is written with it
+    (.html and .pdf; load equations as .csv). It says whether to accept the test or to repeat parts of it. Check
+    loads (check = true in the test's file) are predicted and not fitted. The zero offsets of the gauges are
+    written as well (calibrated_zeros.toml), which `estimate`, `bridge` and `replay` take by --zeros.
+
+    `strainfmu loadtest` proposes a test; `strainfmu loadtest --template` writes the file for a test of your own.
 
     Examples:
 
@@ -68,10 +70,14 @@ def _show(console: Console, result: Calibration) -> None:
     found = result.estimate
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
-        f"{found.n_readings} readings in {len(found.model.test.cases)} cases, chi-square per reading "
+        f"{found.n_readings} readings in {int(found.used.any(axis=1).sum())} cases, chi-square per reading "
         f"{found.per_reading:.3g} (1 is expected)"
     )
     lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]
+    if result.verdict is not None:
+        lines.append(f"{result.verdict.title}:")
+        lines += [f"  {line}" for line in result.verdict.reasons]
+        lines += [f"would help most: {line}" for line in result.verdict.helps]
     lines.append(", ".join(str(path) for path in result.files))
     for line in lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -56,6 +56,31 @@ def loadtest(
     ] = 1000.0,
     load_error: Annotated[float, number(0.0, 100.0, "%", "Error of each load, 1 sigma.")] = 0.5,
     cell_error: Annotated[float, number(0.0, 100.0, "%", "Error of all loads together, 1 sigma.")] = 0.5,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            metavar="UM/M",
+            callback=within(1e-4, 1e3),
+            help="Noise of one sample of the recorder, 1 sigma in um/m. Default: the vehicle file's.",
+        ),
+    ] = None,
+    samples: Annotated[
+        int, typer.Option(metavar="N", callback=within(1, 10**6), help="Samples that a reading is the mean of.")
+    ] = 25,
+    steps: Annotated[
+        int, typer.Option(metavar="N", callback=within(1, 20), help="Steps of loading, and as many of unloading.")
+    ] = 2,
+    checks: Annotated[
+        int, typer.Option(metavar="N", callback=within(0, 50), help="Check loads, which the fit does not see.")
+    ] = 2,
+    repeats: Annotated[
+        int,
+        typer.Option(metavar="N", callback=within(0, 200), help="Load cases that are applied again at the end."),
+    ] = 1,
+    setup_time: Annotated[float, number(0.0, 1e4, "min", "Time to set up a case or an attitude.")] = 15.0,
+    reading_time: Annotated[
+        float, number(0.0, 1e4, "min", "Time to apply a load, wait until it stands and record it.")
+    ] = 1.0,
     snapshots: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Flows in flight (snapshots.h5). Default: local inclination."),
@@ -63,8 +88,11 @@ def loadtest(
 ) -> None:
     """Propose the load cases of a ground test, in the order in which they lower the uncertainty in flight.
 
-    Prints the gain of each case and writes a file of the test, to be filled in after the test, and a figure. Own
-    weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
+    Prints the gain of each case, what the test leaves undetermined and the time it takes. Writes a file of the
+    test, to be filled in after it, and a figure. Each load is applied in steps, and removed in steps down to
+    zero; check loads, repeated cases and zero readings are part of the file.
+
+    Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
     `calibration` of the vehicle file states the tolerances of the vehicle as built.
 
     With --template, writes a file of examples instead, for a test that you have designed or done yourself.
@@ -79,9 +107,16 @@ def loadtest(
     """
     from builder.calibration.ground_test.candidate_cases import LoadLimits
     from builder.calibration.ground_test.load_test import LoadErrors
+    from builder.calibration.plan.schedule import Schedule
     from builder.figures.calibration.load_plan import load_plan_figure
     from builder.figures.drawing.canvas import save
-    from builder.pipeline.load_test_proposal import propose_load_test, write_proposal, write_template
+    from builder.pipeline.load_test_proposal import (
+        left_lines,
+        propose_load_test,
+        time_line,
+        write_proposal,
+        write_template,
+    )
 
     console, start = Console(), perf_counter()
     errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
@@ -103,11 +138,25 @@ def loadtest(
         attitudes=tuple(np.deg2rad(numbers("--attitudes", attitudes)).tolist()),
         largest_strain=1e-6 * largest_strain,
     )
-    plan = propose_load_test(vehicle, cases, limits, errors, ConsoleReporter(console), snapshots)
-    write_proposal(plan, vehicle, output, errors)
+    schedule = Schedule(steps=steps, setup_time=60.0 * setup_time, reading_time=60.0 * reading_time)
+    plan = propose_load_test(
+        vehicle,
+        cases,
+        limits,
+        errors,
+        ConsoleReporter(console),
+        snapshots,
+        noise=None if noise is None else 1e-6 * noise,
+        samples=samples,
+        checks=checks,
+        repeats=repeats,
+    )
+    write_proposal(plan, vehicle, output, errors, schedule)
     picture = output.with_suffix(".png")
     save(load_plan_figure(plan, vehicle.stem), picture)
     _show(console, plan)
+    for line in (*left_lines(plan), time_line(plan, schedule)):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(
         f"{output}, {picture}: {perf_counter() - start:.1f} s in all",
         highlight=False,

@@ -1,0 +1,118 @@
+"""Check loads: cases that were applied and not fitted, predicted by the calibrated vehicle.
+
+The readings of a check load determine the factor on its loads that fits them best, by generalised least squares
+with the covariance of the prediction: what the test left unknown, where the pads stand, noise. The factor over one
+is the error of the predicted load. Source of the practice: Lokos and Stauf, NASA TM-2004-212853.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtrc
+
+from builder.calibration.estimate.load_equations import LoadEquation, applied_loads
+from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_changes import cell_force
+from strainfmu.arrays import FloatArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CheckLoad:
+    """One check load.
+
+    Attributes
+    ----------
+    case : its name.
+    applied : sum of the forces that load cells read [N]; 0 where they read none.
+    difference : predicted over applied, less 1 [1]; NaN where no load cell reads.
+    std : of that, the load cell's and the load's own error included [1].
+    chi_square : of the readings, per reading [1].
+    chance : probability that a sound test has as much.
+    by_equations, loads : (5,) loads by the load equations, and as applied [N, N m]; NaN without a reading of a
+        gauge of the equation.
+    """
+
+    case: str
+    applied: float
+    difference: float
+    std: float
+    chi_square: float
+    chance: float
+    by_equations: FloatArray
+    loads: FloatArray
+
+    @property
+    def predicted(self) -> float:
+        """The load by the calibrated vehicle [N]."""
+        return self.applied * (1.0 + self.difference)
+
+
+def check_loads(
+    found: Estimate, equations: Sequence[LoadEquation] = (), moment_station: float = 0.0
+) -> list[CheckLoad]:
+    """Return the check loads of a test; moments of ``equations`` are about ``moment_station`` [m].
+
+    Gauges that the estimate left out are left out here as well.
+    """
+    model = found.model
+    checks = [k for k, case in enumerate(model.test.cases) if case.check]
+    if not checks:
+        return []
+    readings, jacobian = model.jacobian(found.vector)
+    strain = (1.0 + model.errors(found.vector).scale)[:, None] * model.load_strains(found.parameters)
+    loads = applied_loads(model, moment_station, float(found.parameters.mass[0]))
+    good = found.used.any(axis=0)
+    return [
+        _check_load(
+            found,
+            k,
+            use=good & np.isfinite(model.test.readings[k]),
+            left=model.test.readings[k] - readings[k],
+            jacobian=jacobian[k],
+            strain=strain,
+            equations=equations,
+            loads=loads[k],
+        )
+        for k in checks
+    ]
+
+
+def _check_load(
+    found: Estimate,
+    case: int,
+    *,
+    use: np.ndarray,
+    left: FloatArray,
+    jacobian: FloatArray,
+    strain: FloatArray,
+    equations: Sequence[LoadEquation],
+    loads: FloatArray,
+) -> CheckLoad:
+    model = found.model
+    stated, columns = model.test.cases[case], jacobian[use]
+    covariance = columns @ found.covariance @ columns.T + np.diag(stated.reading_std[use] ** 2)
+    root = np.linalg.cholesky(covariance)
+    white = np.linalg.solve(root, left[use])
+    square, count = float(white @ white), int(use.sum())
+    on_cell = [n for n, (k, one) in enumerate(model.loads) if k == case and one.on_load_cell]
+    difference = std = float("nan")
+    if on_cell and count:
+        # The covariance has the size of the loads as known to its own error: the prior of the factor is in it.
+        along = np.linalg.solve(root, strain[on_cell].sum(axis=0)[use])
+        std = 1.0 / float(np.sqrt(along @ along))
+        difference = float(along @ white) * std**2
+    group = model.groups.index(stated.group)
+    without_zero = model.test.readings[case] - model.errors(found.vector).zero[group]
+    return CheckLoad(
+        case=stated.name,
+        applied=float(sum(cell_force(model.loads[n][1].load) for n in on_cell)),
+        difference=difference,
+        std=std,
+        chi_square=square / max(count, 1),
+        chance=float(chdtrc(count, square)) if count else 1.0,
+        by_equations=np.array([float(one.value(without_zero[None])[0]) for one in equations] or [np.nan] * 5),
+        loads=loads,
+    )

@@ -1,0 +1,103 @@
+"""How a planned test is run: steps of loading and unloading, zero readings between, and the time that it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.load_changes import cell_force
+from builder.calibration.plan.load_plan import LoadPlan
+from builder.structure.loads.applied import SurfacePressure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Schedule:
+    """How the cases are run.
+
+    Attributes
+    ----------
+    steps : of loading, and as many of unloading; 1 reads without load, under the whole load, and without load.
+    setup_time : to set up a case or an attitude [s].
+    reading_time : to apply a load, wait until it stands and record it [s].
+    """
+
+    steps: int = 2
+    setup_time: float = 900.0
+    reading_time: float = 60.0
+
+    @property
+    def loading(self) -> tuple[float, ...]:
+        """Parts of the load ahead of the whole load, from none [1]."""
+        return tuple(round(k / self.steps, 4) for k in range(self.steps))
+
+    @property
+    def unloading(self) -> tuple[float, ...]:
+        """Parts of the load after the whole load, back to none [1]."""
+        return self.loading[::-1]
+
+    def parts(self, case: Candidate) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the parts of a case before and after its whole load; none where no load can be changed."""
+        return (self.loading, self.unloading) if changes(case) else ((), ())
+
+    def time_of(self, case: Candidate) -> float:
+        """Return the time of a case [s]."""
+        return self.setup_time + self.reading_time * (1 + sum(map(len, self.parts(case))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunCase:
+    """A case as it is run.
+
+    Attributes
+    ----------
+    case : name and loads.
+    kind : "attitude", "zero", "load", "repeat" or "check".
+    number : of a load or a repeat, in the plan; of others -1.
+    """
+
+    case: Candidate
+    kind: str
+    number: int = -1
+
+
+def changes(case: Candidate) -> bool:
+    """Return whether a load of a case can be applied step by step."""
+    return any(cell_force(load) > 0.0 or isinstance(load, SurfacePressure) for load in case.loads)
+
+
+def run_order(plan: LoadPlan) -> list[RunCase]:
+    """Return the cases in the order in which they are run: zero readings at the start, between and at the end.
+
+    The zero readings are of the vehicle as it lies under the loads; names are unique.
+    """
+    lead = plan.attitudes or (Candidate(name="no load", loads=()),)
+    first, loads = len(plan.cases) - plan.repeats, list[RunCase]()
+    for number, case in enumerate(plan.cases):
+        loads.append(RunCase(case=case, kind="load" if number < first else "repeat", number=number))
+    for case in plan.checks:
+        loads.append(RunCase(case=Candidate(name=f"check, {case.name}", loads=case.loads), kind="check"))
+    middle = (len(loads) + 1) // 2
+    again = [
+        RunCase(case=Candidate(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero") for when in ZERO
+    ]
+    # Turned to all attitudes first, and back to the one of the loads.
+    found = [RunCase(case=case, kind="attitude") for case in lead]
+    return [*found, *loads[:middle], again[0], *loads[middle:], again[1]]
+
+
+ZERO = ("between", "at the end")
+"""When the zero is read again, for names of cases."""
+
+
+def whole_time(plan: LoadPlan, schedule: Schedule) -> float:
+    """Return the time of all cases [s]; zero readings need no set-up."""
+    return float(
+        np.sum(
+            [
+                schedule.reading_time if one.kind == "zero" else schedule.time_of(one.case)
+                for one in run_order(plan)
+            ]
+        )
+    )

@@ -1,0 +1,145 @@
+"""What a finished test is worth in flight: sigmas before and after it, the best further case, loads it covered."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.aero.loads.operator import load_operator
+from builder.calibration.estimate.load_equations import applied_loads
+from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.ground_test.load_changes import cell_force
+from builder.calibration.plan.case_selection import Knowledge
+from builder.calibration.plan.load_plan import (
+    PlanParts,
+    case_sensitivities,
+    exactly_known_map,
+    flight_sensitivity,
+    within_limits,
+)
+from builder.inverse.modes.ensemble import ensemble_of
+from builder.inverse.problem import on_structure
+from builder.structure.as_built.vehicle import prior_std
+from builder.structure.loads.applied import Weight
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.other_loads import FIVE_LOADS
+
+STATIONS, ROLL_ANGLES = 5, tuple(np.deg2rad([0.0, 90.0, 180.0, 270.0]).tolist())
+"""Pads that are offered as the further case."""
+
+USUAL_FORCE = 1000.0
+"""Force of a pad where the test had none [N]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WorthOfTest:
+    """What a test is worth in flight.
+
+    Attributes
+    ----------
+    before, after, exact : (5,) sigma of the coefficients by the drawing's tolerances, after the test, and of a
+        vehicle that is known exactly [1].
+    further : name of the case that would lower them most, and ``with_further`` (5,) what it would leave.
+    flight_loads, ground_loads : (n, 5) loads of the flows, and of the cases that were used [N, N m].
+    flight_strain, ground_strain : (n_d,) largest strain of every gauge in flight and in the cases [m/m].
+    spanned : part of the mean square strain in flight that combinations of the cases' strains make up, each gauge
+        over its noise [1].
+    """
+
+    before: FloatArray
+    after: FloatArray
+    exact: FloatArray
+    further: str
+    with_further: FloatArray
+    flight_loads: FloatArray
+    ground_loads: FloatArray
+    flight_strain: FloatArray
+    ground_strain: FloatArray
+    spanned: float
+
+
+def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
+    """Return what the test of an estimate is worth.
+
+    Raises
+    ------
+    InputError
+        The map of a vehicle known exactly cannot be built.
+    """
+    exact = exactly_known_map(parts)
+    flight = flight_sensitivity(parts, exact)
+    after = Knowledge(flight=flight, covariance=_over_prior(parts, found))
+    prior = Knowledge(flight=flight, covariance=np.eye(flight.jacobian.shape[-1]))
+    cases = further_cases(parts, found)
+    noise_std = np.median(found.model.test.reading_stds, axis=0)
+    seen = case_sensitivities(parts, cases, found.model.test.errors, noise_std)
+    sigmas = [flight.sigmas(after.error_covariance_after(one)) for one in seen]
+    best = int(np.argmin([float(np.sum(np.log(one))) for one in sigmas]))
+    ensemble = ensemble_of(parts.vehicle, on_structure(parts.snapshots, parts.structure))
+    station = parts.vehicle.reference.moment_station_m
+    strain = ensemble.responses(parts.as_built.strain_operator(found.parameters))
+    ground, rows = _ground_strains(found), found.used.any(axis=1)
+    return WorthOfTest(
+        before=flight.sigmas(prior.error_covariance()),
+        after=flight.sigmas(after.error_covariance()),
+        exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
+        further=cases[best].name,
+        with_further=sigmas[best],
+        flight_loads=ensemble.responses(load_operator(parts.as_built.surface, station)[FIVE_LOADS]),
+        ground_loads=applied_loads(found.model, station, float(found.parameters.mass[0]))[rows],
+        flight_strain=np.abs(strain).max(axis=0),
+        ground_strain=np.abs(ground).max(axis=0),
+        spanned=_spanned(strain, ground, exact.noise_std[: strain.shape[1]]),
+    )
+
+
+def further_cases(parts: PlanParts, found: Estimate) -> list[Candidate]:
+    """Return cases that could follow: pads with the largest force of the test, attitudes that it did not have."""
+    test = found.model.test
+    force = max((cell_force(one.load) for case in test.cases for one in case.loads), default=0.0)
+    limits = LoadLimits(force=force or USUAL_FORCE, roll_angles=ROLL_ANGLES)
+    offered = candidate_cases(parts.vehicle, limits)
+    stations = sorted({float(getattr(one.loads[0], "station", 0.0)) for one in offered})
+    kept = {stations[k] for k in np.linspace(0, len(stations) - 1, STATIONS).round().astype(int)}
+    pads = [one for one in offered if getattr(one.loads[0], "station", None) in kept]
+    had = {
+        round(one.load.up_roll_angle, 3)
+        for case in test.cases
+        for one in case.loads
+        if isinstance(one.load, Weight)
+    }
+    weighs = parts.vehicle.material.density_kg_per_m3 is not None
+    attitudes = attitude_cases(limits) if weighs else []
+    new = [one for one, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
+    return [within_limits(parts.as_built, one, limits) for one in pads] + new
+
+
+def _over_prior(parts: PlanParts, found: Estimate) -> FloatArray:
+    """Return the covariance (n + 1, n + 1) of vehicle and first load cell, over standard deviations before.
+
+    What was known exactly before has none.
+    """
+    model = found.model
+    prior = np.append(prior_std(parts.vehicle.calibration, parts.as_built.counts).vector, model.test.errors.common)
+    at = np.append(np.arange(model.n_built), model.cell_entries.start)
+    scale = np.divide(1.0, prior, out=np.zeros_like(prior), where=prior > 0.0)
+    return np.asarray(scale[:, None] * found.covariance[np.ix_(at, at)] * scale)
+
+
+def _ground_strains(found: Estimate) -> FloatArray:
+    """Return what the loads strain (n, n_d) in the cases that were used, zeros taken off [m/m]."""
+    model = found.model
+    group = [model.groups.index(case.group) for case in model.test.cases]
+    strain = found.after - model.errors(found.vector).zero[group]
+    return np.asarray(strain[found.used.any(axis=1)])
+
+
+def _spanned(flight: FloatArray, ground: FloatArray, noise_std: FloatArray) -> float:
+    """Return the part of the mean square of ``flight`` (n, n_d) in the span of ``ground`` (k, n_d)."""
+    left, scaled = flight / noise_std, ground / noise_std
+    _, size, rows = np.linalg.svd(scaled, full_matrices=False)
+    basis = rows[size > 1e-6 * size.max()]
+    inside = left @ basis.T
+    return float(np.sum(inside**2) / np.sum(left**2))

@@ -1,0 +1,136 @@
+"""The report of a calibration as files: a page, the same as PDF, and the load equations as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+
+from builder.calibration.after_test.calibrated_map import calibrated_structure
+from builder.calibration.estimate.check_loads import check_loads
+from builder.calibration.estimate.cross_validation import cross_validation
+from builder.calibration.estimate.faults import Fault
+from builder.calibration.estimate.load_equations import load_equations
+from builder.calibration.estimate.load_steps import stepped_cases
+from builder.calibration.estimate.outside_terms import OutsideModel
+from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_entries import NO_LOAD_CELL
+from builder.calibration.ground_test.load_test_file import LoadTestFile
+from builder.calibration.plan.load_plan import PlanParts
+from builder.calibration.plan.worth_of_test import worth_of_test
+from builder.campaign.snapshots import Snapshots
+from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
+from builder.reports.calibration_page.page import calibration_page
+from builder.reports.calibration_page.tables import equations_table
+from builder.reports.calibration_page.verdict import Verdict, verdict
+from builder.reports.page.html import write_page
+from builder.reports.page.origin import input_files, origin_of
+from builder.reports.page.pdf import write_pdf
+from builder.reports.page.tables import table_csv
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.vehicle.file import Vehicle
+from strainfmu.files import write_bytes_atomically
+
+PAGE, PDF, EQUATIONS = ".html", ".pdf", "_load_equations.csv"
+"""Ends of the names of the report's files beside the map."""
+
+
+def report_files(output: Path) -> tuple[Path, Path, Path]:
+    """Return where page, PDF and load equations of a calibrated map are written."""
+    return output.with_suffix(PAGE), output.with_suffix(PDF), output.with_name(f"{output.stem}{EQUATIONS}")
+
+
+def calibration_findings(
+    found: Estimate,
+    faults: tuple[Fault, ...],
+    outside: OutsideModel,
+    *,
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AsBuiltStructure,
+    file: LoadTestFile,
+    files: Mapping[str, Path],
+    accepted: str = "",
+) -> CalibrationFindings:
+    """Return what the report of a calibration is made from.
+
+    Parameters
+    ----------
+    file : of the test.
+    files : that the calibration was made from, by what they are; recordings and channels follow from ``file``.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read.
+    """
+    station = vehicle.reference.moment_station_m
+    equations = load_equations(found, station)
+    drawn = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
+    parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawn, as_built=structure)
+    return CalibrationFindings(
+        title=f"{vehicle.name}: calibration by {file.name}",
+        found=found,
+        faults=faults,
+        outside=outside,
+        left_out=tuple(cross_validation(found)),
+        equations=tuple(equations),
+        checks=tuple(check_loads(found, equations, station)),
+        steps=tuple(stepped_cases(found.model.test)),
+        worth=worth_of_test(parts, found),
+        origin=origin_of(input_files({**files, **recorded_files(file)})),
+        tested_on="" if file.tested_on is None else file.tested_on.isoformat(),
+        cells=used_cells(file),
+        accepted=accepted,
+    )
+
+
+def recorded_files(file: LoadTestFile) -> dict[str, Path]:
+    """Return the file of a test, its recordings and their channels, by what they are."""
+    found = {"file of the test": file.path}
+    names = [(case.recording or file.readings.recording, "recording") for case in file.case]
+    names += [(file.readings.channels, "channels of the recording")]
+    names += [(case.channels, "channels of the recording") for case in file.case]
+    distinct = [one for one in dict.fromkeys(names) if one[0] is not None]
+    for name, what in distinct:
+        found[f"{what} {name}"] = file.beside(str(name))
+    return found
+
+
+def used_cells(file: LoadTestFile) -> tuple[UsedCell, ...]:
+    """Return the load cells that the file states or its loads name."""
+    read = [load.load_cell for case in file.case for load in case.load if load.kind not in NO_LOAD_CELL]
+    stated = {cell.name: cell for cell in file.load_cell}
+    found = []
+    for name in dict.fromkeys([*stated, *read]):
+        cell = stated.get(name)
+        on = None if cell is None else cell.calibrated_on
+        found.append(
+            UsedCell(
+                name=name,
+                serial_number="" if cell is None else cell.serial_number or "",
+                calibrated_on="" if on is None else on.isoformat(),
+                loads=read.count(name),
+            )
+        )
+    return tuple(found)
+
+
+def write_report(one: CalibrationFindings, output: Path) -> tuple[Verdict, tuple[Path, ...], tuple[str, ...]]:
+    """Write the report beside the map at ``output``; return its verdict, the files, and lines for the user.
+
+    Raises
+    ------
+    StrainfmuError
+        A file could not be written.
+    """
+    page_path, pdf_path, equations_path = report_files(output)
+    page = calibration_page(one)
+    write_page(page, page_path)
+    table = equations_table(one.found, one.equations)
+    write_bytes_atomically(equations_path, table_csv(table).encode("utf-8"))
+    if find_spec("matplotlib") is None:
+        line = f"{page_path.name}: without figures and PDF, which need matplotlib: pip install 'strainfmu[report]'"
+        return verdict(one), (page_path, equations_path), (line,)
+    write_pdf(page, pdf_path)
+    return verdict(one), (page_path, pdf_path, equations_path), ()

@@ -1,0 +1,326 @@
+"""Tables of the report of a calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from builder.calibration.estimate.check_loads import CheckLoad
+from builder.calibration.estimate.cross_validation import LeftOut
+from builder.calibration.estimate.faults import load_shifts
+from builder.calibration.estimate.load_equations import LoadEquation
+from builder.calibration.estimate.load_steps import SteppedCase
+from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.plan.worth_of_test import WorthOfTest
+from builder.reports.calibration_page.findings import UsedCell
+from builder.reports.calibration_page.verdict import Criterion
+from builder.reports.page.tables import Column, Table, make_table
+from builder.structure.as_built.vehicle import in_words, slices
+from builder.structure.as_built_kinds import KINDS
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
+from strainfmu.estimator.signal_names import ZERO
+
+
+def _left(found: Estimate, predicted: np.ndarray) -> np.ndarray:
+    return np.where(found.used, found.model.test.readings - predicted, np.nan)
+
+
+def _rms(found: Estimate, predicted: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(_left(found, predicted) ** 2)))
+
+
+ROUNDED = 1e-9
+"""Loads over the largest one below which they are the rounding of none."""
+
+
+def cases_table(found: Estimate) -> Table:
+    """Return what each case leaves."""
+    std = found.model.test.reading_stds
+    rows = []
+    for k, case in enumerate(found.model.test.cases):
+        if not found.used[k].any():
+            continue
+        before, after = _left(found, found.before)[k], _left(found, found.after)[k]
+        rows.append(
+            [
+                case.name,
+                float(np.sqrt(np.nanmean(found.model.test.readings[k][found.used[k]] ** 2))) * 1e6,
+                float(np.sqrt(np.nanmean(before**2))) * 1e6,
+                float(np.sqrt(np.nanmean(after**2))) * 1e6,
+                float(np.sqrt(np.nanmean((after / std[k]) ** 2))),
+            ]
+        )
+    columns = (
+        Column("load case"),
+        Column("reading, rms", "um/m"),
+        Column("left by the drawing", "um/m"),
+        Column("left after", "um/m"),
+        Column("left after", "sigma"),
+    )
+    return make_table("cases", "Measured less predicted, case by case; sigma is that of a reading.", columns, rows)
+
+
+def cross_table(left_out: Sequence[LeftOut]) -> Table:
+    """Return each case predicted from the others."""
+    rows = [[one.case, 1e6 * one.rms, 1e6 * one.stated, one.chi_square] for one in left_out]
+    columns = (
+        Column("case left out"),
+        Column("measured less predicted, rms", "um/m"),
+        Column("stated", "um/m"),
+        Column("chi-square per reading"),
+    )
+    return make_table("cross_validation", "Each case predicted from the others alone.", columns, rows)
+
+
+def gauges_table(found: Estimate) -> Table:
+    """Return what each gauge leaves."""
+    before, after = _left(found, found.before), _left(found, found.after)
+    std, part = found.model.test.reading_stds, found.parameters
+    where = slices(part.counts)
+    sigma = found.std
+    rows: list[list[str | float]] = []
+    for g, name in enumerate(found.model.structure.gauges.names):
+        if not found.used[:, g].any():
+            rows.append([name, *["left out"] * 6])
+            continue
+        rows.append(
+            [
+                name,
+                float(np.sqrt(np.nanmean(before[:, g] ** 2))) * 1e6,
+                float(np.sqrt(np.nanmean(after[:, g] ** 2))) * 1e6,
+                float(np.sqrt(np.nanmean((after[:, g] / std[:, g]) ** 2))),
+                100.0 * float(part.gauge_gain[g]),
+                100.0 * float(sigma[where["gauge_gain"]][g]),
+                1e6 * float(part.zero[g]),
+            ]
+        )
+    columns = (
+        Column("gauge"),
+        Column("left by the drawing", "um/m"),
+        Column("left after", "um/m"),
+        Column("left after", "sigma"),
+        Column("gain", "%"),
+        Column("its sigma", "%"),
+        Column(ZERO, "um/m"),
+    )
+    return make_table("gauges", "Measured less predicted, gauge by gauge, over all cases.", columns, rows)
+
+
+def identified_table(found: Estimate) -> Table:
+    """Return prior and posterior sigma side by side; of gauges and regions the root mean square."""
+    part, sigma, before = found.parameters, found.std, found.model.std
+    rows = []
+    for kind, at in slices(part.counts).items():
+        if not before[at].any():
+            continue
+        unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale
+        prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
+        identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
+        size = float(np.sqrt(np.mean(found.vector[at] ** 2)))
+        rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
+    model = found.model
+    for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
+        of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]
+        if before[cell] > 0.0:
+            size, prior, after = (
+                float(value[cell]) / of_cell.scale for value in (np.abs(found.vector), before, sigma)
+            )
+            rows.append(
+                [model.names[cell], of_cell.unit, size, prior, after, 100.0 * (1.0 - (after / prior) ** 2)]
+            )
+    columns = (
+        Column("parameter"),
+        Column("unit"),
+        Column("estimate, rms"),
+        Column("sigma before"),
+        Column("sigma after"),
+        Column("variance explained", "%", ".3g"),
+    )
+    caption = "What the test identifies: standard deviations before and after it."
+    return make_table("identifiability", caption, columns, rows)
+
+
+def outside_table(outside: OutsideModel) -> Table:
+    """Return the tests of what the estimate takes for zero."""
+    rows: list[list[str | float]] = []
+    for one in outside.kinds:
+        rows += [
+            [f"{one.kind}, region {term.region + 1}", "%", 100.0 * term.size, 100.0 * term.std, "", ""]
+            for term in one.terms
+        ]
+        whole = ("noise", "stated", outside.noise_factor) if one.kind == NOISE else (f"{one.kind}, all", "", "")
+        rows.append([*whole, "", one.statistic / one.freedom, one.chance])
+    columns = (
+        Column("error"),
+        Column("unit"),
+        Column("size"),
+        Column("its sigma"),
+        Column("chi-square over its mean"),
+        Column("chance of a sound vehicle", "", ".2g"),
+    )
+    caption = "Errors that no parameter stands for: what one step that sets them free would find."
+    return make_table("outside_the_model", caption, columns, rows)
+
+
+def loads_table(found: Estimate) -> Table:
+    """Return what the readings say of each load."""
+    shift, size = load_shifts(found)
+    rows = [
+        [found.model.test.cases[case].name, type(one.load).__name__, 100.0 * float(size[k]), float(shift[k])]
+        for k, (case, one) in enumerate(found.model.loads)
+        if one.std > 0.0 and found.used[case].any()
+    ]
+    columns = (Column("load case"), Column("load"), Column("differs by", "%"), Column("in its sigma"))
+    return make_table("loads", "What the readings say of each load, without its own prior.", columns, rows)
+
+
+def equations_table(found: Estimate, equations: Sequence[LoadEquation]) -> Table:
+    """Return the load equations in full: a row for each gauge of each, which is the CSV file as well."""
+    names, number = found.model.structure.gauges.names, int(found.used.any(axis=1).sum())
+    rows: list[list[str | float | None]] = []
+    for one, unit in zip(equations, LOAD_UNITS, strict=True):
+        name = one.load.replace("_", " ")
+        if not one.gauges:
+            rows.append([name, unit, "none", None, None, None, one.residual_std, number])
+        for gauge, value, error in zip(one.gauges, one.coefficient, one.standard_error, strict=True):
+            # Per um/m of the reading, as the equation is used.
+            row = [1e-6 * float(value), 1e-6 * float(error), float(value / error)]
+            rows.append([name, unit, names[gauge], *row, one.residual_std, number])
+    columns = (
+        Column("load"),
+        Column("unit"),
+        Column("gauge"),
+        Column("coefficient", "unit per um/m"),
+        Column("standard error", "unit per um/m"),
+        Column("T", "", ".3g"),
+        Column("residual, standard deviation", "unit"),
+        Column("cases"),
+    )
+    caption = (
+        "Load equations: load = sum of coefficient times reading less zero offset; gauges with T of 4 or more."
+    )
+    return make_table("load_equations", caption, columns, rows)
+
+
+def criteria_table(criteria: Sequence[Criterion]) -> Table:
+    """Return the criteria of acceptance."""
+    columns = (Column("criterion"), Column("found"), Column("allowed"), Column("holds"))
+    rows = [[one.name, one.found, one.allowed, one.holds] for one in criteria]
+    return make_table("criteria", "The test is accepted where all criteria hold.", columns, rows)
+
+
+def checks_table(checks: Sequence[CheckLoad]) -> Table:
+    """Return applied and predicted check loads."""
+    rows = [
+        [
+            one.case,
+            one.applied or None,
+            one.predicted if one.applied else None,
+            100.0 * one.difference,
+            100.0 * one.std,
+            one.chi_square,
+            one.chance,
+        ]
+        for one in checks
+    ]
+    columns = (
+        Column("check load"),
+        Column("applied", "N"),
+        Column("predicted", "N"),
+        Column("difference", "%", ".2g"),
+        Column("its sigma", "%", ".2g"),
+        Column("chi-square per reading"),
+        Column("chance of a sound test", "", ".2g"),
+    )
+    return make_table("check_loads", "Check loads, applied and predicted without being fitted.", columns, rows)
+
+
+def check_equations_table(checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> Table:
+    """Return the five loads of the check loads, applied and by the load equations."""
+    rows = [
+        [one.case, name.replace("_", " "), unit, float(applied), float(found), equation.residual_std]
+        for one in checks
+        for name, unit, applied, found, equation in zip(
+            LOAD_NAMES,
+            LOAD_UNITS,
+            np.where(np.abs(one.loads) > ROUNDED * np.abs(one.loads).max(), one.loads, 0.0),
+            one.by_equations,
+            equations,
+            strict=True,
+        )
+    ]
+    columns = (
+        Column("check load"),
+        Column("load"),
+        Column("unit"),
+        Column("applied"),
+        Column("by the equation"),
+        Column("residual of the equation, standard deviation"),
+    )
+    return make_table("check_equations", "Check loads by the regression load equations.", columns, rows)
+
+
+def steps_table(cases: Sequence[SteppedCase], names: Sequence[str]) -> Table:
+    """Return hysteresis and return to zero of the cases with steps."""
+    rows: list[list[str | float | None]] = []
+    for one in cases:
+        hysteresis, zero = np.abs(one.hysteresis), one.return_to_zero
+        span = float(np.nanmax(one.span))
+        row: list[str | float | None] = [one.name, 1e6 * span]
+        if hysteresis.size and np.isfinite(hysteresis).any():
+            worst = int(np.nanargmax(hysteresis)) % hysteresis.shape[1]
+            most = float(np.nanmax(hysteresis))
+            row += [1e6 * _root_mean_square(hysteresis), 1e6 * most, 100.0 * most / span, names[worst]]
+        else:
+            row += [None, None, None, ""]
+        row.append(None if zero is None else 1e6 * _root_mean_square(zero))
+        rows.append(row)
+    columns = (
+        Column("load case"),
+        Column("largest change", "um/m"),
+        Column("unloading less loading, rms", "um/m", ".3g"),
+        Column("largest", "um/m", ".3g"),
+        Column("of the largest change", "%", ".2g"),
+        Column("gauge"),
+        Column("return to zero, rms", "um/m", ".3g"),
+    )
+    return make_table("steps", "Loading, unloading and return to zero.", columns, rows)
+
+
+def flight_table(worth: WorthOfTest) -> Table:
+    """Return the sigmas of the coefficients in flight."""
+    rows = [
+        [name, *row, row[1] / row[2]]
+        for name, *row in zip(
+            COEFFICIENT_NAMES,
+            worth.before.tolist(),
+            worth.after.tolist(),
+            worth.exact.tolist(),
+            worth.with_further.tolist(),
+            strict=True,
+        )
+    ]
+    columns = (
+        Column("coefficient"),
+        Column("by the drawing", "1"),
+        Column("after the test", "1"),
+        Column("vehicle known exactly", "1"),
+        Column("with the further case", "1"),
+        Column("after over exactly known", "", ".3f"),
+    )
+    caption = f"Sigma in flight; the further case is '{worth.further}'."
+    return make_table("in_flight", caption, columns, rows)
+
+
+def cells_table(cells: Sequence[UsedCell]) -> Table:
+    """Return the load cells."""
+    rows = [[one.name, one.serial_number or None, one.calibrated_on or None, one.loads] for one in cells]
+    columns = (Column("load cell"), Column("serial number"), Column("calibrated on"), Column("loads"))
+    return make_table("load_cells", "Load cells, as the file of the test states them.", columns, rows)
+
+
+def _root_mean_square(value: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(value**2)))

@@ -1,0 +1,211 @@
+"""The first screen: what a test established, what it did not, accept or repeat, what would help most.
+
+The rule is plain: the test is accepted where all criteria hold, and each that does not hold says what to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from builder.calibration.estimate.vehicle import FITS, Estimate
+from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
+from builder.reports.calibration_page.findings import CalibrationFindings
+from strainfmu.arrays import BoolArray
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+IN_FLIGHT = 1.5
+"""Sigma of a coefficient in flight over that of a vehicle known exactly up to which the test is enough."""
+
+LOAD, SIGMAS = 0.02, 3.0
+"""Difference of a check load from the applied one that is accepted [1], or so many standard deviations."""
+
+CHANCE = 1e-4
+"""Probability of a chi-square per reading below which a case does not fit what is predicted of it."""
+
+PART = 0.1
+"""Part of the gauges, and of the cases, that may be left out."""
+
+HELPS = 0.02
+"""Relative fall of a sigma in flight from which a further case is worth naming."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criterion:
+    """One criterion: what it asks, what was found, what is allowed, whether it holds, and what to do if not."""
+
+    name: str
+    found: str
+    allowed: str
+    holds: bool
+    remedy: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The first screen in sentences."""
+
+    criteria: tuple[Criterion, ...]
+    established: tuple[str, ...]
+    open: tuple[str, ...]
+    helps: tuple[str, ...]
+
+    @property
+    def accepted(self) -> bool:
+        """Whether all criteria hold."""
+        return all(one.holds for one in self.criteria)
+
+    @property
+    def title(self) -> str:
+        """Accept or repeat."""
+        return "Accept the test" if self.accepted else "Repeat parts of the test"
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why: what does not hold, with its remedy; all criteria where they do."""
+        wrong = tuple(
+            f"{one.name}: {one.found}, allowed {one.allowed}; {one.remedy}"
+            for one in self.criteria
+            if not one.holds
+        )
+        return wrong or tuple(f"{one.name}: {one.found}, allowed {one.allowed}" for one in self.criteria)
+
+
+def verdict(one: CalibrationFindings) -> Verdict:
+    """Return the verdict on a calibration."""
+    return Verdict(
+        criteria=(
+            _agreement(one.found),
+            _outside(one),
+            _enough(one),
+            _predicted(one),
+            _left_out(one),
+        ),
+        established=_established(one),
+        open=_open(one),
+        helps=_helps(one),
+    )
+
+
+def _agreement(found: Estimate) -> Criterion:
+    allowed = FITS[0] + FITS[1] * float(np.sqrt(2.0 / found.n_readings))
+    return Criterion(
+        name="Readings fit the model: chi-square per reading",
+        found=f"{found.per_reading:.3g}",
+        allowed=f"{1.0 - allowed:.2f} to {1.0 + allowed:.2f}",
+        holds=found.agrees,
+        remedy="check loads, noise and tolerances as stated",
+    )
+
+
+def _outside(one: CalibrationFindings) -> Criterion:
+    return Criterion(
+        name="Errors outside the model",
+        found="found" if one.outside.found else "none found",
+        allowed="none",
+        holds=not one.outside.found,
+        remedy="state their size in the vehicle file and calibrate again",
+    )
+
+
+def _enough(one: CalibrationFindings) -> Criterion:
+    ratio = one.worth.after / one.worth.exact
+    worst = int(ratio.argmax())
+    return Criterion(
+        name="Sigma in flight, in units of a vehicle known exactly",
+        found=f"at most {ratio[worst]:.2f} ({COEFFICIENT_NAMES[worst]})",
+        allowed=f"{IN_FLIGHT:g}",
+        holds=bool(ratio[worst] <= IN_FLIGHT),
+        remedy=f"apply further cases, first '{one.worth.further}'",
+    )
+
+
+def _predicted(one: CalibrationFindings) -> Criterion:
+    if one.checks:
+        good = [
+            abs(check.difference) <= max(LOAD, SIGMAS * check.std) or np.isnan(check.difference)
+            for check in one.checks
+        ]
+        fits = [check.chance >= CHANCE for check in one.checks]
+        off = [abs(check.difference) for check in one.checks if not np.isnan(check.difference)]
+        return Criterion(
+            name="Check loads that were not fitted are predicted",
+            found=f"{sum(a and b for a, b in zip(good, fits, strict=True))} of {len(good)}"
+            + (f", off by {100.0 * max(off):.2g} % at most" if off else ""),
+            allowed=f"all, within {100.0 * LOAD:g} % or {SIGMAS:g} sigma, readings within chance",
+            holds=all(good) and all(fits),
+            remedy="find what differs between them and the fitted cases",
+        )
+    gauges = int(np.median(one.found.used.sum(axis=1)[one.found.used.any(axis=1)]))
+    limit = float(chdtri(gauges, CHANCE)) / gauges
+    worst = max(one.left_out, key=lambda case: case.chi_square)
+    return Criterion(
+        name="No check loads: each case is predicted from the others, chi-square per reading",
+        found=f"at most {worst.chi_square:.2f} ('{worst.case}')",
+        allowed=f"{limit:.2f}",
+        holds=worst.chi_square <= limit,
+        remedy="repeat that case",
+    )
+
+
+def _left_out(one: CalibrationFindings) -> Criterion:
+    test, used = one.found.model.test, one.found.used
+    fitted = used[test.fitted]
+    gauges, cases = int((~fitted.any(axis=0)).sum()), int((~fitted.any(axis=1)).sum())
+    return Criterion(
+        name="Left out",
+        found=f"{gauges} of {fitted.shape[1]} gauges, {cases} of {len(fitted)} cases",
+        allowed=f"{100.0 * PART:g} % of each",
+        holds=gauges <= PART * fitted.shape[1] and cases <= PART * len(fitted),
+        remedy="repair the channels and repeat the cases that are named",
+    )
+
+
+def _kinds(found: Estimate) -> list[KindSigmas]:
+    used: BoolArray = np.any(found.used, axis=0)
+    return kind_sigmas(found.parameters.counts, found.model.std, found.std, used)
+
+
+def _established(one: CalibrationFindings) -> tuple[str, ...]:
+    lines = [_ratios("sigma in flight, in units of a vehicle known exactly", one.worth.after / one.worth.exact)]
+    lines.append(_ratios("by the drawing's tolerances it was", one.worth.before / one.worth.exact))
+    known = established(_kinds(one.found))
+    return (*lines, *([known] if known else []))
+
+
+def _open(one: CalibrationFindings) -> tuple[str, ...]:
+    ratio = one.worth.after / one.worth.exact
+    lines = [
+        f"{name}: sigma in flight {value:.2f} times the sigma of a vehicle known exactly"
+        for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True)
+        if value > IN_FLIGHT
+    ]
+    same = undetermined(_kinds(one.found))
+    if same:
+        lines.append(same)
+    common = one.found.model.test.errors.common
+    lines.append(f"the gain that all load cells have in common: {100.0 * common:g} %, as stated")
+    if not one.steps:
+        lines.append("hysteresis and return to zero: the test has no steps of unloading")
+    if not one.checks:
+        lines.append("loads that the fit has not seen: the test has no check loads")
+    return tuple(lines)
+
+
+def _helps(one: CalibrationFindings) -> tuple[str, ...]:
+    fall = 1.0 - one.worth.with_further / one.worth.after
+    if fall.max() < HELPS:
+        return (f"no further case that was compared lowers a sigma in flight by {100.0 * HELPS:g} %",)
+    falls = ", ".join(
+        f"{name} {100.0 * value:.0f} %"
+        for name, value in zip(COEFFICIENT_NAMES, fall, strict=True)
+        if value >= HELPS
+    )
+    return (f"the case '{one.worth.further}' lowers sigma in flight by: {falls}",)
+
+
+def _ratios(what: str, ratio: np.ndarray) -> str:
+    parts = ", ".join(f"{name} {value:.3g}" for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True))
+    return f"{what}: {parts}"
