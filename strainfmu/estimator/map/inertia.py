@@ -1,8 +1,8 @@
 """Inertia of the vehicle at run time: its strain, subtracted from the readings as far as it is measured.
 
 Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the specific force f
-of the unit (acceleration without gravity) and the angular rates w. Its inertia strains the gauges by Phi a.
-The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the products
+of the unit (acceleration without gravity) and the angular rates w. Its inertia causes the strain Phi a of the
+gauges. The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the products
 P = w w' - w'w 1 of w x (w x r) = P r. A priori they are independent with standard deviations s. Inertia modes are
 modes of temperature, each with a sensor of its own (:mod:`strainfmu.estimator.map.temperature`):
 :func:`with_inertia` joins both. Where nothing is measured, Phi diag(s^2) Phi' stays in the covariance of the
