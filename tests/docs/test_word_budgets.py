@@ -41,7 +41,7 @@ AVOIDED = {
     "whichever": r"\bwhichever\b",
     "without a word": r"\bwithout a word\b",
     "be it": r"\bbe it\b",
-    "least": r"(?<!at )\bleast\b(?! squares)",
+    "least": r"(?<!at )\bleast\b(?![ -]squares)",
     "share": r"\b(?:a|an|the|this|same|of|what) shares?\b(?! an?\b)",
     "at a third": r"\bat a third\b",
     "of like": r"\bof like\b",
