@@ -1,7 +1,7 @@
 """Surfaces that change with a parameter of the flow: how far their nodes move, from one file per value.
 
 The files hold the same triangles in the same order, such as one mesh whose nodes were moved: a fin turned about
-its hinge. Pressure is the pressure on the moved surface, given at the nodes of the surface as it is, on which it
+its hinge. Pressure is computed on the moved surface and given at the nodes of the surface as it is, on which it
 acts.
 """
 
@@ -66,7 +66,7 @@ class Deflection:
 
 
 def deflections_of(vehicle: Vehicle, surface: SurfaceMesh) -> tuple[Deflection, ...]:
-    """Return how ``surface``, the one of ``shape.surface``, moves with the parameters of the vehicle file.
+    """Return how ``surface``, from ``shape.surface``, moves with the parameters of the vehicle file.
 
     Raises
     ------

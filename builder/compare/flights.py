@@ -184,7 +184,7 @@ class Readings:
     ----------
     strain : (CYCLES, k, n_d) [m/m].
     dynamic_pressure : (k,) stated q_inf [Pa].
-    dynamic_pressure_std : its standard deviation [Pa], NaN for the one of the map.
+    dynamic_pressure_std : its standard deviation [Pa], NaN for the map's own.
     mach_number, static_pressure : (k,) M [1] and p_inf [Pa] of navigation.
     """
 

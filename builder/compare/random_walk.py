@@ -30,7 +30,7 @@ class WalkState:
 
 
 class RandomWalkCandidate:
-    """The filter, fed with all readings of a flight; its answer is the answer to the last one."""
+    """The filter, fed with all readings of a flight; it answers to the last one."""
 
     name = "Kalman filter, random walk"
     has_field, takes_one_reading = False, False

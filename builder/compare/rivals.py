@@ -110,7 +110,7 @@ class RivalCandidate:
         return np.asarray(self._mean + self._std * self._model.predict(self._scaled(features)))
 
     def answer(self, read: Readings, navigation: str) -> Answer:
-        """Return coefficients and the two angles; ``navigation`` is the one of the training."""
+        """Return coefficients and the two angles; ``navigation`` is as in the training."""
         with _one_thread():
             found = self._predicted(self._features(read))
         air = np.full((len(found), len(AIR_DATA)), np.nan)

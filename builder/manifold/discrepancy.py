@@ -106,7 +106,7 @@ def level_error(
     """Return columns (n, k) per p_inf of a fraction of ``overpressure`` (n_p,) all over the body; None for none.
 
     ``operator`` (n, n_p) gives strains, then loads. Where the residual does not correct the level, they are two
-    errors, one of strain and one of the loads: the estimate is the estimate of the tables, its standard deviation
+    errors, one of strain and one of the loads: the estimate follows from the tables, its standard deviation
     holds both.
     """
     size = model_form(vehicle.map, vehicle.noise).of_overpressure

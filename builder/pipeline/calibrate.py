@@ -292,7 +292,7 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
 
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
-    """Return ``made`` with the factors on alarm levels of the map as drawn, the ones of its tables included."""
+    """Return ``made`` with the factors on alarm levels of the map as drawn, with the factors of its tables."""
     found = replace(
         made,
         chi_square_scale=drawn.chi_square_scale,

@@ -62,7 +62,7 @@ class Aim:
     ----------
     goal : "loads", the coefficients; "field", pressure on the surface; "d-optimal", all unknowns.
     weights : (5,) of the coefficients' variances, each relative to the layout in use [1].
-    estimator : "linear" or "nonlinear"; None for the one of the vehicle file.
+    estimator : "linear" or "nonlinear"; None for the vehicle file's.
     starts : of the exchanges.
     robust : whether no single loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.
     """
@@ -155,7 +155,7 @@ def placement_study(
     ----------
     vehicle, snapshots, structure : as for a map; the structure holds the layout in use.
     grid : what candidates there are.
-    kind : estimator; by default the one of the vehicle file.
+    kind : estimator; by default the vehicle file's.
     keep : gauges that are placed in any case.
 
     Raises

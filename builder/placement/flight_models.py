@@ -1,6 +1,6 @@
 """Candidate gauges at flight states: what each reads of the unknowns there, and the coefficients as goals.
 
-The models are the models of the estimators, about flight states that are taken for known. Nonlinear: unknowns are
+The models are as in the estimators, about flight states that are taken for known. Nonlinear: unknowns are
 the flight state within air data and ranges, and pressure off the tables. Linear: the states of the map and
 truncated modes, errors averaged over the flows. Errors of the vehicle and its gauges are the errors of the section
 [noise]: what each gauge has on its own is noise of its row, what gauges have in common is an unknown.

@@ -156,7 +156,7 @@ def _coefficient_error(
     conditions: tuple[FlightCondition, ...],
     estimate: FloatArray,
 ) -> FloatArray:
-    """Return (n, 5) the normalised differences; loads are the loads of p - p_internal."""
+    """Return (n, 5) the normalised differences; loads are due to p - p_internal."""
     scale = pressures.scale(conditions)
     true = pressures.coefficients(tested - pressures.internal, conditions)
     of_mean = pressures.loads @ (of.modes.mean - pressures.internal)

@@ -53,7 +53,7 @@ class AlarmLevels:
 def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
     """Return ``inverse_map`` with the alarm levels that meet the stated rate on ``flights``.
 
-    The rate is the rate of any alarm; both tests get the same rate of their own. Where a level would need a factor
+    The rate counts any alarm; both tests get the same rate of their own. Where a level would need a factor
     above :data:`LARGEST_SCALE`, map and independent model do not describe the same vehicle: it stays, and the
     provenance holds the factor.
 

@@ -54,7 +54,7 @@ def cramer_rao_bound(
     ----------
     conditions : k true flight conditions.
     known : what the estimator is given in addition to strain, as in :data:`KNOWN`.
-    dynamic_pressure_std : of the stated q_inf [Pa]; NaN for the one of the map.
+    dynamic_pressure_std : of the stated q_inf [Pa]; NaN for the map's own.
     """
     manifold = inverse_map.manifold
     if manifold is None:

@@ -37,7 +37,7 @@ RETURN_AFTER = 5
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of :data:`~strainfmu.estimator.air_data.NAVIGATION` are left out. M and p_inf: at
-a lower rate 5 sigma would pass. q_inf: without it coefficients are the ones of the estimated flight state."""
+a lower rate 5 sigma would pass. q_inf: without it coefficients follow the estimated flight state."""
 
 NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
 """Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""

@@ -59,5 +59,5 @@ ENUMERATIONS: dict[str, tuple[str, Items]] = {
 
 
 def used_enumerations(declared: set[str | None]) -> dict[str, tuple[str, Items]]:
-    """Return the ones of :data:`ENUMERATIONS` whose names are among ``declared``."""
+    """Return the entries of :data:`ENUMERATIONS` whose names are among ``declared``."""
     return {name: one for name, one in ENUMERATIONS.items() if name in declared}

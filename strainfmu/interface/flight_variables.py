@@ -1,6 +1,6 @@
 """What the interface of an FMU has besides where the map has tables over the flight state: navigation, air data.
 
-The names are the names of the columns of recorded data.
+The names are as in the columns of recorded data.
 """
 
 from __future__ import annotations

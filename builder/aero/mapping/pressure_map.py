@@ -171,7 +171,7 @@ class PressureMap:
 def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | None = None) -> PressureMap:
     """Return the transfer of nodal pressure from ``source`` to ``target``.
 
-    Where the target's nodes are the nodes of ``grid``, its loads are
+    Where ``grid`` has the target's nodes, its loads are
     :func:`builder.aero.loads.operator.load_operator`'s, not the loads of the chords between its nodes.
 
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,

@@ -52,7 +52,7 @@ def eigenvectors(modes: Mapping[int, FloatArray], grid: SurfaceGrid) -> Figure:
         rows,
         grid,
         {side[0]: side[1], "from ahead": FRONT},
-        "Eigenvectors, quadratic hexahedra; the ones of round-off eigenvalues are arbitrary",
+        "Eigenvectors, quadratic hexahedra; arbitrary where eigenvalues are round-off",
     )
 
 

@@ -122,7 +122,7 @@ def scene_of_snapshot(
     row: int | None = None,
     excluded: Collection[str] = (),
 ) -> Scene:
-    """Return the scene of p/p_inf of one snapshot, by default the one of largest incidence.
+    """Return the scene of p/p_inf of one snapshot, by default of largest incidence.
 
     Raises
     ------

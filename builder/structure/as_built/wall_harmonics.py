@@ -76,7 +76,7 @@ def neighbour_weight(n: int) -> float:
 
 
 def reflected(adjoint: FloatArray) -> FloatArray:
-    """Return strains (n_s, 3, n_dof) per force of harmonic -m from the ones of m: what goes round changes sign."""
+    """Return strains (n_s, 3, n_dof) per force of harmonic -m from strains of m: what goes round changes sign."""
     found = adjoint.copy()
     found[:, 2] *= -1.0
     found[..., 2::3] *= -1.0

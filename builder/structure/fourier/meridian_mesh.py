@@ -52,7 +52,7 @@ class MeridianMesh:
     clamped_node : nodes that do not move.
     guided_node : nodes that do not move axially (a plane of symmetry, or plane strain).
     materials : materials other than the wall's own.
-    material_of : (n_e,) of each element, 0 the wall's own, 1 onwards the ones of ``materials``; None where all are
+    material_of : (n_e,) of each element, 0 the wall's own, 1 onwards from ``materials``; None where all are
         0.
     inner_break : nodes of the inner surface at which strain may jump, as at the side of a ring frame.
     covered : (k, 2) stations [m] between which the inner surface carries a ring frame.

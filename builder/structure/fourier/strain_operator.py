@@ -226,7 +226,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
 
     Parameters
     ----------
-    response : strain per station pressure; its stations are the stations of ``grid``.
+    response : strain per station pressure; it has the stations of ``grid``.
     gauges : the gauges, at stations of ``response``.
     grid : pressure nodes, node = station * n_roll + roll index.
 

@@ -74,7 +74,7 @@ def _add_condition(path: Path, line: int, row: list[str], found: dict[FlightCond
     condition = _condition(path, line, row)
     if condition in found:
         raise InputError(
-            f"{path}: line {line}: expected each condition once, got the one of line {found[condition]}"
+            f"{path}: line {line}: expected each condition once, got it in line {found[condition]} too"
         )
     found[condition] = line
     if len(found) > MAX_CONDITIONS:

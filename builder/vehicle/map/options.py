@@ -49,9 +49,7 @@ class Region(Section):
     @model_validator(mode="after")
     def _has_room(self) -> Region:
         if not all(low < high for low, high in zip(self.from_m, self.to_m, strict=True)):
-            raise ValueError(
-                f"to_m: expected numbers above the ones of from_m {list(self.from_m)}, got {list(self.to_m)}"
-            )
+            raise ValueError(f"to_m: expected numbers above from_m {list(self.from_m)}, got {list(self.to_m)}")
         return self
 
 

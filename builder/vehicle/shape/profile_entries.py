@@ -138,7 +138,7 @@ class HaackNose(Section):
 
 
 class SphericalCap(Section):
-    """A blunt tip: part of a sphere, up to where its angle is the angle of the piece behind it."""
+    """A blunt tip: part of a sphere, up to where its angle equals the angle of the piece behind it."""
 
     kind: Literal["spherical_cap"]
     nose_radius_m: Station

@@ -2,7 +2,7 @@
 
 The weights hold these errors at their mean over the snapshots. A flight at high incidence has larger ones, a
 flight at low incidence smaller. The strain of an error is nearly linear in the coefficients C that the step has
-estimated, so with c = [1, C] the covariance is the covariance of the weights plus
+estimated, so with c = [1, C] the covariance is the one in the weights plus
 
     s^2 sum_ab (c_a c_b - mean of c_a c_b) G H_ab G',   H_ab = diag(sum_t D_tai D_tbi) + sum_t E_ta E_tb',
 

@@ -92,7 +92,7 @@ def pressure_source(
 def computed_pressure_error(
     mach: FloatArray, mach_std: FloatArray, pressure_std: FloatArray | float
 ) -> FloatArray:
-    """Return the relative standard deviation of a dynamic pressure from the ones of its sources."""
+    """Return the relative standard deviation of a dynamic pressure from its sources' own."""
     return np.hypot(2.0 * mach_std / mach, pressure_std)
 
 

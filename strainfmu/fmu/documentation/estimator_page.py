@@ -23,7 +23,7 @@ from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
 _DERIVATIVES = (
-    "Directional derivatives, of the native kind, exist of values: coefficients, loads, air data, by what a "
+    "Directional derivatives, of the native kind, exist for values: coefficients, loads, air data, by what a "
     "host sets. They belong to the estimate that steps with the same inputs end at. Sigmas, chi-square and health "
     "have none."
 )

@@ -104,7 +104,7 @@ class ChannelMap:
     rate : samples per second of a recording without times [Hz], None if it has them.
     date_order : of day and month in dates of figures, None where it is not stated.
     join : how channels of other rates are brought to one raster.
-    raster : channel whose samples are the samples of the estimates, None for the raster of most gauges.
+    raster : channel whose samples are used for the estimates, None for the raster of most gauges.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""Channels of several rasters on one, the one of most gauges: interpolated, held, or from the nearest sample."""
+"""Channels of several rasters on the raster of most gauges: interpolated, held, or from the nearest sample."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class ChannelFile:
             raise InputError(f"{self.path}: channel '{name}': damaged, cannot be read") from error
 
     def time_channels(self) -> list[str]:
-        """Return the channels whose names are names of times."""
+        """Return the channels that have a name of times."""
         return [name for name in self.names if last_name(name) in TIME_NAMES]
 
 

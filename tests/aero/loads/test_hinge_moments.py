@@ -129,7 +129,7 @@ def test_region_without_surface_is_refused() -> None:
         (
             {},
             {"from_m": [0.2, 0.0, 0.0], "to_m": [0.7, 0.0, 1.0]},
-            "to_m: expected numbers above the ones of from_m",
+            "to_m: expected numbers above from_m",
         ),
     ],
 )
