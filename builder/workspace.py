@@ -65,7 +65,7 @@ class Workspace:
             raise InputError(f"{folder}: is a file, must be a folder")
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         if not existing.is_dir():
-            raise InputError(f"{folder}: expected a path in folders, got the file {existing} in place of one")
+            raise InputError(f"{folder}: expected a path in folders, got the file {existing} instead of one")
         if not os.access(existing, os.W_OK):
             raise StrainfmuError(f"{folder}: cannot be written, no permission in {existing}")
         self.folder = folder

@@ -13,7 +13,7 @@ from strainfmu.files import write_bytes_atomically
 _ZIP_TIME = (1980, 1, 1, 0, 0, 0)  # the earliest a zip can hold, so that equal content gives equal bytes
 
 LARGEST_UNPACKED = 10**9
-"""Size of all entries of an archive [bytes] beyond which none is unpacked: a hundred times that of large FMUs."""
+"""Size of all entries of an archive [bytes] beyond which none is unpacked: a hundred large FMUs."""
 
 
 def check_unpacked_size(path: Path) -> None:

@@ -20,7 +20,7 @@ HEAT_CAPACITY_RATIO = 1.4
 """Ratio of specific heats gamma [1]."""
 
 DEVIATION_OF_AIR = 0.07
-"""Standard deviation of the pressure at an altitude about that of the standard atmosphere, relative [1].
+"""Standard deviation of the pressure at an altitude about the pressure of the standard atmosphere, relative [1].
 
 Over latitudes and seasons it is 0.06 to 0.08 from 10 to 25 km and 0.10 at 30 km, by NRLMSIS 2.1 (area-weighted
 rms, 75 degrees south to north)."""

@@ -46,7 +46,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def write_bytes_atomically(path: str | PathLike[str], content: bytes, *, is_private: bool = False) -> None:
-    """Write ``content`` to a temporary file beside ``path``, then rename it into place.
+    """Write ``content`` to a temporary file next to ``path``, then rename it into place.
 
     A private file can be read and written by its owner alone (:func:`check_private`).
 

@@ -54,7 +54,7 @@ def save_record(
 
 
 def write_record(group: h5py.Group, record: Any, units: Mapping[str, str], left_out: Collection[str] = ()) -> None:
-    """Write the fields of a dataclass into ``group``, so that a file can hold a record and more beside it.
+    """Write the fields of a dataclass into ``group``, so that a file can hold a record and other things.
 
     A field that is a record states its type and units in its metadata, see :func:`inner_record`.
     """

@@ -1,7 +1,8 @@
 """Surfaces that change with a parameter of the flow: how far their nodes move, from one file per value.
 
 The files hold the same triangles in the same order, such as one mesh whose nodes were moved: a fin turned about
-its hinge. Pressure is that of the moved surface, given at the nodes of the surface as it is, on which it acts.
+its hinge. Pressure is computed on the moved surface and given at the nodes of the surface as it is, on which it
+acts.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Deflection:
 
 
 def deflections_of(vehicle: Vehicle, surface: SurfaceMesh) -> tuple[Deflection, ...]:
-    """Return how ``surface``, that of ``shape.surface``, moves with the parameters of the vehicle file.
+    """Return how ``surface``, from ``shape.surface``, moves with the parameters of the vehicle file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The outer surface of a vehicle, whichever way its file gives the shape: triangles whose nodes carry pressure."""
+"""The outer surface of a vehicle, however its file gives the shape: triangles whose nodes carry pressure."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NOSE_AT_ORIGIN = 0.02
 
 
 def outer_surface(vehicle: Vehicle, resolution: Resolution) -> tuple[SurfaceMesh, tuple[str, ...]]:
-    """Return the vehicle's surface without its base, and notes on what was changed on that of a file.
+    """Return the vehicle's surface without its base, and notes on what was changed on the surface of a file.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def sections_grid(body: SectionedBody, n_x: int, n_roll: int) -> SurfaceGrid:
 
 
 def sections_mesh(body: SectionedBody, n_x: int, n_roll: int) -> SurfaceMesh:
-    """Return the surface of a body of sections, open at its base; nodes are those of :func:`sections_grid`."""
+    """Return the surface of a body of sections, open at its base; nodes are as in :func:`sections_grid`."""
     grid = sections_grid(body, n_x, n_roll)
     point = body.point(grid.x[:, None], node_roll_angles(body, grid)).reshape(-1, 3)
     return SurfaceMesh(point, mesh_of_grid(grid).triangle)
@@ -77,7 +77,7 @@ def surface_of_file(path: Path, unit: str | None, length: float | None) -> tuple
     Parameters
     ----------
     path : the file, one that :func:`builder.aero.cfd.formats.surface_files.read_surface` knows.
-    unit : of the file, or None where ``length`` tells.
+    unit : of the file, or None where ``length`` states the scale.
     length : of the vehicle [m], or None.
 
     Raises

@@ -71,7 +71,7 @@ def failure_lines(failed: Sequence[FailedCondition]) -> list[str]:
 
 
 def missing_line(failed: Sequence[FailedCondition], conditions: int) -> str:
-    """Return in one line that ``conditions`` were solved without those of ``failed``, and the first cause."""
+    """Return in one line that ``conditions`` were solved without the ``failed`` ones, and the first cause."""
     return f"{len(failed)} of {len(failed) + conditions} conditions not solved; the first: {failed[0].cause}"
 
 

@@ -1,7 +1,8 @@
 """Journal of a campaign: its finished flows, on disk as soon as each is solved.
 
-A file beside the result to which records are appended, each forced to the disk before the next is begun. So a kill
-or a power cut loses no finished flow, and at worst leaves a torn record at the end, which the next reader drops.
+A file next to the result to which records are appended, each forced to the disk before the next is begun. So a
+kill or a power cut loses no finished flow, and at worst leaves a torn record at the end, which the next reader
+drops.
 
 One record: ``FLOW``, length of the payload (8 bytes, little-endian), SHA-256 of what follows (32 bytes),
 fingerprint of the engine's inputs (16 ASCII characters), payload: the flow as an uncompressed numpy archive.
@@ -102,7 +103,7 @@ class Journal:
 
 
 def journal_path(result: Path) -> Path:
-    """Return where the journal of ``result`` is: beside it."""
+    """Return where the journal of ``result`` is: next to it."""
     return result.with_name(f"{result.name}.journal")
 
 

@@ -11,7 +11,7 @@ from strainfmu.flight_condition import FlightCondition
 
 
 def extreme_conditions(conditions: Sequence[FlightCondition]) -> list[FlightCondition]:
-    """Return those of least and greatest total incidence, each at the least and the greatest Mach number."""
+    """Return the conditions of smallest and largest total incidence, at the smallest and largest Mach number."""
     mach = [condition.mach_number for condition in conditions]
     chosen = []
     for mach_number in (min(mach), max(mach)):

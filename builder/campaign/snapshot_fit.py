@@ -33,7 +33,7 @@ SAME_LENGTH = 0.02  # of the length: surfaces of other programs may be cut at th
 
 
 def vehicle_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
-    """Return in what the body of ``snapshots`` is not that of ``vehicle``; of free surfaces their extents."""
+    """Return in what the body of ``snapshots`` differs from ``vehicle``; of free surfaces their extents."""
     if vehicle.is_of_revolution:
         return body_misfits(snapshots, vehicle.body())
     surface = outer_surface(vehicle, vehicle.resolution.map)[0]
@@ -110,7 +110,7 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
     """Return the vehicle file with the engine and the ranges of conditions that ``snapshots`` really have.
 
     What is measured on a map must be measured where the map holds. With full symmetry that is a disc of total
-    incidence. The file itself where its conditions are those of the snapshots.
+    incidence. The file itself where it has the conditions of the snapshots.
     """
     conditions = _requested(snapshots)
     same = snapshots.engine == vehicle.aerodynamics.engine

@@ -1,1 +1,1 @@
-"""Estimators of other kinds beside those of the product, on the same data of the independent model."""
+"""Estimators of other kinds than the product's, on the same data of the independent model."""

@@ -21,13 +21,13 @@ DYNAMIC_PRESSURE_PERCENT = 5.0
 """Largest values on the shipped vehicle, with gauge noise and navigation; of q_inf where it is not given."""
 
 COVERAGE = 99.0
-"""Least coverage of 3 sigma [%]."""
+"""Smallest coverage of 3 sigma [%]."""
 
 OF_LINEAR = 0.5
-"""Largest rms error over that of the better linear map, with errors of the hardware."""
+"""Largest rms error over the error of the better linear map, with errors of the hardware."""
 
 OF_LINEAR_IN_A_TENTH = 1.1
-"""Largest rms error in a tenth of the flights over that of the better linear map there, given q_inf alone."""
+"""Largest rms error in a tenth of the flights over the error of the better linear map there, given q_inf alone."""
 
 LINEAR = ("linear Case 1", "linear Case 2")
 
@@ -83,16 +83,16 @@ def aims(entries: Sequence[Mapping[str, Any]], is_shipped: bool) -> list[Aim]:
         for navigation in (GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE):
             shares = entry(name, errors, navigation)["coverage_percent"].values()
             least = min(share for share in shares if share is not None)
-            what = f"least 3 sigma coverage [%], {errors}, air-data inputs {navigation}"
+            what = f"smallest 3 sigma coverage [%], {errors}, air-data inputs {navigation}"
             found.append(Aim(what=what, limit=COVERAGE, found=least, at_least=True))
     for one, value in hardware["rms"].items():
         linear = min(entry(which, HARDWARE, GIVEN)["rms"][one] for which in LINEAR)
-        what = f"rms {one} over that of the better linear map, hardware"
+        what = f"rms {one} over the better linear map's, hardware"
         found.append(Aim(what=what, limit=OF_LINEAR, found=value / linear))
     for errors in (GAUGE_NOISE, HARDWARE):
         of_linear = [entry(one, errors, PRESSURE_ALONE)["rms_of_tenths"] for one in LINEAR]
         for by, of_name in entry(name, errors, PRESSURE_ALONE)["rms_of_tenths"].items():
-            what = f"rms over that of the better linear map, {errors}, q_inf only, worst tenth by {_words(by)}"
+            what = f"rms over the better linear map's, {errors}, q_inf only, worst tenth by {_words(by)}"
             worst = _worst_ratio(of_name, [of[by] for of in of_linear])
             found.append(Aim(what=what, limit=OF_LINEAR_IN_A_TENTH, found=worst))
     return found

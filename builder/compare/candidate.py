@@ -21,8 +21,8 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 GIVEN, PRESSURE_ALONE, NO_DYNAMIC_PRESSURE = "given", "q_inf only", "M and p_inf only"
 NAVIGATION = (GIVEN, PRESSURE_ALONE)
-"""What an estimator knows beside strain: q_inf, M and p_inf; or q_inf alone. Without q_inf only the nonlinear
-estimator has coefficients: what it says of q_inf is scored there."""
+"""What an estimator is given in addition to strain: q_inf, M and p_inf; or q_inf alone. Without q_inf only the
+nonlinear estimator has coefficients: what it says of q_inf is scored there."""
 
 STATED = {
     GIVEN: KNOWN,
@@ -45,7 +45,7 @@ class Answer:
     Attributes
     ----------
     coefficients, std : (k, 5) with one standard deviation, or a third of a band for 3 sigma.
-    rolling : (k, 2) M_R and its deviation [1]; None where it is not estimated.
+    rolling : (k, 2) M_R and its standard deviation [1]; None where it is not estimated.
     air_data : (k, 5) of :data:`AIR_DATA` [rad, rad, 1, Pa, Pa], NaN for what is not estimated; None for none.
     field : (k, n_p) pressure at the nodes of the map [Pa]; None for none.
     """

@@ -1,7 +1,7 @@
 """The pressure field of an estimate, and how far it is from the true one.
 
 The field error is |p_estimate - p| / |p| over the pressure nodes of the map, p absolute, in the Euclidean norm:
-that of the reproduction of the source (:mod:`builder.reproduce.case_1`).
+the error of the reproduction of the source (:mod:`builder.reproduce.case_1`).
 """
 
 from __future__ import annotations

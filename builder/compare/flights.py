@@ -42,7 +42,7 @@ EXAMPLE_DRAWS, EXAMPLE_ALTITUDE_KM = 100, 20.0
 
 VEHICLES = 10
 """Vehicles of each draw: each flies a part of the conditions. Errors of one vehicle are the same in its flights:
-the mean square depends on the number of vehicles more than on that of conditions."""
+the mean square depends on the number of vehicles more than on the number of conditions."""
 
 CYCLES = 20
 """Readings of each flight, one after another at the same condition. Filters take all, the others the last one."""
@@ -147,7 +147,7 @@ def random_conditions(vehicle: Vehicle, count: int, random: np.random.Generator)
 def example_conditions(vehicle: Vehicle) -> list[FlightCondition]:
     """Return :data:`EXAMPLE_DRAWS` times one condition that linear maps find hard: M5, a6, b6 of the source.
 
-    On other vehicles it is the least Mach number, and three quarters of the largest angles that are drawn; of
+    On other vehicles it is the smallest Mach number, and three quarters of the largest angles that are drawn; of
     another shape than a profile three quarters of the way from the middle of each range to its end.
     """
     if not vehicle.is_of_revolution:
@@ -184,7 +184,7 @@ class Readings:
     ----------
     strain : (CYCLES, k, n_d) [m/m].
     dynamic_pressure : (k,) stated q_inf [Pa].
-    dynamic_pressure_std : its standard deviation [Pa], NaN for that of the map.
+    dynamic_pressure_std : its standard deviation [Pa], NaN for the map's own.
     mach_number, static_pressure : (k,) M [1] and p_inf [Pa] of navigation.
     """
 
@@ -211,7 +211,8 @@ def readings(
 ) -> Iterator[Readings]:
     """Return ``draws`` readings of all conditions, each by :data:`VEHICLES` vehicles.
 
-    Their errors are drawn at the sizes of the section [noise]. ``noise_std`` (n_d,) is that of the gauges [m/m].
+    Their errors are drawn at the sizes of the section [noise]. ``noise_std`` (n_d,) is the noise of the gauges
+    [m/m].
     """
     n_d, k = len(noise_std), len(flights.conditions)
     mach = np.array([one.mach_number for one in flights.conditions])

@@ -40,7 +40,7 @@ FLOWS = "compare_flows.h5"
 
 @dataclass(frozen=True, kw_only=True)
 class FlownPair:
-    """Flights at random conditions and, where they could be solved, those of the example."""
+    """Flights at random conditions and, where they could be solved, the flights of the example."""
 
     flown: Flown
     example: Flown | None
@@ -73,7 +73,7 @@ def make_flows(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:
 
 
 def flown_pair(pipeline: Pipeline, vehicle: Vehicle, structure: AnyStructure, effort: Effort) -> FlownPair:
-    """Return the flights of a comparison, on the flows of :func:`make_flows`; ``structure`` is that of the map.
+    """Return the flights of a comparison, on the flows of :func:`make_flows`; ``structure`` is the map's.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 
 STEP_STD = 0.1
-"""Standard deviation of the walk in one cycle, over that of the prior: at 100 Hz it reaches the prior's in 1 s."""
+"""Standard deviation of the walk in one cycle, over the prior's: at 100 Hz it reaches the prior's in 1 s."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,7 +30,7 @@ class WalkState:
 
 
 class RandomWalkCandidate:
-    """The filter, fed with all readings of a flight; its answer is that of the last one."""
+    """The filter, fed with all readings of a flight; it answers to the last one."""
 
     name = "Kalman filter, random walk"
     has_field, takes_one_reading = False, False

@@ -1,4 +1,4 @@
-"""What a step of the learning estimators costs, beside that of the product."""
+"""What a step of the learning estimators costs, and a step of the product."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Learning estimators of scikit-learn: regression tree, random forest, gradient boosting, multi-layer perceptron.
 
-They have no covariance. Their bands are those of split conformal prediction (Lei et al., J. Am. Stat. Assoc. 113,
+They have no covariance. Their bands come from split conformal prediction (Lei et al., J. Am. Stat. Assoc. 113,
 2018): the quantile of the absolute residual over flights that they were not trained on.
 """
 
@@ -110,7 +110,7 @@ class RivalCandidate:
         return np.asarray(self._mean + self._std * self._model.predict(self._scaled(features)))
 
     def answer(self, read: Readings, navigation: str) -> Answer:
-        """Return coefficients and the two angles; ``navigation`` is that of the training."""
+        """Return coefficients and the two angles; ``navigation`` is as in the training."""
         with _one_thread():
             found = self._predicted(self._features(read))
         air = np.full((len(found), len(AIR_DATA)), np.nan)

@@ -62,7 +62,7 @@ def run_compare(
 ) -> CompareResult:
     """Score every estimator on the same readings; write ``compare.json``, ``.csv`` and ``.png`` to ``folder``.
 
-    Readings are those of the independent model. Of a body of revolution its structure is the Fourier model,
+    Readings come from the independent model. Of a body of revolution its structure is the Fourier model,
     whatever the maps are built on; of any other shape another mesh. Without scikit-learn its estimators are left
     out, with a note.
 

@@ -42,8 +42,8 @@ AIR_DATA_KEYS = (
 class Tally:
     """Errors of one estimator, block after block: coefficients and their sigmas, field, air data.
 
-    ``names`` are those of the coefficients. ``tenths`` holds the tenth of every flight, 0 to 9: by total incidence
-    and by Mach number.
+    ``names`` are the names of the coefficients. ``tenths`` holds the tenth of every flight, 0 to 9: by total
+    incidence and by Mach number.
     """
 
     names: tuple[str, ...] = COEFFICIENT_NAMES

@@ -47,7 +47,7 @@ class Trial:
     Attributes
     ----------
     snapshots, structure : of the maps.
-    flown, example : flights of the independent model: at random, and those of the example.
+    flown, example : flights of the independent model: at random, and the flights of the example.
     has_rivals : whether scikit-learn is there.
     """
 

@@ -90,7 +90,7 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
 def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float, ends: dict[str, float]) -> Any:
     """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad].
 
-    ``ends`` are those of the colours.
+    ``ends`` are the ends of the colours.
     """
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
     shown = at_roll_angles(ratio, surface.roll_angle, np.mod(angle + facing, 2.0 * np.pi))

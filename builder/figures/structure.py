@@ -33,7 +33,7 @@ MICROSTRAIN_PER_KPA = 1e9
 MAX_EDGES = 100_000
 """Edges drawn of the unrolled mesh; a finer one is drawn up to some roll angle only."""
 CLOSE_UP = 0.06
-"""Length shown in the close-up of the mesh, over that of the body."""
+"""Length shown in the close-up of the mesh, over the length of the body."""
 PATTERN_POSITIONS = (0.15, 0.5, 0.85)
 """Which gauges of a direction have their patterns drawn: fractions of their number, from the nose."""
 HEAT_MAP_RANGE = 1e3

@@ -1,7 +1,7 @@
 """The inverse problem, from strain to pressure states and loads: modes, priors, both cases, noise, uncertainty.
 
 The data go one way: :mod:`~builder.inverse.modes` of the snapshots -> :mod:`~builder.inverse.noise` and
-:mod:`~builder.inverse.sensors`, what the gauges and other sensors read beside them ->
+:mod:`~builder.inverse.sensors`, what the gauges and other sensors read in addition to them ->
 :mod:`~builder.inverse.cases`, from strain to states -> :mod:`~builder.inverse.solution` of a problem ->
 :mod:`~builder.inverse.loads` with their covariance, :mod:`~builder.inverse.envelope` of the map. A vehicle's
 :mod:`~builder.inverse.problem` is solved and becomes the :mod:`~builder.inverse.solved_map`;

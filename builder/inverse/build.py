@@ -28,7 +28,7 @@ def build_inverse_map(
 ) -> InverseMap:
     """Build the map of the case in the vehicle file, for the layout in use.
 
-    Parameters and errors are those of :func:`~builder.inverse.problem.inverse_problem`, whose result ``problem``
+    Parameters and errors are as in :func:`~builder.inverse.problem.inverse_problem`, whose result ``problem``
     is where it is known. The gauges may also fail to identify the requested modes.
     """
     snapshots = on_structure(snapshots, structure)

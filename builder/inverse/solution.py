@@ -46,11 +46,11 @@ class Problem:
     load_operator : (n_f, n_p) G C_map [m2, m3], of the five loads, then of those behind them.
     node_area : (n_p,) area of the nodes [m2].
     noise : terms without the truncated modes.
-    errors : those of the terms that follow the current strain.
+    errors : errors of the terms that follow the current strain.
     with_truncated_modes : whether these count as noise.
     entry : section [map] of the vehicle file.
     mesh : error of strain by the structure's mesh, where it is known; what counts of it is among ``errors``.
-    sensors : those beside the strain gauges, whose rows follow the gauges'; None for none.
+    sensors : sensors other than the strain gauges, whose rows follow the gauges'; None for none.
     thermal, inertia : modes of the wall's temperature and of inertia, which are among ``noise``; None for none.
     between : flows between the snapshots; None where they are not known.
     off_the_snapshots : (k, n_p) what of these is no combination of the snapshots, which is among ``noise``, see
@@ -91,8 +91,8 @@ class Problem:
 def with_flow_models(problem: Problem) -> Problem:
     """Return ``problem`` with the difference of flow models among its noise; as it is where there is none.
 
-    For linear maps that stand in for tables which strain does not fit. A linear map alone would tell single gauges
-    that err less well, and its loads on flows as the snapshots' would err by up to a quarter more.
+    For linear maps that stand in for tables which strain does not fit. A linear map alone would identify single
+    gauges that err less well, and its loads on flows as the snapshots' would be wrong by up to a quarter more.
     """
     if problem.flow_models is None:
         return problem

@@ -48,7 +48,7 @@ def with_manifold(
     Raises
     ------
     InputError
-        The flows do not suffice for tables, or the gauges do not tell the sides of the wind apart.
+        The flows do not suffice for tables, or the gauges do not distinguish the sides of the wind.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
     if problem.flow_models is not None:
@@ -206,7 +206,7 @@ def _scaled_errors(
 
 
 def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
-    """Return columns (n, k) of the responses' deviation from their mean over the flows, per p_inf."""
+    """Return columns (n, k) of the responses' difference from their mean over the flows, per p_inf."""
     pressure = ensemble.mean_ambient_pressure
     if ensemble.grid is None:
         response, weight = ensemble.responses(operator), ensemble.member_weight

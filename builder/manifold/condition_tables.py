@@ -51,9 +51,9 @@ class ConditionTables:
     mach_knots, incidence_knots : (n_M,), (n_k,) [1, rad].
     coefficients : (n_M + 2, n_k + 2, n, n_m, 2) per p_inf.
     errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
-    crossflow_range : (2, 2) least and largest u and w of the snapshots [rad].
+    crossflow_range : (2, 2) smallest and largest u and w of the snapshots [rad].
     incidence_limit : total incidence in the farthest corner of these [rad].
-    overpressure : (n_p,) p / p_inf - 1 at the least total incidence, the mean of these.
+    overpressure : (n_p,) p / p_inf - 1 at the smallest total incidence, the mean of these.
     slopes : by flow parameters; None where the snapshots have none that changes.
     """
 

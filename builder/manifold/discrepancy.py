@@ -62,8 +62,8 @@ def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float
     """Return fields (n_p, k) of a Gaussian process of unit variance on any surface, by pivoted Cholesky.
 
     The correlation is exp(-|e - e'|^2 / 2) of e = (x / (l_x L), [r, n] / (sqrt(2) l_phi)), r the unit vector from
-    the axis and n the normal: on a round body that of :func:`gaussian_process_shapes`, while the two sides of a
-    fin are apart. Lengths as there, L that of the surface.
+    the axis and n the normal: on a round body the correlation of :func:`gaussian_process_shapes`, while the two
+    sides of a fin are apart. Lengths as there, L the length of the surface.
 
     Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
     """
@@ -93,8 +93,8 @@ def process_size(vehicle: Vehicle, problem: Problem) -> float:
 def corrects_level(vehicle: Vehicle, problem: Problem) -> bool:
     """Return whether the residual says how far the level of the pressure is off the tables.
 
-    Auxiliary sensors, as ports, see the pressure itself. Strain of gauges tells it to some per cent at best: in a
-    flow as the snapshots' that correction is noise alone, in one of another level it is worth its noise. So
+    Auxiliary sensors, as ports, see the pressure itself. Strain of gauges determines it to some per cent at best:
+    in a flow as the snapshots' that correction is noise alone, in one of another level it is worth its noise. So
     ``level_by_strain`` states which flows to expect.
     """
     return problem.sensors is not None or vehicle.map.level_by_strain
@@ -106,7 +106,8 @@ def level_error(
     """Return columns (n, k) per p_inf of a fraction of ``overpressure`` (n_p,) all over the body; None for none.
 
     ``operator`` (n, n_p) gives strains, then loads. Where the residual does not correct the level, they are two
-    errors, one of strain and one of the loads: the estimate is that of the tables, its deviation holds both.
+    errors, one of strain and one of the loads: the estimate follows from the tables, its standard deviation
+    holds both.
     """
     size = model_form(vehicle.map, vehicle.noise).of_overpressure
     if size == 0.0:
@@ -126,9 +127,9 @@ TESTED = 6
 def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
     """Return the strain (n_d, n_s) of the shapes of pressure off the tables that gauges see best, None for none.
 
-    Chi-square spreads over all gauges what such a pressure strains in a few directions, and hardly notices it. The
-    directions are those of the largest variance relative to that of all else, in the middle of the ranges; shapes
-    below it are left out.
+    Chi-square spreads over all gauges the strain that such a pressure causes in a few directions, and hardly
+    changes. The directions have the largest variance relative to the variance of all else, in the middle of the
+    ranges; shapes below it are left out.
     """
     state = np.zeros((1, 4))
     state[0, MACH], state[0, U] = manifold.mach_range.mean(), 0.5 * manifold.incidence_limit

@@ -64,7 +64,7 @@ def flight_field(
 def _of_numerics(error: FloatArray, response: FloatArray) -> FloatArray:
     """Return (n_x, n_h, 2, n_d) covariance with strain of ``error`` (q, n_x, n_h), averaged over the roll angle.
 
-    ``response`` (n_d, n_x, n_h, 2) is that of :func:`~builder.manifold.tables.ring_response`.
+    ``response`` (n_d, n_x, n_h, 2) comes from :func:`~builder.manifold.tables.ring_response`.
     """
     if not len(error):
         return np.zeros((response.shape[1], response.shape[2], 2, len(response)))
@@ -76,7 +76,7 @@ def _of_numerics(error: FloatArray, response: FloatArray) -> FloatArray:
 def _of_process(
     vehicle: Vehicle, grid: SurfaceGrid, response: FloatArray, size: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance with strain, and the deviation (n_x,), of the Gaussian process of ``size``."""
+    """Return the covariance with strain, and sigma (n_x,), of the Gaussian process of ``size``."""
     entry = vehicle.map
     along, around = gaussian_process_shapes(
         grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))

@@ -33,7 +33,7 @@ class FlowAmplitudes:
     of_two: bool = False
 
     def overpressure(self) -> FloatArray:
-        """Return (n_x,) p / p_inf - 1 round the body at the least incidence, its mean over the Mach numbers."""
+        """Return (n_x,) p / p_inf - 1 round the body at the smallest incidence, its mean over the Mach numbers."""
         return np.asarray(self.amplitude[:, 0, :, 0].mean(axis=0) - 1.0)
 
     def less_ambient(self) -> FlowAmplitudes:
@@ -52,7 +52,7 @@ class FlowAmplitudes:
 def flow_amplitudes(snapshots: Snapshots, max_harmonic: int = MAX_HARMONIC) -> FlowAmplitudes:
     """Return the amplitudes, up to ``max_harmonic``, of every distinct flow of ``snapshots``.
 
-    Of two Mach numbers those of the one between are added, see :func:`with_middle_mach`.
+    Of two Mach numbers the amplitudes of the one between are added, see :func:`with_middle_mach`.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Hardware errors that follow the flight state: their strain as quadratic forms of the loads.
 
-The estimator holds the variance of what each gauge errs by as c' Q c, c = [1, C_A, C_N, C_Y, M_P, M_Y], see
+The estimator holds the variance of the error of each gauge as c' Q c, c = [1, C_A, C_N, C_Y, M_P, M_Y], see
 :class:`~strainfmu.estimator.tables.manifold_map.ManifoldMap`. The strain of an error is regressed on c. What is
-left, above all of hoop gauges shifted round the body beside the leeward meridian, grows with the square of the
+left, above all of hoop gauges shifted round the body next to the leeward meridian, grows with the square of the
 incidence and depends on where the wind comes from: its square is fitted by squares of combinations of c.
 """
 

@@ -24,7 +24,7 @@ def interpolation_errors(flows: FlowAmplitudes, response: FloatArray) -> FloatAr
     the mean one.
 
     Every incidence but the largest, and every inner Mach number, is left out in turn and predicted. Of two Mach
-    numbers the inner one is that of :meth:`~builder.manifold.flow_amplitudes.FlowAmplitudes.with_middle_mach`.
+    numbers the inner one comes from :meth:`~builder.manifold.flow_amplitudes.FlowAmplitudes.with_middle_mach`.
     """
     return rolled_errors(
         left_out_errors(flows.mach, flows.incidence, response_values(flows, response), flows.of_two)

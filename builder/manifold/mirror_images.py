@@ -17,7 +17,7 @@ SIDESLIP = 2
 
 
 def with_mirror_images(snapshots: Snapshots, mesh: SurfaceMesh) -> Snapshots:
-    """Return ``snapshots``, those of one sideslip sign alone with their mirror images in the plane y = 0.
+    """Return ``snapshots``; snapshots of one sideslip sign alone with their mirror images in the plane y = 0.
 
     They stay as they are where the surface is not symmetric, and with flow parameters: a deflection may have a
     mirror image of its own.

@@ -34,7 +34,7 @@ def shape_field(
     Parameters
     ----------
     process : (n_p, k) fields of the Gaussian process at unit variance.
-    overpressure : (n_p,) p / p_inf - 1 at the least incidence.
+    overpressure : (n_p,) p / p_inf - 1 at the smallest incidence.
     between : flows between the snapshots; None where they are not known.
     """
     ambient = np.array([condition.ambient_pressure for condition in snapshots.conditions()])
@@ -81,7 +81,7 @@ def _parameters(slopes: ParameterSlopes | None, strain: FloatArray) -> FieldPara
 
 
 def _spread(problem: Problem) -> Iterator[FloatArray]:
-    """Yield fields (n_p, N) of the flows' deviation from their mean, per p_inf."""
+    """Yield fields (n_p, N) of the flows' difference from their mean, per p_inf."""
     ensemble, pressure = problem.ensemble, problem.ensemble.mean_ambient_pressure
     first, share = 0, np.sqrt(ensemble.member_weight) / pressure
     for block in ensemble.members():

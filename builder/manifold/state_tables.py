@@ -51,9 +51,9 @@ class StateTables:
         :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`, no part of them fixed.
     errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
     process : (n, k) response per p_inf to the fields of a Gaussian process of unit variance.
-    overpressure : (n_p,) p / p_inf - 1 at the least incidence, the mean over the Mach numbers.
+    overpressure : (n_p,) p / p_inf - 1 at the smallest incidence, the mean over the Mach numbers.
     incidence_limit : largest total incidence of the flows [rad].
-    crossflow_range : (2, 2) least and largest u and w of the flows [rad]; None where they are all round.
+    crossflow_range : (2, 2) smallest and largest u and w of the flows [rad]; None where they are all round.
     considered : as ``coefficients``, of the difference of flow models at one standard deviation; None for none.
     field : pressure on the surface, of either kind; None where the map does not hold it.
     slopes : by flow parameters; None for none.

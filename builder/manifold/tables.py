@@ -92,8 +92,8 @@ def _fitted(
 ) -> FloatArray:
     """Return the values (n_M, n_k, ...) at ``knots`` whose spline fits ``values`` (n_M, n_a, ...) best.
 
-    ``start`` (n_M, ...) is the value without incidence. None continues the spline to there: as that of an even
-    function has it that knows no knot at zero, its third derivative is 0 in the first interval.
+    ``start`` (n_M, ...) is the value without incidence. None continues the spline to there: as for an even
+    function without a knot at zero, its third derivative is 0 in the first interval.
     """
     n, through = len(knots), _through(knots, np.eye(len(knots))[None], m)
     cardinal, data = np.asarray(through(incidence))[0], np.moveaxis(values, 1, 0)

@@ -1,4 +1,4 @@
-"""Whether gauges tell winds from different sides apart.
+"""Whether gauges distinguish winds from different sides.
 
 Gauges in one plane through the axis read the same of a wind and of its mirror image: strain then has two
 solutions, and the covariance of the one that is found knows nothing of the other.
@@ -17,15 +17,15 @@ ROLLS = 24
 """Roll angles of the wind that are compared."""
 
 APART = np.radians(45.0)
-"""Least difference of two roll angles that counts."""
+"""Smallest difference of two roll angles that counts."""
 
 TOLD, EXPLAINED = 9.0, 25.0
-"""Square of the distance in strain, in deviations, from which two winds are told apart, and by how much more the
-linearised problem, from which the deviations of the estimate follow, may have between them."""
+"""Square of the distance in strain, in standard deviations, from which two winds are distinguished, and by how
+much more the linearised problem, from which the sigmas of the estimate follow, may have between them."""
 
 
 def check_told_apart(manifold: ManifoldMap) -> None:
-    """Refuse tables with winds that gauges read alike, far apart though they are by the estimate's own deviations.
+    """Refuse tables with winds that gauges read alike, far apart though they are by the estimate's own sigmas.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def check_told_apart(manifold: ManifoldMap) -> None:
 
 
 def winds_read_alike(manifold: ManifoldMap) -> tuple[float, float] | None:
-    """Return the roll angles [rad] of two winds that gauges do not tell apart, where the linearised problem does.
+    """Return the roll angles [rad] of two winds that gauges do not distinguish, where the linearised problem does.
 
     They are those that it has farthest apart, None where there are none.
     """

@@ -43,7 +43,7 @@ class FlownSensors:
     def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
         """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for None.
 
-        Errors of the wall, and of the pressure inside, are those of the gauges.
+        Errors of the wall, and of the pressure inside, are the errors of the gauges.
         """
         vehicle, rows, entry = self.vehicle, self.rows, self.vehicle.sensors
         assert entry is not None

@@ -1,4 +1,4 @@
-"""From a map and the file of a ground test to the calibrated map and the report beside it."""
+"""From a map and the file of a ground test to the calibrated map and the report next to it."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ from strainfmu.estimator.signal_names import ZERO
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 ZEROS = "_zeros.toml"
-"""End of the name of the file of zeros beside the map."""
+"""End of the name of the file of zeros next to the map."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +87,7 @@ class Calibration:
 class CalibrationParts:
     """What a calibration starts from: the map as ``drawn``, and what it was made from.
 
-    ``independent`` sets alarm levels; without it they are those of the map as drawn.
+    ``independent`` sets alarm levels; without it they are the levels of the map as drawn.
     """
 
     vehicle: Vehicle
@@ -112,10 +112,10 @@ def run_calibrate(
     ----------
     map_path : the map as built from the drawing.
     test_path : ``loadtest.toml``.
-    output : of the calibrated map. The zeros of the gauges are written beside it, ``.._zeros.toml``.
+    output : of the calibrated map. The zeros of the gauges are written next to it, ``.._zeros.toml``.
     vehicle_path : the vehicle file; by default the one that the test names.
-    snapshots_path : snapshots of the map; by default those beside it. The flows of the independent model, which
-        alarm levels are measured with, are those beside the snapshots.
+    snapshots_path : snapshots of the map; by default the ones next to it. The flows of the independent model,
+        which alarm levels are measured with, are next to the snapshots.
     accept : make the map although no error with a name explains the readings.
 
     Raises
@@ -135,7 +135,7 @@ def run_calibrate(
     with reporter.stage("Structure: what may differ as built") as progress:
         structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
-        raise InputError(f"{map_path}: gauges are not those of layout '{vehicle.gauges.layout}'")
+        raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
     independent, missing = _independent_model(
         as_flown(vehicle, snapshots), snapshots_path.with_name(FLOWS), reporter
     )
@@ -312,13 +312,13 @@ def _independent_model(
     if not alarm_levels_wanted(vehicle, reporter):
         return None, ()
     if not flows.exists():
-        return None, (f"alarm levels: those of the map as drawn, {flows.name} is not beside the snapshots",)
+        return None, (f"alarm levels: as of the map as drawn, {flows.name} is not next to the snapshots",)
     table = load_flow_table(flows)
     stations = vehicle.resolution.truth.surface_stations
     if table.vehicle != vehicle.name or table.harmonic.shape[2] != stations:
         raise InputError(
             f"{flows}: expected flows of '{vehicle.name}' at {stations} stations, "
-            f"got those of '{table.vehicle}' at {table.harmonic.shape[2]}"
+            f"got flows of '{table.vehicle}' at {table.harmonic.shape[2]}"
         )
     return IndependentModel(structure=solved_true_structure(vehicle, reporter), flows=table), ()
 
@@ -326,7 +326,7 @@ def _independent_model(
 def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining, reporter: Reporter) -> InverseMap:
     """Return ``made`` with alarm levels of vehicles that ``remaining`` allows on the independent model.
 
-    Where there is no such model they are those of the map as drawn.
+    Where there is no such model they are the levels of the map as drawn.
     """
     model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
     if model is None:
@@ -336,7 +336,7 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
 
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
-    """Return ``made`` with the factors on alarm levels of the map as drawn, those of its tables included."""
+    """Return ``made`` with the factors on alarm levels of the map as drawn, with the factors of its tables."""
     found = replace(
         made,
         chi_square_scale=drawn.chi_square_scale,

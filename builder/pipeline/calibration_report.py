@@ -32,7 +32,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.files import write_bytes_atomically
 
 PAGE, PDF, EQUATIONS = ".html", ".pdf", "_load_equations.csv"
-"""Ends of the names of the report's files beside the map."""
+"""Ends of the names of the report's files next to the map."""
 
 
 def report_files(output: Path) -> tuple[Path, Path, Path]:
@@ -117,7 +117,7 @@ def used_cells(file: LoadTestFile) -> tuple[UsedCell, ...]:
 
 
 def write_report(one: CalibrationFindings, output: Path) -> tuple[Verdict, tuple[Path, ...], tuple[str, ...]]:
-    """Write the report beside the map at ``output``; return its verdict, the files, and lines for the user.
+    """Write the report next to the map at ``output``; return its verdict, the files, and lines for the user.
 
     Raises
     ------

@@ -229,7 +229,7 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
 
 
 def remark(plan: LoadPlan, number: int) -> str:
-    """Return what the sigmas are over those of a vehicle known exactly once case ``number`` has been applied."""
+    """Return the sigmas over the sigmas of a vehicle known exactly once case ``number`` has been applied."""
     ratio = plan.sigmas[number] / plan.exact
     return "sigma over exact: " + ", ".join(f"{n} {r:.2f}" for n, r in zip(COEFFICIENT_NAMES, ratio, strict=True))
 
@@ -254,7 +254,7 @@ def flows_for_design(vehicle: Vehicle, path: Path | None, reporter: Reporter) ->
 
 
 def sigma_rows(plan: LoadPlan) -> list[tuple[str, list[float]]]:
-    """Return what is printed: name of each step and the sigmas over those of a vehicle known exactly [1]."""
+    """Return what is printed: name of each step and the sigmas over the sigmas of a vehicle known exactly [1]."""
     first = "own weight, " + str(len(plan.attitudes)) + " attitudes" if plan.attitudes else "no load: zeros"
     rows = [("by the drawing", plan.before), (first, plan.after_attitudes)]
     rows += [(case.name, sigma) for case, sigma in zip(plan.cases, plan.sigmas, strict=True)]

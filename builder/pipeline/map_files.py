@@ -68,10 +68,10 @@ def run_build(
     given: FilesGiven | None = None,
     estimator: Estimators | None = None,
 ) -> Path:
-    """Make the files up to the inverse map and the report beside it; return the map's path.
+    """Make the files up to the inverse map and the report next to it; return the map's path.
 
     Snapshots and structure that are in the folder, or given, and were made by a command of their own are used.
-    ``estimator`` replaces that of the section [map].
+    ``estimator`` replaces the entry of the section [map].
 
     Raises
     ------

@@ -47,7 +47,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
         return _wanted_of_shape(vehicle, reporter)
     why = ""
     if vehicle.sensors is not None:
-        why = "its readings are those of strain gauges alone"
+        why = "its readings are of strain gauges alone"
     elif vehicle.structure.external is not None:
         why = "the structure is another code's"
     elif vehicle.aerodynamics.engine != "euler":
@@ -60,7 +60,7 @@ def alarm_levels_wanted(vehicle: Vehicle, reporter: Reporter) -> bool:
         except InputError as error:
             why = str(error).partition(",")[0]
     if why:
-        reporter.note(f"alarm levels: those of the theory, the independent model is of another kind ({why})")
+        reporter.note(f"alarm levels: from the theory, the independent model is of another kind ({why})")
     return not why
 
 
@@ -73,7 +73,7 @@ def _wanted_of_shape(vehicle: Vehicle, reporter: Reporter) -> bool:
     if not why and vehicle.aerodynamics.engine == "euler" and vehicle.map.alarm_levels != "always":
         why = f"its {SHAPE_CONDITIONS} flows by euler cost more than the build (map.alarm_levels = 'always')"
     if why:
-        reporter.note(f"alarm levels: those of the theory, {why}")
+        reporter.note(f"alarm levels: from the theory, {why}")
     return not why
 
 
@@ -134,7 +134,7 @@ def _with_levels(
     facts = found.provenance["alarm_levels"]
     if not facts["used"]:
         reporter.note(
-            "warning: alarm levels: those of the theory; map and independent model differ, "
+            "warning: alarm levels: from the theory; map and independent model differ, "
             f"{facts['rate_before']:.2g} of its flights raise an alarm"
         )
         return found
@@ -148,7 +148,7 @@ def _with_levels(
 def _flight_levels_line(facts: Mapping[str, Any]) -> str:
     if not facts["used"]:
         return (
-            "warning: alarm levels of the nonlinear estimator: those of the theory; map and independent model "
+            "warning: alarm levels of the nonlinear estimator: from the theory; map and independent model "
             f"differ, {facts['rate_before']:.2g} of its flights raise an alarm"
         )
     factors = dict(zip(("chi-square", "largest |z|", "chi-square of the shapes"), facts["scales"], strict=False))

@@ -22,7 +22,7 @@ class FilesGiven:
 
     Attributes
     ----------
-    snapshots, structure : files to use, from anywhere; None for those of the folder.
+    snapshots, structure : files to use, from anywhere; None for the files of the folder.
     rebuild : make the files of the folder by the vehicle file, whatever options those there were made with.
     """
 

@@ -191,7 +191,7 @@ def build_map(
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:
     """Refuse a vehicle whose gauges, modes, noise or places of loads do not fit, before anything is solved.
 
-    ``conditions`` is the number of flight conditions; by default those of the vehicle file.
+    ``conditions`` is the number of flight conditions; by default the number of the vehicle file.
 
     Raises
     ------

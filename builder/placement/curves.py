@@ -19,12 +19,12 @@ COUNTS = (6, 9, 12, 18, 24, 36, 54, 72)
 """Numbers of gauges that are drawn."""
 
 NOISES = (0.5, 1.0, 2.0)
-"""Noise of the gauges over that of the vehicle file."""
+"""Noise of the gauges over the noise of the vehicle file."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Curves:
-    """Sigmas over those of the layout in use with the noise of the file.
+    """Sigmas over the sigmas of the layout in use with the noise of the file.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ class Aim:
     ----------
     goal : "loads", the coefficients; "field", pressure on the surface; "d-optimal", all unknowns.
     weights : (5,) of the coefficients' variances, each relative to the layout in use [1].
-    estimator : "linear" or "nonlinear"; None for that of the vehicle file.
+    estimator : "linear" or "nonlinear"; None for the vehicle file's.
     starts : of the exchanges.
     robust : whether no single loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.
     """
@@ -82,7 +82,7 @@ class Study:
     ----------
     parts : of the models.
     kind : estimator that they are of.
-    candidates : all sites, those of the layout in use and of gauges to be kept last.
+    candidates : all sites, the sites of the layout in use and of gauges to be kept last.
     strain : of their gauges.
     own, kept : sites of the layout in use, and of gauges to be kept.
     offered : number of sites that may be chosen, the first ones.
@@ -155,7 +155,7 @@ def placement_study(
     ----------
     vehicle, snapshots, structure : as for a map; the structure holds the layout in use.
     grid : what candidates there are.
-    kind : estimator; that of the vehicle file by default.
+    kind : estimator; by default the vehicle file's.
     keep : gauges that are placed in any case.
 
     Raises

@@ -1,9 +1,9 @@
 """Candidate gauges at flight states: what each reads of the unknowns there, and the coefficients as goals.
 
-The models are those of the estimators, about flight states that are taken for known. Nonlinear: unknowns are the
-flight state within air data and ranges, and pressure off the tables. Linear: the states of the map and truncated
-modes, errors averaged over the flows. Errors of the vehicle and its gauges are those of the section [noise]: what
-each gauge has on its own is noise of its row, what gauges have in common is an unknown.
+The models are as in the estimators, about flight states that are taken for known. Nonlinear: unknowns are
+the flight state within air data and ranges, and pressure off the tables. Linear: the states of the map and
+truncated modes, errors averaged over the flows. Errors of the vehicle and its gauges are the errors of the section
+[noise]: what each gauge has on its own is noise of its row, what gauges have in common is an unknown.
 """
 
 from __future__ import annotations
@@ -364,7 +364,7 @@ def pressure_of_unknowns(parts: FlightParts, strain: CandidateStrain, kind: Kind
 def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
     """Return (n_s, n_g, m) the pressure on the surface as goals: its combinations of most variance, area-weighted.
 
-    Their variances add up to that of the mean pressure on the surface, over the same without gauges.
+    Their variances add up to the variance of the mean pressure on the surface, over the same without gauges.
     """
     area = mesh_of(parts.structure.surface).node_area
     weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields

@@ -15,7 +15,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
 SAME_POINT = 1e-4
-"""Gauges nearer than this are at one point, as those of a rosette are, and need no distance [m]."""
+"""Gauges nearer than this are at one point, as the legs of a rosette are, and need no distance [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -36,7 +36,7 @@ class LostGauge:
 
 
 def lost_gauges(model: GaussianModel, sites: Sequence[int] | IntArray, gauges: IntArray) -> LostGauge:
-    """Return what the loss of each of ``gauges``, those of ``sites`` one after another, does to the goals."""
+    """Return what the loss of each of ``gauges``, the gauges of ``sites`` one after another, does to the goals."""
     ratio = loss_ratios(model, sites)
     return LostGauge(gauges=gauges, ratio=ratio)
 

@@ -46,7 +46,7 @@ class Review:
         do not observe, and from pressure that hardly strains any gauge [1].
     blind : number of combinations, mean over the states, that are not observed, of how many.
     hidden : a line for each coefficient: the pressure that its unobserved part is made of.
-    weakest : number of the coefficient that the gauges lower least, sigma over prior.
+    weakest : number of the coefficient with the largest sigma over prior.
     worth : (k,) what the criterion rises by without each gauge, over the criterion [1].
     spare : gauges that could go together, in the order to take them off.
     best : name of the candidate that would help most, and what the criterion would fall by [1].

@@ -41,7 +41,7 @@ class Rules:
 
     @cached_property
     def free(self) -> IntArray:
-        """Sites that may be chosen beside the forced ones."""
+        """Sites that may be chosen in addition to the forced ones."""
         return np.flatnonzero(self.allowed(self.forced, whole_budget=True))
 
     def excluded_by(self, chosen: Iterable[int]) -> BoolArray:

@@ -1,1 +1,1 @@
-"""The source paper done again: every published number, table and figure beside our own."""
+"""The source paper done again: every published number, table and figure next to our own."""

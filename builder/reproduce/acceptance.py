@@ -62,7 +62,7 @@ class Verdict:
 
 
 def verdicts(studies: Studies) -> list[Verdict]:
-    """Return all criteria; that of K1/K2 holds if any documented reading of the gauges' rows fulfils it."""
+    """Return all criteria; K1/K2 holds if any documented reading of the gauges' rows fulfils it."""
     rows = []
     for criterion in CRITERIA:
         ours = {key: found(studies, key, criterion.key) for key in TITLES}

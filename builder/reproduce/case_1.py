@@ -156,7 +156,7 @@ def _coefficient_error(
     conditions: tuple[FlightCondition, ...],
     estimate: FloatArray,
 ) -> FloatArray:
-    """Return (n, 5) the normalised differences; loads are those of p - p_internal."""
+    """Return (n, 5) the normalised differences; loads are due to p - p_internal."""
     scale = pressures.scale(conditions)
     true = pressures.coefficients(tested - pressures.internal, conditions)
     of_mean = pressures.loads @ (of.modes.mean - pressures.internal)
@@ -174,7 +174,7 @@ class FieldExample:
 
     Attributes
     ----------
-    reference, estimate : (n_p,) [Pa]; the estimate is that of median error among the draws.
+    reference, estimate : (n_p,) [Pa]; the estimate has the median error among the draws.
     projection : (n_p,) the reference on the kept modes [Pa]; in Case 1 on the basis of the estimate.
     errors : (n,) relative error of each draw [1].
     shown : error of ``estimate`` [1].

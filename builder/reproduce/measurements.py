@@ -128,7 +128,7 @@ class HoopRow:
 
 
 def hoop_rows(models: Mapping[str, StrainModel], true: StrainModel, pressures: Pressures) -> list[HoopRow]:
-    """Compare strains of the models over P1 with those of ``true``, gauges of Configuration 2."""
+    """Compare strains of the models over P1 with the strains of ``true``, gauges of Configuration 2."""
     net = pressures.p1 - pressures.internal
     sigma = noise_sigma(true, net)
     names = SHIPPED.configuration(2)
@@ -235,7 +235,7 @@ class ClassRow:
 def class_rows(
     model: StrainModel, layouts: Mapping[str, list[str]], prior: LowRankPrior, grid: SurfaceGrid, area: FloatArray
 ) -> list[ClassRow]:
-    """Return the four symmetry classes of each layout; ``area`` (n_p,) is that of the nodes [m2]."""
+    """Return the four symmetry classes of each layout; ``area`` (n_p,) is the area of the nodes [m2]."""
     point = np.column_stack(
         [
             np.repeat(grid.x, grid.n_roll),

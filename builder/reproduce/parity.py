@@ -1,4 +1,4 @@
-"""The comparison: every published number beside ours in three set-ups, with the reason for a difference."""
+"""The comparison: every published number next to ours in three set-ups, with the reason for a difference."""
 
 from __future__ import annotations
 

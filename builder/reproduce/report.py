@@ -29,9 +29,9 @@ SETUP_TEXT = (
     "Paper-like: linear tetrahedra, with constant strain in each element, read from the element of the gauge. The "
     "data come from the map's own mesh and, where the source does so, from flight conditions of the snapshots.",
     "Converged, same mesh: quadratic hexahedra, gauges at their positions; otherwise the same.",
-    "Independent data: the map is that of the quadratic hexahedra. The strains come from the Fourier model, a "
+    "Independent data: the map is made from the quadratic hexahedra. The strains come from the Fourier model, a "
     "different discretisation with its own load map, under pressures of a finer flow grid, at conditions whose "
-    "flows are not among the snapshots. Statistics of Case 1 are over 40 conditions between those of P1. For "
+    "flows are not among the snapshots. Statistics of Case 1 are over 40 conditions between P1's. For "
     "M5 a6 b5 and M5 a6 b6 the condition and its mirror images are left out of the snapshots.",
 )
 

@@ -34,7 +34,7 @@ class Pressures:
     Attributes
     ----------
     p1, p2 : (90, n_p), (243, n_p) snapshots that maps are built on [Pa].
-    held_out : (40, n_p) at conditions between those of P1, on a finer flow grid [Pa].
+    held_out : (40, n_p) at conditions between the conditions of P1, on a finer flow grid [Pa].
     examples, fine_examples : (4, n_p) of :data:`~builder.reproduce.protocol.EXAMPLES`, on the snapshots' flow grid
         and on the finer one [Pa].
     internal : pressure inside the body [Pa].
@@ -77,7 +77,7 @@ def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
     for held, sets in ((snapshots, (P1.conditions, P2.conditions)), (fine, (HELD_OUT.conditions,))):
         expected = [one.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for one in part]
         if not np.array_equal(held.condition, expected):
-            raise InputError("snapshots: the conditions are not those of the source's protocol")
+            raise InputError("snapshots: the conditions do not follow the source's protocol")
     reference = snapshots.reference_quantities
     area = _node_area(mesh_of_grid(grid).node_area, grid.n_roll)
     return Pressures(
@@ -117,7 +117,7 @@ class SetUp:
 
     @property
     def held_out(self) -> bool:
-        """Whether the flows of the data differ from those of the map."""
+        """Whether the flows of the data differ from the flows of the map."""
         return self.key == INDEPENDENT
 
 

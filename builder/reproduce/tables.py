@@ -36,7 +36,7 @@ def parity_table(rows: list[ParityRow]) -> Table:
         *((partial(_shown, setup), Column(title)) for setup, title in TITLES.items()),
         ("why", Column("reason for the difference")),
     )
-    return records_table("parity", "Every published number beside ours, in three set-ups", rows, columns)
+    return records_table("parity", "Every published number next to ours, in three set-ups", rows, columns)
 
 
 def _shown(setup: str, row: ParityRow) -> str:

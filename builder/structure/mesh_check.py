@@ -21,7 +21,7 @@ class MeshCheck:
     against : what it is, in words.
     factor : error of the structure over the difference of the two.
     strain_operator : (n_d, n_q) strain per pressure at its nodes [1/Pa].
-    point, triangle : (n_q, 3) [m], (n_t, 3) its surface; None where it is that of the structure.
+    point, triangle : (n_q, 3) [m], (n_t, 3) its surface; None where it is the surface of the structure.
 
     Raises
     ------

@@ -50,7 +50,7 @@ def structure_misfits(structure: Structure, vehicle: Vehicle) -> list[Misfit]:
 
 
 def on_solid_model(vehicle: Vehicle) -> Vehicle:
-    """Return the vehicle with the three-dimensional model as that of its map, whatever its file says."""
+    """Return the vehicle with the three-dimensional model for its map, whatever its file says."""
     return vehicle.model_copy(update={"structure": vehicle.structure.model_copy(update={"model": "solid"})})
 
 

@@ -81,7 +81,7 @@ class RingFrame:
     station : middle, on the inner surface [m].
     width : along the axis [m].
     depth : from the inner surface towards the axis [m]; None for a closed bulkhead.
-    material : of the ring; None for that of the wall there.
+    material : of the ring; None for the material of the wall there.
     density : of that material [kg/m3].
     """
 
@@ -99,7 +99,7 @@ class RingFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightMasses:
-    """Masses of a body that nothing holds, beside those of wall and frames.
+    """Masses of a body that nothing holds, in addition to the masses of wall and frames.
 
     Attributes
     ----------

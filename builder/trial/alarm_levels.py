@@ -53,7 +53,7 @@ class AlarmLevels:
 def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
     """Return ``inverse_map`` with the alarm levels that meet the stated rate on ``flights``.
 
-    The rate is that of any alarm; both tests get the same rate of their own. Where a level would need a factor
+    The rate counts any alarm; both tests get the same rate of their own. Where a level would need a factor
     above :data:`LARGEST_SCALE`, map and independent model do not describe the same vehicle: it stays, and the
     provenance holds the factor.
 
@@ -101,7 +101,7 @@ def alarm_levels(
     """Return the levels from chi-square and the squared largest |z| (n,), each over its present level.
 
     Present levels are in proportion to ``expected`` (n,), the expected chi-square over that at the mean strain;
-    ``incidence`` (n,) is that of the flights [rad].
+    ``incidence`` (n,) is the incidence of the flights [rad].
     """
     ratios = np.stack([chi_square, outlier])
     slope = level_slope(ratios, expected, incidence)
@@ -157,7 +157,7 @@ def linear_tests(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatAr
 def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseMap:
     """Return ``inverse_map`` with the levels of its nonlinear estimator that meet the stated rate on ``flights``.
 
-    They are those of chi-square, of the largest leave-one-out residual, and of the shapes of pressure off the
+    They are the levels of chi-square, of the largest leave-one-out residual, and of the shapes of pressure off the
     tables together. Levels that would need a factor above :data:`LARGEST_SCALE` stay the theory's.
     """
     manifold = inverse_map.manifold
@@ -192,7 +192,7 @@ def ratios_and_health(
 
     Estimates start as steps along a flight do, from the states that vehicles estimate there, or, with ``search``,
     from a search of the tables. Weights at the true states would give other tests: a vehicle's errors last, and
-    its estimates err by as much in every step.
+    its estimates are wrong by as much in every step.
     """
     manifold, estimator = inverse_map.manifold, Estimator(inverse_map)
     assert manifold is not None

@@ -53,8 +53,8 @@ def cramer_rao_bound(
     Parameters
     ----------
     conditions : k true flight conditions.
-    known : what the estimator is given beside strain, as in :data:`KNOWN`.
-    dynamic_pressure_std : of the stated q_inf [Pa]; NaN for that of the map.
+    known : what the estimator is given in addition to strain, as in :data:`KNOWN`.
+    dynamic_pressure_std : of the stated q_inf [Pa]; NaN for the map's own.
     """
     manifold = inverse_map.manifold
     if manifold is None:

@@ -1,8 +1,8 @@
-"""Where vehicles fly in a trial: random conditions inside the envelope of a map, between those of its snapshots.
+"""Where vehicles fly in a trial: random conditions inside the envelope of a map, between its snapshots.
 
 Every program draws by the same rules: Mach number and altitude uniform in their ranges, angles of a body of
 revolution by :func:`drawn_conditions`, of any other shape by :func:`conditions_in_ranges`. What differs between
-programs is the range of altitudes that each wants, and that of the angles.
+programs is the ranges of altitudes and angles that each wants.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def listed_altitudes_km(vehicle: Vehicle) -> tuple[float, float]:
 def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITUDES_KM) -> tuple[float, float]:
     """Return lowest and highest altitude [km] of ``wanted_km`` that the map holds at.
 
-    They are its own where it holds at none of these; in form "absolute" those of the flight conditions.
+    They are its own where it holds at none of these; in form "absolute" the altitudes of the flight conditions.
     """
     if not vehicle.map.follows_pressure:
         return listed_altitudes_km(vehicle)
@@ -106,7 +106,7 @@ def held_out_conditions(
 def conditions_in_ranges(
     vehicle: Vehicle, altitudes_km: tuple[float, float], count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
-    """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, further parameters.
+    """Return ``count`` conditions, uniform in what the file lists: Mach number, both angles, flow parameters.
 
     For vehicles of any shape: nothing is rolled.
     """

@@ -46,7 +46,7 @@ class Readings:
     ----------
     strain : (n, n_d) readings [m/m], of auxiliary sensors in units of their own; (n, s, n_d) where each sample is
         the last of s readings in a flight of its own.
-    known : what is known beside: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
+    known : what else is known: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
         each one value for all samples, (n,), or a mapping of such.
     time : (s,) of the readings of a flight [s]; None where each sample is one reading.
     """

@@ -13,9 +13,9 @@ TAIL = 0.01
 def tail_quantile(values: FloatArray, probability: float) -> float:
     """Return the value that is exceeded with ``probability``.
 
-    Below ``TAIL`` it is that of the generalised Pareto distribution with the probability-weighted moments of the
-    exceedances (Hosking and Wallis, Technometrics 29, 1987): its error is a fraction of that of the one or two
-    largest values of a sample.
+    Below ``TAIL`` it is the value of the generalised Pareto distribution with the probability-weighted moments of
+    the exceedances (Hosking and Wallis, Technometrics 29, 1987): its error is a fraction of the error of the one
+    or two largest values of a sample.
     """
     ordered = np.sort(values)
     n = len(ordered)

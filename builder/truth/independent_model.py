@@ -58,9 +58,9 @@ class FlownPhysics:
 
 
 def flown_physics(vehicle: Vehicle, engine: str) -> FlownPhysics:
-    """Return the physics of the vehicle that flies in a demonstration, and that of the map.
+    """Return the physics of the vehicle that flies in a demonstration, and the physics of the map.
 
-    ``engine`` is that of the snapshots, which an option may have set.
+    ``engine`` is the engine of the snapshots, which an option may have set.
     """
     return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_of_revolution else engine, of_map=engine)
 

@@ -57,7 +57,7 @@ def unused_entries(vehicle: Vehicle) -> Iterator[str]:
 def check_map_size(vehicle: Vehicle, n_gauges: int, n_conditions: int | None = None) -> None:
     """Refuse more modes, or modes of the prior, than the gauges or the snapshots can carry.
 
-    ``n_conditions`` is the number of snapshots; by default that of the vehicle file's conditions.
+    ``n_conditions`` is the number of snapshots; by default the number of the vehicle file's conditions.
 
     Raises
     ------

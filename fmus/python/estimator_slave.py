@@ -1,7 +1,7 @@
 """The estimator as a PythonFMU slave: strains and dynamic pressure in; coefficients and health out.
 
 The export copies this file into the FMU and renames the package ``strainfmu`` in its imports to the copy
-that lies beside it, so that FMUs of different maps or versions never share a module in one process.
+that lies next to it, so that FMUs of different maps or versions never share a module in one process.
 An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here raises once the map is loaded.
 """
 
@@ -103,7 +103,7 @@ class EstimatorSlave(Fmi2Slave):
         self._time, self._end = 0.0, 0.0
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """Return the model description that the export laid beside this file (packaging only)."""
+        """Return the model description that the export laid next to this file (packaging only)."""
         return parse(Path(self.resources) / "model_description.xml").getroot()
 
     def do_step(self, current_time: float, step_size: float) -> bool:

@@ -1,7 +1,7 @@
 """The vehicle on its trajectory as a PythonFMU slave: true coefficients and noisy strains out.
 
 The export copies this file into the FMU and renames the package ``strainfmu`` in its imports to the copy
-that lies beside it, so that FMUs of different models or versions never use the same module in one process.
+that lies next to it, so that FMUs of different models or versions never use the same module in one process.
 An exception that reaches PythonFMU's wrapper kills the FMU, so nothing here raises once the model is loaded.
 """
 
@@ -49,7 +49,7 @@ class PlantSlave(Fmi2Slave):
         self._restart_noise()
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
-        """Return the model description that the export laid beside this file (packaging only)."""
+        """Return the model description that the export laid next to this file (packaging only)."""
         return parse(Path(self.resources) / "model_description.xml").getroot()
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:

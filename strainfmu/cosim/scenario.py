@@ -27,7 +27,7 @@ class Command:
 class FaultEvent:
     """From ``time`` [s] on a gauge or auxiliary sensor, by name or number from 1, has a fault.
 
-    ``value`` is that of its kind [m/m], or in the unit of a sensor where it is ``of_sensor``.
+    ``value`` is the value of its kind [m/m], or in the unit of a sensor where it is ``of_sensor``.
     """
 
     time: float
@@ -72,7 +72,7 @@ def load_scenario(path: Path, folder: Path | None = None) -> Scenario:
 
     Parameters
     ----------
-    folder : where ``map`` and ``flight_model`` lie, if not beside the scenario.
+    folder : where ``map`` and ``flight_model`` lie, if not next to the scenario.
 
     Raises
     ------

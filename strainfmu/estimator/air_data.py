@@ -26,8 +26,8 @@ NAVIGATION = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AirData:
-    """Air data of k samples, or of one; the last axis is that of :data:`AIR_DATA_NAMES`, ``wind_roll_angle``
-    phi_T that of the leeward meridian from +z towards +y.
+    """Air data of k samples, or of one; the last axis has the order of :data:`AIR_DATA_NAMES`, ``wind_roll_angle``
+    phi_T is the angle of the leeward meridian from +z towards +y.
 
     Attributes
     ----------

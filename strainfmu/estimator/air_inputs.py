@@ -29,7 +29,7 @@ class QSource(IntEnum):
     MACH_AND_PRESSURE = 2
     """Computed from Mach number and static pressure."""
     MACH_AND_ALTITUDE = 3
-    """Computed from Mach number and the standard atmosphere, or that of the day, at the altitude."""
+    """Computed from Mach number and the standard atmosphere, or the atmosphere of the day, at the altitude."""
 
 
 LARGEST_DIFFERENCE = 1.5e-3
@@ -131,7 +131,7 @@ _STATIC_PRESSURE = AirInput(
     symbol="p_inf",
     unit="Pa",
     shown=None,
-    text="Static pressure by navigation, goes before altitude; {not_given} takes that of the standard atmosphere "
+    text="Static pressure by navigation, goes before altitude; {not_given} takes the standard atmosphere "
     "at altitude",
     aliases=("p", "pinf", "ps", "pstatic", "ambientpressure"),
     smallest=1e-6,
@@ -171,7 +171,7 @@ _Q_SOURCE = AirInput(
     unit="1",
     shown=None,
     text=f"{_Q_SOURCE_TEXT}; a computed one counts as no measurement",
-    text_of_linear=f"{_Q_SOURCE_TEXT}; a computed one has the deviation of what it is computed from",
+    text_of_linear=f"{_Q_SOURCE_TEXT}; a computed one has the error of what it is computed from",
     note=" " + ", ".join(f"{one.value} {one.name}" for one in QSource),
     aliases=("qsource", "dynamicpressuresource", "pressuresource"),
     largest=float(max(QSource)),
@@ -256,9 +256,9 @@ _VIBRATION = AirInput(
     unit="1",
     shown="um/m",
     text="Standard deviation of the strain by vibration at the gauge that it strains most; widens sigma; "
-    f"{NOT_KNOWN:g} or NaN takes that of the map",
+    f"{NOT_KNOWN:g} or NaN takes the value of the map",
     text_of_linear="-",
-    note=f" of the gauge that vibrates most; {NOT_KNOWN:g} or NaN takes that of the map",
+    note=f" of the gauge that vibrates most; {NOT_KNOWN:g} or NaN takes the value of the map",
     aliases=("vibrationstrain", "strainvibration"),
     largest=1e-2,
     is_later=True,
@@ -275,7 +275,7 @@ MEASURED_MOTION = (
 INERTIAL_INPUTS = (*MEASURED_MOTION, _VIBRATION)
 """Those of maps with masses alone, of an inertial unit and of vibration, in their order in a record of the core.
 
-Specific force is acceleration less that of gravity, as an accelerometer reads it."""
+Specific force is acceleration without gravity, as an accelerometer reads it."""
 
 INERTIAL_NAMES = tuple(one.name for one in INERTIAL_INPUTS)
 VIBRATION = _VIBRATION.name
@@ -286,7 +286,7 @@ AIR_INPUTS = (
         _DYNAMIC_PRESSURE,
         "{of.dynamic_pressure_error:g} of it",
         "widens sigma; {not_given} takes {of.dynamic_pressure_error:g} of dynamic_pressure",
-        note=" its standard deviation; not given: that of the map",
+        note=" its standard deviation; not given: the value of the map",
         aliases=("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"),
     ),
     _MACH_NUMBER,

@@ -26,8 +26,8 @@ OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
 """Standard deviations by which the flight state leaves the ranges of the map from which it is outside.
 
 The second holds where angle of attack and sideslip have ranges of their own: these are a few degrees wide, few
-deviations of the angles. At the very end of a range it takes 1 good flight in 44 for one outside, if errors are as
-large as stated.
+standard deviations of the angles. At the very end of a range it takes 1 good flight in 44 for one outside, if
+errors are as large as stated.
 """
 
 
@@ -50,7 +50,7 @@ def outside_score(manifold: ManifoldMap) -> float:
 
 
 def inverse_root(precision_diagonal: FloatArray, min_precision: FloatArray | float = 0.0) -> FloatArray:
-    """Return 1 / sqrt(P_ii) (n_d,) [m/m], the deviation of leave-one-out errors.
+    """Return 1 / sqrt(P_ii) (n_d,) [m/m], the standard deviation of leave-one-out errors.
 
     It is 0 where P_ii [1/(m/m)^2] <= ``min_precision``: no other gauge checks this one.
     """
@@ -142,7 +142,7 @@ def minimal_detectable_bias(precision: FloatArray, noncentrality: float) -> Floa
     """Return (n_d,) sqrt(lambda_0 / P_ii) [m/m], infinite for a gauge that no other checks.
 
     Source: Baarda (1968); Teunissen, Testing Theory: an Introduction (2000). ``precision`` is P (n_d, n_d)
-    [1/(m/m)^2], ``noncentrality`` that of :func:`detectable_noncentrality`.
+    [1/(m/m)^2], ``noncentrality`` comes from :func:`detectable_noncentrality`.
     """
     with np.errstate(divide="ignore"):
         return np.asarray(np.sqrt(noncentrality / np.diag(precision)))
@@ -160,7 +160,7 @@ def minimal_isolable_bias(
         Phi(k - delta) + sum_j Phi(-delta sqrt((1 - rho_ij) / 2)) + Phi(-delta sqrt((1 + rho_ij) / 2)),
 
     Bonferroni's bound on the events of Teunissen, Distributional theory for the DIA method (2018). Infinite where
-    |rho| = 1 or nothing checks the gauge. ``correlation`` is that of
+    |rho| = 1 or nothing checks the gauge. ``correlation`` comes from
     :func:`correlations`.
 
     Raises

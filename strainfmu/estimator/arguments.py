@@ -29,7 +29,7 @@ def real_numbers(name: str, values: ArrayLike) -> FloatArray:
 
 
 def is_series(strain: ArrayLike) -> bool:
-    """Return whether ``strain`` has two axes, those of samples and of sensors.
+    """Return whether ``strain`` has two axes, samples and sensors.
 
     Raises
     ------

@@ -83,7 +83,7 @@ class Core:
     ----------
     resource : bytes of ``map.bin`` that it was opened with.
     n_rows : number of sensors of the map.
-    inputs, settings, outputs, fit : layouts of its records; those of ``fit`` begin behind the outputs.
+    inputs, settings, outputs, fit : layouts of its records; the fields of ``fit`` begin behind the outputs.
     tare_outcome : layout of what a tare finds.
     most_iterations : Gauss-Newton iterations that no sample exceeds; 0 of a map without tables.
     """
@@ -254,7 +254,8 @@ class Core:
     def tare(self, limits: FloatArray, strain: FloatArray, dynamic_pressure: FloatArray) -> Outcome:
         """Return the outcome of a window: ``strain`` (n, n_d) [m/m] and ``dynamic_pressure`` (n,) [Pa].
 
-        ``limits`` are (3 + 2 n_d,): largest dynamic pressure, zero and drift, then known strain and its deviation.
+        ``limits`` are (3 + 2 n_d,): largest dynamic pressure, zero and drift, then known strain and its standard
+        deviation.
         """
         found, bounds = self._new_outcome(), np.ascontiguousarray(limits)
         readings, pressures = np.ascontiguousarray(strain), np.ascontiguousarray(dynamic_pressure)

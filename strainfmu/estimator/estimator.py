@@ -103,7 +103,7 @@ class _Samples:
 
 
 def _source_number(source: QSource | str | ArrayLike) -> Any:
-    """Return the number of a source of the dynamic pressure, or the numbers of those of each sample.
+    """Return the number of a source of the dynamic pressure, or the numbers of the sources of each sample.
 
     Raises
     ------
@@ -164,7 +164,7 @@ class Estimator:
         """Prepare ``inverse_map``; None takes the settings that it was built with, and the zero offsets that it
         holds.
 
-        ``filter_time_constant`` [s] is that of :meth:`track`, 0 for none: see :meth:`filter`.
+        ``filter_time_constant`` [s] is the time constant of :meth:`track`, 0 for none: see :meth:`filter`.
 
         Raises
         ------
@@ -324,13 +324,13 @@ class Estimator:
 
         Parameters
         ----------
-        strain : (n_d,) or (k, n_d) readings [m/m], those of auxiliary sensors in units of their own, in the order
-            of ``inverse_map.gauge_names``.
+        strain : (n_d,) or (k, n_d) readings [m/m], readings of auxiliary sensors in units of their own, in the
+            order of ``inverse_map.gauge_names``.
         dynamic_pressure, mach_number, static_pressure : q_inf [Pa], M [1], p_inf [Pa], one for all samples or
             (k,); NaN where not known. A linear map needs q_inf, and uses M for health alone.
         valid : (n_d,) or (k, n_d) of bool, false for sensors to leave out; None for none.
-        dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes those of
-            the map.
+        dynamic_pressure_std, mach_number_std, static_pressure_std : their standard deviations; NaN takes the
+            values of the map.
         altitude : geopotential [m]; gives p_inf of the standard atmosphere where ``static_pressure`` is not known.
         total_temperature, total_temperature_std : T0 [K] of a perfect gas and its standard deviation, NaN takes
             1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
@@ -459,8 +459,8 @@ class Estimator:
     def track_again(self, samples: FloatArray, mask: BoolArray | None, time: FloatArray) -> Estimate:
         """Return estimates of k samples that an estimator of the same map has seen before, as :meth:`track`.
 
-        ``samples`` (k, n_inputs) are those of its estimates, ``mask`` (k, n_d) the sensors that were not left out,
-        None for all, ``time`` (k,) [s].
+        ``samples`` (k, n_inputs) are the inputs of its estimates, ``mask`` (k, n_d) the sensors that were not left
+        out, None for all, ``time`` (k,) [s].
         """
         core = self._tracks or self._new_track()
         with self._lock:
@@ -759,4 +759,4 @@ def _refuse_without_altitude(total_temperature: ArrayLike, altitude: ArrayLike) 
     """Refuse total temperatures without an altitude, from which the static one follows."""
     total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers(ALTITUDE, altitude)
     if np.any(total > 0.0) and not np.any(height > 0.0):
-        raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude beside it, got none")
+        raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude with it, got none")

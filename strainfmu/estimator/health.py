@@ -17,9 +17,9 @@ class HealthState(IntEnum):
     INCONSISTENT = 1
     """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
     NO_COEFFICIENTS = 2
-    """Dynamic pressure is not given (0, below, or no number), is above 1e7 Pa, or its deviation is negative or
-    infinite: no coefficients. A map in form "absolute" still gives loads, and chi-square refers to them; in form
-    "dynamic_pressure" nothing is known without q_inf."""
+    """Dynamic pressure is not given (0, below, or no number), is above 1e7 Pa, or its standard deviation is
+    negative or infinite: no coefficients. A map in form "absolute" still gives loads, and chi-square refers to
+    them; in form "dynamic_pressure" nothing is known without q_inf."""
     INVALID = 3
     """No gauge gives a valid strain, or all that do read exactly zero in a flow, as no gauge under load does:
     nothing can be computed. The linear estimator takes a dynamic pressure for a flow, the nonlinear one any
@@ -35,7 +35,7 @@ class HealthState(IntEnum):
     """The chi-square is in order, but one gauge does not fit the others: its z is above its alarm level."""
     OUTSIDE = 7
     """Dynamic pressure, navigation or the estimated coefficients leave what the snapshots of the map cover, or
-    navigation contradicts the dynamic pressure: the stated deviations need not hold."""
+    navigation contradicts the dynamic pressure: the stated standard deviations need not hold."""
 
     @property
     def usable(self) -> bool:

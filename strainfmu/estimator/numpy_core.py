@@ -77,8 +77,9 @@ from strainfmu.estimator.zeros.tare_edge import TareState
 
 
 class _Flow(NamedTuple):
-    """Dynamic pressure and its deviation [Pa], whether they give coefficients, whether the flow is outside of the
-    map (k,) each, the part of its range by which each parameter leaves it (k, n_p), and all air data by name."""
+    """Dynamic pressure and its standard deviation [Pa], whether they give coefficients, whether the flow is
+    outside of the map (k,) each, the part of its range by which each parameter leaves it (k, n_p), and all air
+    data by name."""
 
     pressure: FloatArray
     std: FloatArray
@@ -89,7 +90,7 @@ class _Flow(NamedTuple):
 
 
 class NumpyCore:
-    """The linear estimator of one map; attributes as those of :class:`~strainfmu.estimator.core.Core`."""
+    """The linear estimator of one map; attributes as in :class:`~strainfmu.estimator.core.Core`."""
 
     def __init__(self, inverse_map: InverseMap, resource: bytes) -> None:
         """Prepare ``inverse_map``.

@@ -30,7 +30,7 @@ FIVE_LOADS, OTHER_LOADS = slice(0, 5), slice(5, None)
 """Rows of the five loads, which every map has, and of those behind them."""
 
 LIKE_THE_WIDEST = 5
-"""Of a load that is like none of the five: its deviation grows as that of the five which grows most."""
+"""Of a load that is like none of the five: its standard deviation grows as the fastest of the five."""
 
 SIGMA = "sigma."
 
@@ -48,7 +48,8 @@ class LoadKind:
     text, coefficient_text : what load and coefficient are, with the sign.
     unit, shown : "N" or "N.m", and the unit that people read, with or without a k in front.
     step : of the standard deviation in a classic frame, which is rounded up to whole steps.
-    like : number of the load among the five whose deviation grows as its does, or :data:`LIKE_THE_WIDEST`.
+    like : number of the load among the five whose standard deviation grows as its own does, or
+        :data:`LIKE_THE_WIDEST`.
     """
 
     key: str
@@ -139,7 +140,7 @@ class LoadArray:
 
     @property
     def name(self) -> str:
-        """Name of the array in FMI 3.0; of the whole body that of the scalar."""
+        """Name of the array in FMI 3.0; of the whole body the name of the scalar."""
         load = self.group.load
         return f"{SIGMA if self.is_std else ''}{load.coefficient if self.is_coefficient else load.output}"
 
@@ -161,7 +162,7 @@ class LoadArray:
 
     @property
     def value(self) -> int:
-        """Number of what it holds: 0 loads, 1 their deviations, 2 coefficients, 3 their deviations."""
+        """Number of what it holds: 0 loads, 1 their sigma, 2 coefficients, 3 their sigma."""
         return 2 * self.is_coefficient + self.is_std
 
 
@@ -189,7 +190,8 @@ def groups_among(outputs: Container[str], places: Mapping[str, Sequence[str]]) -
 def load_arrays(groups: tuple[LoadGroup, ...]) -> tuple[LoadArray, ...]:
     """Return the outputs of ``groups`` in their order.
 
-    Family by family come coefficients, if an FMU states them, and their deviations, then loads and deviations.
+    Family by family come coefficients, if an FMU states them, and their standard deviations, then loads and
+    standard deviations.
     """
     return tuple(
         LoadArray(group, is_coefficient, is_std)
@@ -203,7 +205,7 @@ def load_arrays(groups: tuple[LoadGroup, ...]) -> tuple[LoadArray, ...]:
 
 @lru_cache(maxsize=64)
 def output_places(groups: tuple[LoadGroup, ...]) -> IntArray:
-    """Return the place of each output in loads, their deviations, coefficients, their deviations end to end."""
+    """Return the place of each output in one row of loads, their sigma, coefficients and their sigma."""
     m = number_of(groups)
     starts = [one.value * m + one.group.first for one in load_arrays(groups)]
     sizes = [one.group.size for one in load_arrays(groups)]
@@ -231,7 +233,7 @@ def is_moment(groups: Sequence[LoadGroup]) -> BoolArray:
 
 
 def column_of(output: str) -> str | None:
-    """Return the column of an output; None where it is no load behind the five, coefficient or deviation."""
+    """Return the column of an output; None where it is no load behind the five, coefficient or sigma."""
     sigma = SIGMA if output.startswith(SIGMA) else ""
     stem, bracket, number = output.removeprefix(SIGMA).partition("[")
     column = _columns().get(stem)
@@ -239,7 +241,7 @@ def column_of(output: str) -> str | None:
 
 
 def is_column(name: str) -> bool:
-    """Return whether ``name`` is a column of a load behind the five, of a coefficient or a deviation."""
+    """Return whether ``name`` is a column of a load behind the five, of a coefficient or a standard deviation."""
     return name.removeprefix(SIGMA).partition("[")[0] in _columns().values()
 
 

@@ -31,13 +31,13 @@ SEARCH_EVERY = 10
 """Steps from one search of the tables, for what else fits, to the next."""
 
 RETURN_AFTER = 5
-"""Steps in a row that must fit the tables before their loads follow those of the linear map again."""
+"""Steps in a row that must fit the tables before their loads follow the linear map's again."""
 
 # Air data that do not fit.
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
 """Rates at which correct values of :data:`~strainfmu.estimator.air_data.NAVIGATION` are left out. M and p_inf: at
-a lower rate 5 sigma would pass. q_inf: without it coefficients are those of the estimated flight state."""
+a lower rate 5 sigma would pass. q_inf: without it coefficients follow the estimated flight state."""
 
 NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
 """Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""

@@ -31,7 +31,7 @@ SETTING_INPUTS = (
         name="alarm_scale",
         label="Alarm scale",
         unit="1",
-        text="Factor on the limit of chi-square, and on the square of that of one gauge",
+        text="Factor on the limit of chi-square, and on the square of the limit of one gauge",
         note="[1] factor on the detection thresholds",
     ),
     SettingInput(

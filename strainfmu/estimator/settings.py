@@ -28,8 +28,8 @@ class EstimatorSettings:
     reference_length : L [m] that moment coefficients are referred to besides.
     moment_station : x [m] of the moment point on the axis, aft from the nose tip.
     sensor_range : largest |strain| of a working gauge [m/m].
-    alarm_scale : factor on the alarm level of chi-square, and on the square of that of the largest |z| [1]. 4 is
-        twice the noise in every gauge before the same rate of false alarms.
+    alarm_scale : factor on the alarm level of chi-square, and on the square of the level of the largest |z| [1]. 4
+        is twice the noise in every gauge before the same rate of false alarms.
     """
 
     reference_area: float

@@ -1,7 +1,7 @@
 """The estimator of a map as a folder of C sources, for computers without FMI: what the folder holds.
 
-``fmus/c`` has the files that are the same for every map. The sources are those of the native library, without the
-fronts of FMI and what serves them alone.
+``fmus/c`` has the files that are the same for every map. The sources come from the native library,
+without the fronts of FMI and what serves them alone.
 """
 
 from __future__ import annotations

@@ -117,8 +117,8 @@ class ExportOptions:
     model_name : name of the model that tools show.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
         that which the map was built for.
-    zero_inputs : whether an FMU of scalars lists zeros of the gauges, their deviations, and those that a tare has
-        taken; one of arrays always does.
+    zero_inputs : whether an FMU of scalars lists zeros of the gauges, their standard deviations, and the zeros
+        that a tare has taken; one of arrays always does.
     tare_known : file, in the form of zeros, of the strain of the loads that act while the FMU takes a tare, as own
         weight; None for none.
     """
@@ -144,7 +144,7 @@ class ExportOptions:
         if self.scalars and self.fmi_version != "3":
             raise InputError(f"scalars: fmi {self.fmi_version} found, expected 3: FMI 2.0 has scalars alone")
         if self.kind == "python" and self.platforms is not None:
-            raise InputError("platforms: FMUs of kind python have those of PythonFMU, linux64 and win64")
+            raise InputError("platforms: FMUs of kind python have the platforms of PythonFMU, linux64 and win64")
         if self.kind == "c":
             self._check_for_c()
 

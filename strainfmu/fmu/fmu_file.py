@@ -13,7 +13,7 @@ def check_fmu_path(path: Path) -> None:
     Raises
     ------
     InputError
-        The name does not end in ``.fmu``, or is that of a folder.
+        The name does not end in ``.fmu``, or is the name of a folder.
     """
     if path.suffix != ".fmu":
         raise InputError(f"{path}: the name of an FMU must end in .fmu")

@@ -63,7 +63,7 @@ def export_native_plant(
     ----------
     start : start values of the inputs and parameters.
     trajectory_path : the CSV table to fly, for ``Motion.TRAJECTORY`` and for it alone.
-    platforms : as those of the estimator's export; None for all.
+    platforms : as for the estimator's export; None for all.
     seed : start value of the noise's.
 
     Raises

@@ -30,7 +30,7 @@ _LARGEST_INTEGER = 2**31 - 1
 
 
 class ModelKind(IntEnum):
-    """Which model an FMU is; the order is that of system_model.c."""
+    """Which model an FMU is; the order is as in system_model.c."""
 
     PLANT = 0
     AUTOPILOT = 1

@@ -1,4 +1,4 @@
-"""What an FMU of this project states beside its model description: the entries of ``contents.json``.
+"""What an FMU of this project states in addition to its model description: the entries of ``contents.json``.
 
 :func:`estimator_contents` makes the entries of an estimator from its map, :func:`stated_contents` reads them.
 Programs take names, positions and limits from here: descriptions are for people.

@@ -17,7 +17,7 @@ HEALTH_ITEMS = (
     ),
     (
         HealthState.NO_COEFFICIENTS,
-        "Dynamic pressure is not 1e-6 to 1e7 Pa, or its deviation impossible: no coefficients",
+        "Dynamic pressure is not 1e-6 to 1e7 Pa, or its sigma impossible: no coefficients",
     ),
     (
         HealthState.INVALID,
@@ -59,5 +59,5 @@ ENUMERATIONS: dict[str, tuple[str, Items]] = {
 
 
 def used_enumerations(declared: set[str | None]) -> dict[str, tuple[str, Items]]:
-    """Return those of :data:`ENUMERATIONS` whose names are among ``declared``."""
+    """Return the entries of :data:`ENUMERATIONS` whose names are among ``declared``."""
     return {name: one for name, one in ENUMERATIONS.items() if name in declared}

@@ -1,8 +1,8 @@
 """The interface of the estimator FMU: every variable described once.
 
 :func:`estimator_interface` gives the variables in the order of ``ModelVariables`` of FMI 2.0, scalar by scalar;
-the value reference of a variable is its index in that order. :func:`estimator_arrays` turns the list into that of
-FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
+the value reference of a variable is its index in that order. :func:`estimator_arrays` turns the list into the list
+of FMI 3.0. The model descriptions, the documentation page and the FMUs' code all follow these lists.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def estimator_interface(inverse_map: InverseMap) -> tuple[Variable, ...]:
 def output_values(estimate: Estimate, with_other_loads: bool = False) -> list[float]:
     """Return the outputs of ``estimate`` in the order of their value references; the state of the tare is none.
 
-    ``with_other_loads`` for maps that have loads beside the five as outputs
+    ``with_other_loads`` for maps that have loads in addition to the five as outputs
     (:func:`~strainfmu.interface.other_load_variables.has_other_outputs`).
     """
     of_flight = flight_outputs(estimate) if len(estimate.air_data_used) > 0 else ()
@@ -242,7 +242,7 @@ _USE = {False: "turns loads into coefficients", True: "weights of the strains fo
 def _pressure_of_loads(inverse_map: InverseMap) -> tuple[str, ...]:
     """Return the inputs besides gauges that loads depend on: none in form "absolute".
 
-    In form "dynamic_pressure" there are no loads where the deviation is impossible.
+    In form "dynamic_pressure" there are no loads where the standard deviation is impossible.
     """
     return FLOW_INPUTS[:2] if inverse_map.follows_pressure else ()
 

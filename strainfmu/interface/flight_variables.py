@@ -1,6 +1,6 @@
 """What the interface of an FMU has besides where the map has tables over the flight state: navigation, air data.
 
-The names are those of the columns of recorded data.
+The names are as in the columns of recorded data.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _AIR_DATA_TEXT = (
 def flight_interface(
     linear: tuple[Variable, ...], manifold: ManifoldMap, gauges: tuple[str, ...]
 ) -> tuple[Variable, ...]:
-    """Return the variables of an FMU of the tables ``manifold``; ``linear`` are those of every map.
+    """Return the variables of an FMU of the tables ``manifold``; ``linear`` are the variables of every map.
 
     What the tables add comes last, so that all maps have the other value references in common. ``gauges`` are the
     names of strains and flags.
@@ -153,7 +153,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
     ]
     flags = {
         **{
-            f"identified.{value.name}": f"Whether strain and navigation bring the deviation of {value.name} below "
+            f"identified.{value.name}": f"Whether strain and navigation bring the sigma of {value.name} below "
             f"{MIN_GAIN:g} of what the ranges of the map give"
             for value in values
         },
@@ -161,7 +161,7 @@ def _air_data(manifold: ManifoldMap) -> list[Variable]:
             f"navigation_used.{name}": f"Whether {name} by navigation is known and agrees with strain and the rest"
             for name in NAVIGATION
         },
-        LINEAR_LOADS: "Whether loads and coefficients are those of the linear map: strain does not "
+        LINEAR_LOADS: "Whether loads and coefficients are the linear map's: strain does not "
         "fit the tables, or did not a few steps ago",
     }
     return [*values, *map(deviation_of, values), *(_flag(name, text) for name, text in flags.items())]

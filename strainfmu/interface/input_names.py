@@ -39,7 +39,7 @@ estimator takes."""
 
 
 def other_air_data(*, is_nonlinear: bool, has_masses: bool) -> tuple[str, ...]:
-    """Return those of :data:`OTHER_AIR_DATA` that an estimator takes.
+    """Return the names in :data:`OTHER_AIR_DATA` that an estimator takes.
 
     Mach number and pressures are of nonlinear ones, inertial inputs of maps with masses.
     """

@@ -20,7 +20,7 @@ _VALUES = (COEFFICIENT_ARRAY, FORCE, MOMENT, ROLLING, "moment.roll")
 
 
 def without_zeros(interface: Sequence[Variable], n_gauges: int) -> tuple[Variable, ...]:
-    """Return a list of scalars without zeros, their deviations, and what a tare has made of them.
+    """Return a list of scalars without zeros, their standard deviations, and what a tare has made of them.
 
     They are four of seven variables of an FMU with 54 gauges.
     """

@@ -34,14 +34,14 @@ def parameter_std_names(inverse_map: InverseMap) -> tuple[str, ...]:
 
 
 def follows_parameters(inverse_map: InverseMap) -> bool:
-    """Return whether the estimate follows parameters that are stated with a deviation."""
+    """Return whether the estimate follows parameters that are stated with a standard deviation."""
     return inverse_map.manifold is not None and inverse_map.manifold.parameters is not None
 
 
 def with_parameter_inputs(interface: Sequence[Variable], inverse_map: InverseMap) -> tuple[Variable, ...]:
-    """Return ``interface`` with the parameters behind it, then their scores, then their deviations.
+    """Return ``interface`` with the parameters behind it, then their scores, then their standard deviations.
 
-    Health depends on the parameters, and all that is estimated where deviations are inputs.
+    Health depends on the parameters, and all that is estimated where standard deviations are inputs.
     """
     known = flow_parameters(inverse_map)
     if not known.names:
@@ -52,7 +52,7 @@ def with_parameter_inputs(interface: Sequence[Variable], inverse_map: InverseMap
     named = list(zip(known.names, ranges, strict=True))
     before = (_depending(one, inverse_map) for one in interface)
     deviations = [_deviation(name) for name in known.names] if follows_parameters(inverse_map) else []
-    use = "sharpens the estimate where its deviation is stated" if deviations else "for health alone"
+    use = "sharpens the estimate where its sigma is stated" if deviations else "for health alone"
     values = [_value(name, f"{use}, {held} in the map") for name, held in named]
     return (*before, *values, *(_score(name, held) for name, held in named), *deviations)
 

@@ -80,7 +80,7 @@ def plant_interface(vehicle: StrainedVehicle) -> tuple[Variable, ...]:
         Variable(
             name="noise_std",
             description="Standard deviation of the noise on every strain"
-            + ("" if vehicle.sensors is None else "; that of auxiliary sensors is in proportion to it"),
+            + ("" if vehicle.sensors is None else "; the noise of auxiliary sensors is in proportion to it"),
             causality="parameter",
             variability="fixed",
             unit="1",

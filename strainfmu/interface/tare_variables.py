@@ -13,16 +13,16 @@ from strainfmu.interface.fmi_variables import Variable
 TARE_STATE = "tare_state"
 
 ZEROS_IN_USE = ("zero_in_use", "zero_in_use_std", "zero_in_use_common_std")
-"""Zeros, their deviations, and the one in common; the first two one for each gauge."""
+"""Zeros, their standard deviations, and the one in common; the first two one for each gauge."""
 
 TARE_ARRAYS = {
-    "zero_in_use": "Zero that is taken off each strain: that of the last tare, or zero; same order as strain",
+    "zero_in_use": "Zero that is subtracted from each strain: the last tare's, or zero; same order as strain",
     "zero_in_use_std": "Standard deviation of the error of each of zero_in_use",
 }
 
 
 def zero_in_use_names(n_gauges: int) -> tuple[str, ...]:
-    """Return the names of the zeros in use, of their deviations, and that of the deviation they have in common."""
+    """Return the names of the zeros in use, of their sigmas, and of the sigma that they have in common."""
     value, std, common = ZEROS_IN_USE
     each = range(1, n_gauges + 1)
     return (*(f"{value}[{i}]" for i in each), *(f"{std}[{i}]" for i in each), common)
@@ -62,7 +62,7 @@ def _in_use(name: str, gauge_names: Sequence[str]) -> Variable:
     text = "Standard deviation of an error that all of zero_in_use have in common"
     if index:
         gauge = gauge_names[int(index[:-1]) - 1]
-        text = f"Zero of gauge {gauge} that is taken off strain[{index}: that of the last tare, or zero[{index}"
+        text = f"Zero of gauge {gauge} that is subtracted from strain[{index}: the last tare's, or zero[{index}"
         if array != ZEROS_IN_USE[0]:
             text = f"Standard deviation of the error of zero_in_use[{index}, of gauge {gauge}"
     return Variable(

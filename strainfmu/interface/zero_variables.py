@@ -17,7 +17,7 @@ ZERO_ARRAYS = {
 
 
 def zero_names(n_gauges: int) -> tuple[str, ...]:
-    """Return the names of zeros, of their deviations, and that of the deviation they have in common."""
+    """Return the names of zeros, of their sigmas, and of the sigma that they have in common."""
     each = range(1, n_gauges + 1)
     return (*(f"zero[{i}]" for i in each), *(f"zero_std[{i}]" for i in each), ZERO_COMMON_STD)
 

@@ -122,7 +122,7 @@ class EventLog:
         suspect = result["suspect_gauge"]
         if suspect != (None if before is None else before["suspect_gauge"]):
             number = result["suspects"] or 0
-            others = f"; {number} that cannot be told apart" if number > 1 else ""
+            others = f"; {number} that cannot be distinguished" if number > 1 else ""
             what = f"gauge {suspect} suspect" if suspect else "no gauge suspect any more"
             why = f"does not fit the others{others}" if suspect else ""
             self._add(time, "suspect", "alarm" if suspect else "good", what, why)

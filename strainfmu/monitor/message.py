@@ -48,7 +48,7 @@ UNITS = {
     "bus": {"reconnects": "times"},
     "recording": {"frames": "frames", "lost": "frames"},
 }
-"""Unit of every number of a result, by its key; a code is a number whose name stands beside it."""
+"""Unit of every number of a result, by its key; a code is a number whose name stands next to it."""
 
 FIELD_UNITS = {"timestamp": "s since 1970", "x": "m", "roll_angle": "deg", "pressure_Pa": "Pa"}
 """Unit of every number of a pressure field."""

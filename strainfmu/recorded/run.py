@@ -131,7 +131,7 @@ def estimate_file(
     dynamic_pressure : q_inf of the whole file [Pa], instead of its column; NaN where it is not known.
     residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
     ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
-    channels : file that tells which channel is which gauge (channels.toml); None where gauges name them.
+    channels : file that states which channel is which gauge (channels.toml); None where gauges name them.
     check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
     time_constant : of a filter over time [s], None for none. Needs a map.
@@ -163,9 +163,7 @@ def estimate_file(
         if field_output is not None:
             _check_field(Path(field_output), estimator.inverse_map, source, time_constant)
         if channels is not None and ignore_columns:
-            raise InputError(
-                f"{data}: --ignore-columns: expected none beside --channels, which names what is read"
-            )
+            raise InputError(f"{data}: --ignore-columns: expected none with --channels, which names what is read")
         wanted = replace(
             _wanted(source, estimator, dynamic_pressure, ignore_columns),
             excluded=tuple(exclude),
@@ -263,9 +261,9 @@ def _own_zeros(source: Path, estimator: BlockEstimator, zeros: Path | None) -> l
 
 
 def _check_field(path: Path, inverse_map: InverseMap | None, source: Path, time_constant: float | None) -> None:
-    """Refuse pressure fields beside a filter, and what :func:`check_field_output` does."""
+    """Refuse pressure fields with a filter, and what :func:`check_field_output` does."""
     if time_constant is not None:
-        raise InputError("--field: expected none beside --filter, which does not filter the pressure field")
+        raise InputError("--field: expected none with --filter, which does not filter the pressure field")
     check_field_output(path, inverse_map, source)
 
 

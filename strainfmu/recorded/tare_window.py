@@ -47,7 +47,7 @@ def tare_file(
     Parameters
     ----------
     known : strain of the loads that act meanwhile, None for none.
-    channels : file that tells which channel is which gauge (channels.toml).
+    channels : file that states which channel is which gauge (channels.toml).
     date_order : what stands first in dates of figures, such as 03/04/2026; None where the recording has none.
 
     Raises

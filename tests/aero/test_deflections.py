@@ -196,7 +196,7 @@ def test_manifests_have_parameters(tmp_path: Path) -> None:
     table.write_text(TABLE, encoding="utf-8")
     assert [one.condition.parameters for one in load_manifest(table, ("flap_deg",)).cases] == [(-2.0,), (3.0,)]
     table.write_text(TABLE.replace(",3\n", ",-2\n"), encoding="utf-8")
-    with pytest.raises(InputError, match=r"line 3: .*parameters -2 is already that of line 2"):
+    with pytest.raises(InputError, match=r"line 3: .*parameters -2 already belongs to line 2"):
         load_manifest(table, ("flap_deg",))
 
 

@@ -1,9 +1,12 @@
-"""The help of the program and of every command: panels, pages, sentences, and options that go together."""
+"""The help of the program and of every command: panels, pages, and options that go together.
+
+Its words and sentences have the limits in ``tests/docs/test_word_budgets.py``.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +26,6 @@ ROOT = Path(__file__).parents[2]
 # get_command returns the group of all commands; its type is that of any command.
 PROGRAM: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
 
-AVOIDED = re.compile(
-    r"\b(that of|those of|in place of|tells?|told|believed|anew|without a word|whichever|manifold|taken off)\b"
-)
-LONGEST_SENTENCE = 35
-
 
 def parameter(command: str, name: str) -> Any:
     return next(one for one in PROGRAM[command].params if one.name == name)
@@ -35,14 +33,6 @@ def parameter(command: str, name: str) -> Any:
 
 def option(command: str, name: str) -> str:
     return str(max(parameter(command, name).opts, key=len))
-
-
-def texts(command: str) -> Iterator[str]:
-    """Yield the paragraphs of a command's help without its examples, and the help of its parameters."""
-    for paragraph in PROGRAM[command].help.split("\n\n"):
-        if not paragraph.startswith(" "):
-            yield paragraph
-    yield from (one.help or "" for one in PROGRAM[command].params)
 
 
 def test_the_program_shows_five_panels_and_the_use_of_a_map_first(run: Run) -> None:
@@ -70,15 +60,6 @@ def test_layout_and_rules_name_parameters_of_the_commands() -> None:
         names = [name for options in panels.values() for name in options]
         assert len(names) == len(set(names)), command
         assert set(names) <= {one.name for one in PROGRAM[command].params}, command
-
-
-@pytest.mark.parametrize("command", PAGES)
-def test_sentences_of_the_help_are_short_and_paragraphs_are_one_line(command: str) -> None:
-    for text in texts(command):
-        assert "\n" not in text
-        assert not AVOIDED.search(text), text
-        for sentence in re.split(r"(?<=[.:])\s", text):
-            assert len(sentence.split()) <= LONGEST_SENTENCE, sentence
 
 
 def test_a_paragraph_becomes_one_line_with_its_indent() -> None:

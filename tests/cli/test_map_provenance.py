@@ -74,7 +74,7 @@ def test_every_entry_is_in_words_with_units() -> None:
 def test_levels_of_the_theory_are_called_so() -> None:
     facts = {"alarm_levels": {"chi_square_scale": 9.0, "outlier_scale": 9.0, **LEVELS, "used": False}}
     ((_, text),) = provenance_rows(facts, ())
-    assert text.startswith("those of the theory: 0.13 % of 200000 samples")
+    assert text.startswith("levels of the theory: 0.13 % of 200000 samples")
 
 
 @pytest.mark.parametrize(

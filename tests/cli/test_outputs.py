@@ -63,7 +63,7 @@ def test_an_output_in_a_file_is_refused(command: str, tmp_path: Path, run: Run) 
     code, _, errors = run(command, *arguments, "-o", output)
     assert (code, errors) == (
         2,
-        f"strainfmu: {output}: --output: expected a path in folders, got the file {tmp_path / 'file'} in place of"
+        f"strainfmu: {output}: --output: expected a path in folders, got the file {tmp_path / 'file'} instead of"
         " one\n",
     )
     assert (tmp_path / "file").read_text() == "kept"

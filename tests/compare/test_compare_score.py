@@ -175,7 +175,7 @@ def test_aims_are_met_or_named() -> None:
     assert len(other) == 6 + 5 + 4
     assert not any(aim.is_met for aim in other)
     assert other[0].line.startswith(
-        "MISSED: least 3 sigma coverage [%], gauge noise, air-data inputs given: 98, at least"
+        "MISSED: smallest 3 sigma coverage [%], gauge noise, air-data inputs given: 98, at least"
     )
 
 

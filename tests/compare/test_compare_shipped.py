@@ -12,7 +12,7 @@ from builder.compare.run import run_compare
 from builder.reporting import Silent
 from builder.vehicle.file import IC3X
 
-KNOWN = {f"rms {name} over that of the better linear map, hardware" for name in ("C_N", "C_Y")}
+KNOWN = {f"rms {name} over the better linear map's, hardware" for name in ("C_N", "C_Y")}
 """Aims that are near what is found."""
 
 

@@ -81,7 +81,7 @@ def test_it_informs_and_a_contradiction_widens() -> None:
 def test_what_could_not_act_is_refused() -> None:
     linear = Estimator(whole_map().without_tables())
     for estimator, flow, line in (
-        (Estimator(whole_map()), {}, "total_temperature: expected the altitude beside it, got none"),
+        (Estimator(whole_map()), {}, "total_temperature: expected the altitude with it, got none"),
         (linear, {"altitude": ALTITUDE}, "total_temperature: expected none, a linear map does not take it"),
     ):
         with pytest.raises(InputError, match=line):

@@ -133,7 +133,7 @@ def test_each_processor_of_apple_has_its_library_once(fmi: str, synthetic: Synth
         ({"kind": "python", "fmi_version": "3"}, r"fmi: 3 found, FMUs of kind python are of FMI 2\.0"),
         ({"scalars": True}, "scalars: fmi 2 found, expected 3"),
         ({"kind": "python", "scalars": True}, "scalars: fmi 2 found, expected 3"),
-        ({"kind": "python", "platforms": ["linux64"]}, "platforms: FMUs of kind python have those of PythonFMU"),
+        ({"kind": "python", "platforms": ["linux64"]}, "FMUs of kind python have the platforms of PythonFMU"),
         ({"platforms": ["linux64", "amiga"]}, "platform 'amiga': no library for it, there are .*linux64"),
         ({"model_name": ""}, "model name: '' found"),
     ],

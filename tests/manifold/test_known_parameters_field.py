@@ -113,7 +113,7 @@ def test_a_filtered_sample_and_one_of_a_file_hold_it_too(tmp_path: Path) -> None
 def test_parameters_of_other_tables_are_refused() -> None:
     manifold, field = held()
     assert field.parameters is not None
-    with pytest.raises(InputError, match="expected those of the tables of strain"):
+    with pytest.raises(InputError, match="expected the parameters of the tables of strain"):
         replace(manifold, parameters=None)
     with pytest.raises(InputError, match="shape_field: slope: expected"):
         replace(field, parameters=replace(field.parameters, slope=field.parameters.slope[:, :, :1]))

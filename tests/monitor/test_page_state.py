@@ -221,7 +221,7 @@ def test_events_have_times_and_causes() -> None:
         "quality DEGRADED: PARTIAL_CYCLE: frames of the cycle are missing",
         "2 gauges (d, e) not used: no frame",
         "2 gauges (d, e) used again: ",
-        "gauge b suspect: does not fit the others; 2 that cannot be told apart",
+        "gauge b suspect: does not fit the others; 2 that cannot be distinguished",
         "quality SUSPECT: HEALTH: SUSPECT, one gauge does not fit the others",
         "no gauge suspect any more: ",
         "bus BUS_OFF: bus off",

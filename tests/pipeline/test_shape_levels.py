@@ -39,7 +39,7 @@ def test_cheap_flows_set_levels_and_those_by_euler_do_on_request() -> None:
     assert not alarm_levels_wanted(cone, reporter)
     assert not alarm_levels_wanted(with_entries(finned, "structure", checked_by=None), reporter)
     assert [
-        "those of the theory, its 200 flows by euler" in reporter.notes[0],
+        "from the theory, its 200 flows by euler" in reporter.notes[0],
         "there is no independent model (structure.checked_by: entry is missing)" in reporter.notes[1],
     ] == [True, True]
     assert alarm_levels_wanted(with_entries(cone, "map", alarm_levels="always"), reporter)

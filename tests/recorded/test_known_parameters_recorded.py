@@ -81,7 +81,7 @@ def test_a_column_of_deviations_sharpens_the_pressure_field(tmp_path: Path) -> N
     [
         (
             {f"{NAME}_std": 0.05},
-            rf"flight\.csv: {NAME}_std: expected {NAME} beside its standard deviation, got none",
+            rf"flight\.csv: {NAME}_std: expected {NAME} with its standard deviation, got none",
             "map.h5",
         ),
         *(

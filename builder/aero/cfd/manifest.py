@@ -298,13 +298,13 @@ def _check_cases(path: Path, entries: ManifestEntries, labels: list[str], writte
     for entry, label, how in zip(entries.case, labels, written, strict=True):
         key = condition_key(entry.condition)
         if key in conditions:
-            raise InputError(f"{path}: {label}: {entry.condition} is already that of {conditions[key]}")
+            raise InputError(f"{path}: {label}: {entry.condition} already belongs to {conditions[key]}")
         conditions[key] = label
         # One file may serve several altitudes, since only p/p_inf is taken from it, but nothing else.
         flow_of = (*key[:3], *key[4:])
         first, flow, as_first = files.setdefault(entry.file, (label, flow_of, how))
         if flow != flow_of:
-            raise InputError(f"{path}: {label}: file '{entry.file}' is already that of {first}, another condition")
+            raise InputError(f"{path}: {label}: file '{entry.file}' already belongs to {first}, another condition")
         if as_first != how:
             raise InputError(
                 f"{path}: {label}: file '{entry.file}' is already used by {first}, with another format"

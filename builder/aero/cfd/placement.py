@@ -54,7 +54,7 @@ def mirror(file: Path, field: SurfaceField, ratio: FloatArray) -> tuple[SurfaceF
 
 
 def orient(source: SurfaceMesh, surface: SurfaceMesh) -> SurfaceMesh:
-    """Return the source with its normals outward, as those of the vehicle's ``surface`` are.
+    """Return the source with its normals outward, as the normals of the vehicle's ``surface`` are.
 
     Solvers write patches with normals out of the flow as often as into it. Each connected part is turned as a
     whole, by the majority of its area.

@@ -1,7 +1,7 @@
 """Values at points without triangles, brought to the nodes of a surface.
 
-Each node interpolates linearly in the Delaunay triangle, of the points around it, that it lies in; the points are
-those of its own smooth piece of the surface, unrolled into its tangent plane. Of all triangles of points that
+Each node interpolates linearly in the Delaunay triangle, of the points around it, that it lies in; the points
+belong to its own smooth piece of the surface, unrolled into its tangent plane. Of all triangles of points that
 contain the node, the Delaunay triangle is the one with the smallest sum of lambda_i |d_i|^2, lambda_i being the
 barycentric coordinates and d_i the distances (the lifting to a paraboloid: H. Edelsbrunner and R. Seidel, "Voronoi
 diagrams and arrangements", Discrete Comput. Geom. 1, 1986). That sum also bounds the error of the interpolation.

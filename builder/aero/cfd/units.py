@@ -45,7 +45,8 @@ def unit_of_pressure(unit: str, condition: FlightCondition) -> float:
 def pressure_ratio(values: FloatArray, quantity: str, unit: str | None, condition: FlightCondition) -> FloatArray:
     """Return p/p_inf [1] of ``values`` in the quantity and unit they are declared to be, same shape.
 
-    p/p_inf = 1 + gamma/2 M^2 Cp; p_inf is that of the US Standard Atmosphere 1976 at the condition's altitude.
+    p/p_inf = 1 + gamma/2 M^2 Cp; p_inf is the pressure of the US Standard Atmosphere 1976 at the condition's
+    altitude.
     """
     if quantity == "Cp":
         return 1.0 + 0.5 * HEAT_CAPACITY_RATIO * condition.mach_number**2 * values

@@ -32,7 +32,7 @@ class FullBodyEngine:
     Attributes
     ----------
     body : the outer shape.
-    marching_grid : resolution of the cross-plane; circumferential cells are those of half a turn.
+    marching_grid : resolution of the cross-plane; circumferential cells are per half turn.
     n_x, n_roll : stations and roll angles of the surface nodes.
     """
 

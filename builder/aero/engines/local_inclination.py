@@ -9,8 +9,8 @@ sin(delta) = -n . V/|V| with n outward. Windward (delta > 0): C_p = C_p,max sin^
     For sharp bodies: isentropic expansion from the free stream by -delta.
 ``matched``
     For blunt bodies: modified Newtonian down to the inclination at which its pressure gradient along the surface
-    equals that of a Prandtl-Meyer expansion, from there Prandtl-Meyer with the stagnation pressure behind the
-    normal shock, windward or leeward.
+    equals the gradient of a Prandtl-Meyer expansion, from there Prandtl-Meyer with the stagnation pressure behind
+    the normal shock, windward or leeward.
 
 Pressure never falls below vacuum, C_p >= -2/(gamma M^2). Perfect gas, gamma = 1.4.
 

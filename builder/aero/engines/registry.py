@@ -122,7 +122,7 @@ def _table(vehicle: Vehicle, resolution: Resolution, grid_level: str | None, not
 
 
 def _noted_surface(vehicle: Vehicle, resolution: Resolution, note: Note) -> SurfaceMesh:
-    """Return the vehicle's surface; ``note`` takes what was changed on that of a file."""
+    """Return the vehicle's surface; ``note`` takes what was changed on the surface of a file."""
     from builder.aero.shapes import outer_surface
 
     surface, notes = outer_surface(vehicle, resolution)

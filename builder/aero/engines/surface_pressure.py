@@ -51,7 +51,7 @@ def pressure_ratio_on_surface(
     Returns
     -------
     (n_nodes,) p/p_inf at the nodes of ``grid``; modified Akima interpolation round the body, which
-    swings little beside the leeward shock (within 0.5 % of the range round the body).
+    swings little next to the leeward shock (within 0.5 % of the range round the body).
     """
     away = np.mod(grid.roll_angle - leeward_roll_angle, 2.0 * np.pi)
     away = np.minimum(away, 2.0 * np.pi - away)

@@ -1,7 +1,7 @@
 """Loads of sections along the body, and the rolling moment: rows that act on the pressure at the surface's nodes.
 
-The loads of a section are those of the pressure on the part of the surface ahead of the plane x = x_s. Triangles
-that the plane cuts are cut: pressure stays linear over the pieces, so that the loads are exact.
+The loads of a section are the loads of the pressure on the part of the surface ahead of the plane x = x_s.
+Triangles that the plane cuts are cut: pressure stays linear over the pieces, so that the loads are exact.
 """
 
 from __future__ import annotations

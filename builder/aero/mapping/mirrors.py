@@ -15,7 +15,7 @@ MAX_GAP = 2e-3
 
 def mirror_operator(surface: SurfaceMesh, axis: int) -> sparse.csr_array | None:
     """Return sparse (n_p, n_p) M: (M p)(x) = p at the mirror image of x in the plane through the origin across
-    ``axis``; None where the surface is not symmetric. The value is that of the closest point."""
+    ``axis``; None where the surface is not symmetric. The value is taken at the closest point."""
     flip = np.ones(3)
     flip[axis] = -1.0
     closest = closest_points(surface, surface.point * flip, surface.node_normal * flip)

@@ -66,7 +66,7 @@ def nodal_force_operator(mesh: SurfaceMesh) -> sparse.csr_array:
     """Return nodal forces per nodal pressure, sparse (3 n, n) [m2]; row 3 i + k is component k at node i.
 
     Consistent with pressure linear over each triangle: f_i = -sum_j p_j n A (1 + delta_ij)/12. Their sum and
-    moment are those of :func:`builder.aero.surface.mesh.mesh_load_operator`.
+    moment are as in :func:`builder.aero.surface.mesh.mesh_load_operator`.
     """
     m = len(mesh.triangle)
     weight = (np.ones((3, 3)) + np.eye(3)) / 12.0
@@ -122,7 +122,7 @@ def _cross_matrix(vector: FloatArray) -> FloatArray:
 class PressureMap:
     """Transfer of nodal pressure from a source surface to a target surface, made once for many fields.
 
-    The loads are those of :func:`builder.aero.surface.mesh.mesh_load_operator`: axial, normal and side force,
+    The loads are as in :func:`builder.aero.surface.mesh.mesh_load_operator`: axial, normal and side force,
     pitching and yawing moment; equal about one point of the x axis, they are equal about every one. To a surface
     that is not of revolution the rolling moment is the sixth.
 
@@ -171,8 +171,8 @@ class PressureMap:
 def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | None = None) -> PressureMap:
     """Return the transfer of nodal pressure from ``source`` to ``target``.
 
-    Where the target's nodes are those of ``grid``, its loads are
-    :func:`builder.aero.loads.operator.load_operator`'s, not those of the chords between its nodes.
+    Where ``grid`` has the target's nodes, its loads are
+    :func:`builder.aero.loads.operator.load_operator`'s, not the loads of the chords between its nodes.
 
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,
     minimises sum_i A_i (q_i - p_i)^2 under L q = the source's loads.
@@ -204,8 +204,8 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
 def _carries_roll(mesh: SurfaceMesh, loads: FloatArray) -> bool:
     """Return whether pressure on ``mesh`` has a rolling moment worth the name.
 
-    On a body of revolution it has only that of flat facets, which vanishes with their size. ``loads`` (5, n) are
-    the mesh's own.
+    On a body of revolution it has only the moment of flat facets, which vanishes with their size. ``loads`` (5, n)
+    are the mesh's own.
     """
     area = mesh.node_area
     used = area > 0.0

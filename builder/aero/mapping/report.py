@@ -70,9 +70,9 @@ class MappingTolerances:
     """The limits of :func:`check_mapping`.
 
     The defaults are four to ten times the values of meshes of one body that differ in resolution alone, and well
-    below those of a wrong surface. Measured on the shipped vehicle with Newtonian pressure, M 5 to 7, 0 to 10 deg,
-    between meshes of 36 to 144 nodes round the body and 36 to 280 along it: gap at most 0.02 % of the length (a
-    chord of 36), area 0.12 %, force 0.6 %, moment 0.05 %, no node without a fitting triangle.
+    below the values of a wrong surface. Measured on the shipped vehicle with Newtonian pressure, M 5 to 7, 0 to 10
+    deg, between meshes of 36 to 144 nodes round the body and 36 to 280 along it: gap at most 0.02 % of the length
+    (a chord of 36), area 0.12 %, force 0.6 %, moment 0.05 %, no node without a fitting triangle.
 
     Attributes
     ----------

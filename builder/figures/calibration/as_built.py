@@ -29,7 +29,7 @@ class Flown(Protocol):
 
 
 def as_built_figure(time: FloatArray, flown: Mapping[str, Flown], title: str) -> Figure:
-    """Draw the errors of each coefficient over ``time`` (n,) [s], map by map, and their rms beside."""
+    """Draw the errors of each coefficient over ``time`` (n,) [s], map by map, and their rms next to it."""
     figure = blank_figure(11.0, 9.0)
     axes = figure.subplots(len(COEFFICIENT_NAMES), 2, sharex="col", width_ratios=[4.0, 1.0], squeeze=False)
     for i, name in enumerate(COEFFICIENT_NAMES):

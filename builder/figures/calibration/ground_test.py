@@ -29,7 +29,7 @@ LARGEST = 4.0
 """End of the colours of residuals, in standard deviations of the readings."""
 
 STEPPED, LINES = 6, 4
-"""Most cases with steps that are drawn, and gauges in each: those of the largest strain."""
+"""Most cases with steps that are drawn, and gauges in each: the gauges of largest strain."""
 
 WIDTH = 10.0
 """Of all figures [in]."""

@@ -45,7 +45,7 @@ def _pads(axis: Any, plan: LoadPlan) -> None:
 
 
 def _worth(axis: Any, plan: LoadPlan) -> None:
-    """Draw sigma over that of a vehicle known exactly: as drawn, after the attitudes, after each case."""
+    """Draw sigma over the sigma of a vehicle known exactly: as drawn, after the attitudes, after each case."""
     ratio = np.vstack([plan.before, plan.after_attitudes, plan.sigmas]) / plan.exact
     place = np.arange(-1, len(ratio) - 1)
     for i, name in enumerate(COEFFICIENT_NAMES):
@@ -57,4 +57,4 @@ def _worth(axis: Any, plan: LoadPlan) -> None:
     axis.set(xlabel="cases applied")
     axis.grid(alpha=0.3, which="both")
     axis.legend(fontsize=8)
-    axis.set_title("Sigma in flight over that of a vehicle known exactly [1]", fontsize=9, loc="left")
+    axis.set_title("Sigma in flight over the sigma of a vehicle known exactly [1]", fontsize=9, loc="left")

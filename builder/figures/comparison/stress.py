@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 TITLES = {
     "within": "Within envelope and twice the stated sizes: sigma must hold it",
     "outside": "Beyond: health must show it, or the estimate be right",
-    "unobservable": "Unobservable: the strain is that of another flight",
+    "unobservable": "Unobservable: another flight has the same strain",
 }
 COLOURS = {"right, health OK": "#9ecae1", "detected": "#bdbdbd", "undetected: wrong, health OK": "#d7301f"}
 ROW = 0.21

@@ -11,7 +11,7 @@ from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import FloatArray
 
 SHOWN_SHARE = 0.98
-"""Of the area, whose values the colours tell apart where the others are peaks."""
+"""Of the area, whose values the colours distinguish where the others are peaks."""
 PEAK = 4.0
 """Highest value over the highest of :data:`SHOWN_SHARE` from which it is a peak, drawn in the last colour."""
 LEAST_SPREAD = 0.1

@@ -52,7 +52,7 @@ def eigenvectors(modes: Mapping[int, FloatArray], grid: SurfaceGrid) -> Figure:
         rows,
         grid,
         {side[0]: side[1], "from ahead": FRONT},
-        "Eigenvectors, quadratic hexahedra; those of round-off eigenvalues are arbitrary",
+        "Eigenvectors, quadratic hexahedra; arbitrary where eigenvalues are round-off",
     )
 
 
@@ -79,7 +79,7 @@ class Draws(NamedTuple):
 
 
 def draw_ranges(panels: Mapping[str, Sequence[Draws]]) -> Figure:
-    """Draw the field errors of the hundred draws beside the published ranges, by title of the set-up."""
+    """Draw the field errors of the hundred draws and the published ranges, by title of the set-up."""
     figure = blank_figure(11.0, 4.4)
     axes = figure.subplots(1, len(panels), sharey=True)
     for axis, (title, examples) in zip(axes, panels.items(), strict=True):

@@ -122,7 +122,7 @@ def scene_of_snapshot(
     row: int | None = None,
     excluded: Collection[str] = (),
 ) -> Scene:
-    """Return the scene of p/p_inf of one snapshot, by default that of greatest incidence.
+    """Return the scene of p/p_inf of one snapshot, by default of largest incidence.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def scene_of_snapshot(
     of_map, of_flow = (inverse_map.reference_area, inverse_map.reference_length), snapshots.reference[:2]
     if not np.allclose(of_flow, of_map, rtol=1e-6, atol=0.0):
         raise InputError(
-            f"snapshots: expected those of the map's vehicle, with reference area {of_map[0]:.6g} m2 and length "
+            f"snapshots: expected flows of the map's vehicle, with reference area {of_map[0]:.6g} m2 and length "
             f"{of_map[1]:.6g} m, got {of_flow[0]:.6g} m2 and {of_flow[1]:.6g} m"
         )
     count = len(snapshots.pressure)

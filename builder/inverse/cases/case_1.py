@@ -84,7 +84,7 @@ def least_squares_map(
 class RelativeCondition:
     """K = kappa(Z) / (nu cos theta) (paper, eq. of the relative condition number) and its inputs.
 
-    K equals |d| / (sigma_min(Z) |q|). It changes with the units of d and q, so they are stated beside it.
+    K equals |d| / (sigma_min(Z) |q|). It changes with the units of d and q, so they are stated with it.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class RelativeCondition:
 
     @property
     def scaling(self) -> str:
-        """The scaling in words, printed beside K."""
+        """The scaling in words, printed with K."""
         return (
             f"|d| = {1e6 * self.strain_norm:.6g} um/m, |q| = {self.state_norm:g} in units of "
             f"{self.state_scale:.6g} Pa, sigma_min(Z) = {1e6 * self.smallest_singular_value:.6g} um/m"

@@ -13,7 +13,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 NODES_AT_ONCE = 4096
-"""Nodes treated together: memory beyond prior and result is that of so many rows."""
+"""Nodes treated together: memory beyond prior and result is the memory of so many rows."""
 
 
 def data_informed_modes(prior: LowRankPrior, spectrum: WhitenedSpectrum, n_modes: int | None = None) -> FloatArray:
@@ -40,7 +40,7 @@ def project_on_modes(
     """Return the pressures (.., n_p) [Pa] nearest to ``pressure`` in mean + span of ``modes`` (n_p, r).
 
     The source names no inner product for its projection. Here it is the orthogonal one, which is the best for r
-    modes, in the Euclidean norm or in that of positive ``weights`` (n_p,).
+    modes, in the Euclidean norm or in the norm of positive ``weights`` (n_p,).
     """
     root = np.ones(len(mean)) if weights is None else np.sqrt(weights)
     basis, _ = np.linalg.qr(modes * root[:, None])

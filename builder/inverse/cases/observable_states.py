@@ -17,7 +17,7 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
     """Return ``inverse_map`` with n_d states, where it has more than its n_d gauges.
 
     With L^-1 A = U S V^T the new states are V_d^T q, amplitudes of the data-informed modes F v_k by falling
-    eigenvalue (paper, eq. eigproblem). No gauge observes the other states, whichever gauges are lost: their
+    eigenvalue (paper, eq. eigproblem). No gauge observes the other states, with any gauges lost: their
     estimate is the prior's mean, 0. So loads, fields and residuals do not change. What the other states add to the
     covariance of the loads is part of ``error_load``, and no gain changes it. With 243
     snapshots a field of 60,000 nodes takes 13 MB instead of 58.
@@ -38,7 +38,7 @@ def on_observable_states(inverse_map: InverseMap) -> InverseMap:
 
 
 def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: FloatArray) -> dict[str, Any]:
-    """Return the fields of ``inverse_map`` that hold loads of errors, with those of the ``hidden`` states besides.
+    """Return the fields of ``inverse_map`` that hold loads of errors, and of the ``hidden`` states.
 
     The covariance of the loads is made from the columns of the errors, so that states without strain, whose loads
     count, become columns without strain.
@@ -57,7 +57,8 @@ def _with_hidden_loads(inverse_map: InverseMap, observable: FloatArray, hidden: 
 def _with_hidden(inverse_map: InverseMap, observable: FloatArray) -> NDArray[np.float32]:
     """Return (n_p,) standard deviation [Pa] of the field that no state holds, the states left out included.
 
-    All states are standard normal: a node has the variance of all of them less that of the observable ones.
+    All states are standard normal: a node has the variance of all of them less the variance of the observable
+    ones.
     """
     field, std = inverse_map.field_modes, inverse_map.field_std
     kept = field @ observable.astype(np.float32)

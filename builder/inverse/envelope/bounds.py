@@ -77,8 +77,8 @@ def _rolled() -> FloatArray:
 def flight_ranges(vehicle: Vehicle, ensemble: Ensemble) -> FlightRanges:
     """Return the ranges of q_inf, Mach number and altitude.
 
-    In form "dynamic_pressure" the altitude is that of map.valid_altitude_km, and q_inf what its ends and the Mach
-    numbers of the flows allow; in form "absolute" both are those of the snapshots.
+    In form "dynamic_pressure" the altitude is the range of map.valid_altitude_km, and q_inf what its ends and the
+    Mach numbers of the flows allow; in form "absolute" both are the ranges of the snapshots.
     """
     mach = np.array([condition.mach_number for condition in ensemble.conditions])
     low, high = float(mach.min()), float(mach.max())

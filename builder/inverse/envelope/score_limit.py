@@ -20,9 +20,9 @@ SMALLEST_LIMIT = 1.0
 
 
 def with_score_limit(inverse_map: InverseMap, problem: Problem, solution: Solution) -> InverseMap:
-    """Return ``inverse_map`` with the score limit that :data:`FALSE_OUTSIDE` of the members exceed.
+    """Return ``inverse_map`` with the score limit that a fraction :data:`FALSE_OUTSIDE` of the members exceeds.
 
-    The members are the corners of the envelope and what lies between them, so the rate is that of a flight
+    The members are the corners of the envelope and what lies between them, so the rate holds for a flight
     programme which goes to its limits. Errors in proportion to strain are drawn at each member's strain.
     """
     random = np.random.default_rng(SEED)

@@ -4,7 +4,7 @@ at.
 Surface pressure over p_inf depends on Mach number and incidence alone. In form "dynamic_pressure" every snapshot
 is taken to the nominal dynamic pressure; with the internal pressure ambient, it is p - p_inf that scales. A flow
 round a body of revolution is valid at every roll angle, and its mirror image is one of these. The members of a
-rolled ensemble are the distinct flows at some 24 roll angles; means and modes are those of all roll angles.
+rolled ensemble are the distinct flows at some 24 roll angles; means and modes are taken over all roll angles.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 ROLLS = 24
-"""Roll angles at least at which strain and coefficients of a rolled ensemble are taken; those of the nodes if
-fewer."""
+"""Roll angles at least at which strain and coefficients of a rolled ensemble are taken; the angles of the nodes
+if fewer."""
 
 MIN_ROLLS = 12
 """Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
@@ -223,7 +223,7 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
 def _distinct_flows(conditions: list[FlightCondition], by_altitude: bool) -> IntArray:
     """Return the first condition of each Mach number and total incidence: at every roll angle they are one flow.
 
-    At one pressure level altitude does not matter; ``by_altitude`` tells altitudes apart where it does.
+    At one pressure level altitude does not matter; ``by_altitude`` distinguishes altitudes where it does.
     """
     first: dict[tuple[float, ...], int] = {}
     for row, condition in enumerate(conditions):

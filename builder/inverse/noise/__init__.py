@@ -1,1 +1,1 @@
-"""What strain holds beside the pressure states, term by term: gauges, hardware as built, mesh, heat, flow."""
+"""What strain holds other than the pressure states, term by term: gauges, hardware as built, mesh, heat, flow."""

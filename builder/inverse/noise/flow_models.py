@@ -1,4 +1,4 @@
-"""Difference of two flow models: what a flow may err by that no campaign of one model shows.
+"""Difference of two flow models: the error of a flow that no campaign of one model shows.
 
 Modified newtonian theory gives the pressure on any surface at once, by other equations than the
 snapshots. The difference, flow by flow, stands for the model-form error: it has the shape that another flow model

@@ -63,7 +63,7 @@ class FlowsBetween:
         """Return fields (c n_k, n_p) at the level of ``ensemble`` that are no combination of its members [Pa];
         their squares add up to the mean one.
 
-        ``is_scaled`` tells whether the ensemble is at one dynamic pressure.
+        ``is_scaled`` states whether the ensemble is at one dynamic pressure.
         """
         ambient = np.array([one.ambient_pressure for one in self.conditions])
         field = ambient[:, None] * self.ratio

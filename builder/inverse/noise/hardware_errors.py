@@ -52,7 +52,7 @@ def hardware_errors(
     ensemble: Ensemble,
     modulus_std: float = 0.0,
 ) -> list[HardwareError]:
-    """Return the errors of the section [noise] that are in proportion to strain; those of size 0 are left out.
+    """Return the errors of the section [noise] that are in proportion to strain; errors of size 0 are left out.
 
     ``strain_operator`` is Z_p (n_d, n_p) [1/Pa] of the layout in use, ``modulus_std`` the relative error of
     Young's modulus by the wall's temperature.
@@ -98,7 +98,7 @@ def hardware_terms(
 
 
 def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTerm]:
-    """Return the noise terms of ``errors``, averaged over the ensemble; those of one name are one term."""
+    """Return the noise terms of ``errors``, averaged over the ensemble; errors of one name are one term."""
     terms: dict[str, NoiseTerm] = {}
     for error in errors:
         term = common_error if error.common else gauge_errors

@@ -174,7 +174,7 @@ def gauge_errors(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
 
 
 def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatArray) -> NoiseTerm:
-    """Return the term of one error that all gauges have in common, such as that of the wall's thickness.
+    """Return the term of one error that all gauges have in common, such as an error of the wall's thickness.
 
     Its covariance is the mean of s_j s_j' over the flights j; parameters as in :func:`gauge_errors`.
     """

@@ -1,1 +1,1 @@
-"""Sensors beside the strain gauges: rows of readings per surface pressure, with noise and errors."""
+"""Sensors other than the strain gauges: rows of readings per surface pressure, with noise and errors."""

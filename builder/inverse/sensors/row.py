@@ -1,4 +1,4 @@
-"""The row of one sensor beside the strain gauges: reading per surface pressure, noise, errors."""
+"""The row of one sensor other than the strain gauges: reading per surface pressure, noise, errors."""
 
 from __future__ import annotations
 
@@ -16,12 +16,14 @@ class SensorRow:
     name, kind, unit : of the reading.
     position, direction : (3,) [m], (3,) in body axes.
     operator : (n_p,) reading per net surface pressure [unit/Pa].
-    std, largest, gain : deviation of its noise [unit], largest reading [unit], error over reading [1].
+    std, largest, gain : standard deviation of its noise [unit], largest reading [unit], error over reading [1].
     per_axial_force : reading per axial force on the body, as of base pressure [unit/N].
     follows_inside : whether it reads against the pressure inside the body.
-    errors : (n_p,) operator of each error that it has in common with other sensors, one deviation, by name.
+    errors : (n_p,) operator of each error that it has in common with other sensors, one standard deviation, by
+        name.
     shared : the same of errors that it has in common with the strain gauges, by their names there.
-    drift : deviation of an offset that all readings of the same name of drift have in common [unit]; by that name.
+    drift : standard deviation of an offset that all readings of the same name of drift have in common [unit]; by
+        that name.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Rows of the sensors beside the strain gauges: reading per surface pressure, noise, errors, nuisances."""
+"""Rows of the sensors other than the strain gauges: reading per surface pressure, noise, errors, nuisances."""
 
 from __future__ import annotations
 
@@ -92,7 +92,8 @@ def sensor_set(
 ) -> SensorSet | None:
     """Return the sensors of the section [sensors], None without one.
 
-    ``gauge_covariance`` (n_g, n_g) [(m/m)^2] is that of the gauges, whose typical noise the rows are scaled to.
+    ``gauge_covariance`` (n_g, n_g) [(m/m)^2] is the covariance of the gauges, whose typical noise the rows are
+    scaled to.
 
     Raises
     ------
@@ -371,10 +372,10 @@ def _nuisances(
 def joined_terms(
     terms: list[NoiseTerm], errors: list[HardwareError], sensors: SensorSet, ensemble: Ensemble
 ) -> list[NoiseTerm]:
-    """Return the noise terms of gauges and sensors together; the first is that of their own noise.
+    """Return the noise terms of gauges and sensors together; the first is the term of their own noise.
 
-    Terms of the gauges get no part in the sensors, but for that of the internal pressure, which some of them read
-    against, and for ``errors`` that both share.
+    Terms of the gauges get no part in the sensors, but for the term of the internal pressure, which some of them
+    read against, and for ``errors`` that both share.
     """
     n_s = len(sensors.rows)
     first, *others = terms

@@ -58,7 +58,7 @@ from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_m
 from strainfmu.files import write_bytes_atomically
 
 CASES = 12
-"""Load cases of the ground test, beside own weight in four attitudes."""
+"""Load cases of the ground test, in addition to own weight in four attitudes."""
 
 TEST, CALIBRATED, EXACT, ZEROS = "loadtest.toml", "calibrated.h5", "exact.h5", "zeros.toml"
 
@@ -186,7 +186,7 @@ class AsBuiltRun:
         return load_snapshots(self.pipeline.path(SNAPSHOTS))
 
     def test(self) -> LoadTest:
-        """Return the test as its files tell it."""
+        """Return the test as its files state it."""
         names = load_inverse_map(self.pipeline.path(MAP)).gauge_names
         found, notes = load_test(load_test_file(self.pipeline.path(TEST)), names)
         for note in notes:
@@ -217,7 +217,7 @@ class AsBuiltRun:
         return {f"estimator.zero[{i}]": value for i, value in enumerate(zeros.tolist(), start=1)}
 
     def zeros(self) -> dict[str, FloatArray]:
-        """Return the zeros (n_d,) [m/m] by map: before the test, those of a tare, the mean of all attitudes."""
+        """Return the zeros (n_d,) [m/m] by map: before the test, from a tare, the mean of all attitudes."""
         inverse_map, test = load_inverse_map(self.pipeline.path(MAP)), self.test()
         tare = [case.reading for case in test.cases if all(isinstance(one.load, Weight) for one in case.loads)]
         return {

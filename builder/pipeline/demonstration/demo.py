@@ -94,7 +94,7 @@ class DemoResult:
     flight : duration and rate of the flight, in words.
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
-    physics : the flow model that flies, and that of the map.
+    physics : the flow model that flies, and the flow model of the map.
     score : accuracy of the flown FMU.
     held_out : of a map of imported results, the score on results that maps are made without, as in
         ``summary.json``; empty for others.
@@ -130,9 +130,9 @@ def run_demo(
     """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
 
     ``as_built`` is the seed that the hardware errors of the vehicle that flies are drawn with, at the sizes of the
-    section [noise]; with None it is exactly that of the file. ``estimator`` replaces that of the section [map].
-    ``ground_test`` is the seed of a vehicle drawn from the section [calibration] in its place, which is tested on
-    the ground and flies with the map that the test calibrates.
+    section [noise]; with None it is exactly the vehicle of the file. ``estimator`` replaces the entry of the
+    section [map]. ``ground_test`` is the seed of a vehicle drawn from the section [calibration] instead, which is
+    tested on the ground and flies with the map that the test calibrates.
 
     Raises
     ------

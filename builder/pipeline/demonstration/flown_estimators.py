@@ -58,8 +58,8 @@ def flown_estimators(
     """Return the estimates of both estimators of ``inverse_map``, by name, on the strains of ``recording``.
 
     ``zeros`` (n_d,) are taken off what the gauges read [m/m]. The nonlinear one knows Mach number, altitude and
-    dynamic pressure of the plant. Its estimates are those of the instance ``estimator``, an FMU of the map that
-    flew; with None each sample is estimated on its own.
+    dynamic pressure of the plant. Its estimates are the outputs of the instance ``estimator``, an FMU of the map
+    that flew; with None each sample is estimated on its own.
     """
     strain = np.stack([recording[f"{plant}.{name}"] for name in reading_names(inverse_map)], axis=1)
     strain = strain if zeros is None else strain - zeros

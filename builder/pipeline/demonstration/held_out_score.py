@@ -56,7 +56,7 @@ class LeftOut:
     ----------
     name : what they have in common, in words.
     rows : of the snapshots.
-    flown : those of them that are flown: of Mach numbers inside, where there are any. At an end of their range a
+    flown : the rows that are flown: of Mach numbers inside, where there are any. At an end of their range a
         stated Mach number is outside as often as not, and so is health.
     """
 
@@ -142,8 +142,8 @@ def held_out_score(
 ) -> HeldOutScore | None:
     """Return the score of maps of ``vehicle`` on flows of ``snapshots`` that they are made without.
 
-    ``structure`` is that of the map, ``solid`` the three-dimensional one behind it. None where there are too few
-    flows to leave some out, or no map can be made without them.
+    ``structure`` is the structure of the map, ``solid`` the three-dimensional one behind it. None where there are
+    too few flows to leave some out, or no map can be made without them.
     """
     parts = left_out_parts(snapshots)
     if not parts:

@@ -25,7 +25,7 @@ def check_parameters(
     """Refuse a manoeuvre that takes a flow parameter out of the range of ``conditions``, the snapshots'.
 
     Health would be OUTSIDE there, as the parameters are inputs of the estimator. Mach number and incidence beyond
-    those of the snapshots get a warning.
+    the snapshots' get a warning.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def manoeuvre_warnings(
 
     Parameters
     ----------
-    conditions : those of the snapshots.
+    conditions : conditions of the snapshots.
     of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
     """
     flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]

@@ -129,7 +129,7 @@ def _or_none(change: FloatArray | None, nominal: FloatArray) -> FloatArray:
 
 
 def together(responses: Sequence[LoadResponse]) -> LoadResponse:
-    """Return the responses of loads of one structure as one, whose readings are those of every load."""
+    """Return the responses of loads of one structure as one, with the readings of every load."""
     return LoadResponse(
         table=stacked_tables([one.table for one in responses]),
         constant=np.array([one.constant for one in responses]),

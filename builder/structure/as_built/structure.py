@@ -58,7 +58,7 @@ SHIFT = 1e-3
 """Step along the surface [m]."""
 
 MAX_HARMONIC = 24
-"""Highest harmonic in roll angle of known loads; those of pressure are the resolution's."""
+"""Highest harmonic in roll angle of known loads; harmonics of pressure are the resolution's."""
 
 OF_MASS = (Weight, Acceleration)
 """Loads that go with the vehicle's mass."""
@@ -256,7 +256,7 @@ def as_built_structure(
     Parameters
     ----------
     vehicle, layout : the vehicle and the name of one of its layouts.
-    resolution : mesh and pressure nodes; those of the vehicle's map by default.
+    resolution : mesh and pressure nodes; by default the resolution of the vehicle's map.
     properties : what loads need; the density of the vehicle file by default.
     known_thickness : (n_r,) relative thickness where it is known: solved for then, without tables.
     max_harmonic : highest harmonic in roll angle of known loads.

@@ -22,7 +22,7 @@ WAVES = (1, 2)
 """Harmonics w of the wall that are known."""
 
 SIDES = (-1, 1, 0)
-"""Harmonic of the strain less that of the load, over that of the wall; 0 where the surface itself moves."""
+"""Difference of the harmonics of strain and load, over the wall's harmonic; 0 where the surface itself moves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ def neighbour_weight(n: int) -> float:
 
 
 def reflected(adjoint: FloatArray) -> FloatArray:
-    """Return strains (n_s, 3, n_dof) per force of harmonic -m from those of m: what goes round changes sign."""
+    """Return strains (n_s, 3, n_dof) per force of harmonic -m from strains of m: what goes round changes sign."""
     found = adjoint.copy()
     found[:, 2] *= -1.0
     found[..., 2::3] *= -1.0
@@ -86,7 +86,7 @@ def reflected(adjoint: FloatArray) -> FloatArray:
 def times_cosine(force: FloatArray) -> FloatArray:
     """Return the amplitudes (2, n_m, .., 3) of cos(phi) times a field of nodal forces in the same form.
 
-    Families and components are those of :mod:`builder.structure.loads.fourier`. What would go beyond the last
+    Families and components are as in :mod:`builder.structure.loads.fourier`. What would go beyond the last
     harmonic is left out.
     """
     out = np.zeros_like(force)

@@ -79,7 +79,7 @@ def wall_regions(vehicle: Vehicle) -> WallRegions:
 def thickened(
     mesh: MeridianMesh, wall: Wall, regions: WallRegions, thickness: FloatArray, taper: FloatArray | None = None
 ) -> MeridianMesh:
-    """Return the mesh of a wall whose thickness is larger by ``thickness`` (n_r,), relative to that of ``wall``.
+    """Return the mesh of a wall that is thicker than ``wall`` by ``thickness`` (n_r,), relative.
 
     ``taper`` (n_r,) is what regions are thicker at their aft end, and thinner at their fore end. The outer surface
     stays. Nodes of the wall move along the radius, so that stations keep their meaning.

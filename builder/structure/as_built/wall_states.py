@@ -224,7 +224,7 @@ def wall_states(
 def _thin_and_thick(
     mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int
 ) -> tuple[MeridianMesh, MeridianMesh]:
-    """Return the meshes of a wall that is thinner and thicker in region ``k``, then those of one that tapers."""
+    """Return the meshes of a wall that is thinner and thicker in region ``k``, then of one that tapers."""
     even, taper = np.split(WALL_STEP * np.eye(2 * len(regions))[k], 2)
     thin, thick = (thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0))
     return thin, thick

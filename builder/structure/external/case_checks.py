@@ -2,7 +2,7 @@
 
 Pressures of flight conditions are nearly combinations of each other, so that the smallest operator of some cases
 predicts the strain of another one. A wrong case is off its prediction, and it spoils the predictions that it takes
-part in; the predictions are therefore judged by those of the cases that remain without it.
+part in; the predictions are therefore judged by the predictions of the cases that remain without it.
 
 Source: leave-one-out errors of kernel ridge regression, (K^-1 s)_j / (K^-1)_jj with K = P P^T (Rasmussen and
 Williams, Gaussian Processes for Machine Learning, 2006, eqs. 5.10 to 5.12).
@@ -85,7 +85,7 @@ def check_cases(pressure: FloatArray, strain: FloatArray, names: tuple[str, ...]
     pressure : (n, n_p) net pressure [Pa].
     strain : (n, k) [m/m].
     names : of the cases, for messages.
-    n_flown : the first so many cases are those of flight conditions.
+    n_flown : the first so many cases are flight conditions.
 
     Raises
     ------

@@ -38,10 +38,10 @@ def structure_of_influence(
 
     Parameters
     ----------
-    path, facets : the file, and that of the facets beside a CSV file.
+    path, facets : the file, and the file of the facets of a CSV file.
     vehicle : gives body and support.
     layouts : those a map needs; displaced ones may be missing.
-    results : strains by subcase, where the file names subcases in place of strains.
+    results : strains per subcase, where the file names subcases instead of strains.
 
     Raises
     ------

@@ -60,7 +60,8 @@ def check_equilibrium(path: Path, node: FloatArray, strain_per_force: FloatArray
 def lateral_lines(node: FloatArray, strain_per_force: FloatArray, gauges: Gauges) -> FloatArray:
     """Return (m, 3) of the axial gauges that can be judged: R2, shift of the zero over the length, sign.
 
-    The sign is that of strain on the side that a force ahead pushes to: compression, below 0, in a clamped body.
+    The sign is taken of strain on the side that a force ahead pushes to: compression, below 0, in a clamped
+    body.
     """
     x, length = node[:, 0], float(np.ptp(node[:, 0]))
     order = np.argsort(x, kind="stable")

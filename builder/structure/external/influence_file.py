@@ -97,9 +97,9 @@ class Influence:
 
 
 def read_influence(path: Path, facets: Path | None = None, results: SubcaseStrains | None = None) -> Influence:
-    """Read an influence matrix; ``facets`` is the file of facets beside a CSV file.
+    """Read an influence matrix; ``facets`` is the file of facets of a CSV file.
 
-    With ``results`` each row of the CSV file names the subcase of its force in place of strains.
+    With ``results`` each row of the CSV file names the subcase of its force instead of strains.
 
     Raises
     ------
@@ -110,13 +110,11 @@ def read_influence(path: Path, facets: Path | None = None, results: SubcaseStrai
         raise InputError(f"{path}: expected a file .h5 or .csv, got '{path.suffix}'")
     if path.suffix.lower() == ".csv":
         if facets is None:
-            raise InputError(f"{path}: expected structure.influence_facets beside a CSV file, got none")
+            raise InputError(f"{path}: expected structure.influence_facets with a CSV file, got none")
         return _from_csv(path, facets, results)
     refuse_hdf5_results(path, results)
     if facets is not None:
-        raise InputError(
-            f"structure.influence_facets: expected none beside {path}, which holds them, got {facets}"
-        )
+        raise InputError(f"structure.influence_facets: expected none with {path}, which holds them, got {facets}")
     return _from_hdf5(path)
 
 

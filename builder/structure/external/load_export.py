@@ -38,13 +38,13 @@ def export_loads(
     """Write load cases, gauges and an empty table of strains into ``folder``.
 
     Every case is a file of the nodal forces [N] and the net pressure [Pa] at the nodes of ``nodes.csv``, numbered
-    from 1, a .vtu of both, or FORCE cards for Nastran beside files of its GRIDs and SUBCASEs. Forces are
-    consistent with pressure linear over the triangles, so that force and moment are those of the pressure.
+    from 1, a .vtu of both, or FORCE cards for Nastran with files of its GRIDs and SUBCASEs. Forces are
+    consistent with pressure linear over the triangles, so that they have the force and moment of the pressure.
 
     Parameters
     ----------
     cases : the load cases.
-    layouts : gauges by name of layout; those of ``in_use`` go by their own names.
+    layouts : gauges by name of layout; gauges of ``in_use`` go by their own names.
     in_use : the layout in use.
     folder : where the files go; it is made.
     file_format : one of :data:`FORMATS`.
@@ -112,7 +112,7 @@ def strain_template(
 
 
 def subcase_table(cases: LoadCases) -> str:
-    """Return the table of load cases as CSV, a subcase in place of strains: those stay in Nastran's results."""
+    """Return the table of load cases as CSV, a subcase instead of strains: these stay in Nastran's results."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*NEEDED_COLUMNS, *CONDITION_COLUMNS, SUBCASE_COLUMN])

@@ -42,7 +42,7 @@ def structure_of_strains(
     """Return the structure behind the strains of ``path``, on the surface of ``snapshots``.
 
     ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.gauges.displaced_gauges`) may
-    be missing: placement errors of gauges must then be 0. With ``results`` the table names subcases in place of
+    be missing: placement errors of gauges must then be 0. With ``results`` the table names subcases instead of
     strains.
 
     Raises

@@ -75,7 +75,7 @@ class StrainCells:
 def strain_cells(
     path: Path, header: Sequence[str], others: Sequence[str], results: SubcaseStrains | None
 ) -> StrainCells:
-    """Return where the rows below ``header`` have their strains; ``others`` are its columns beside them.
+    """Return where the rows below ``header`` have their strains; ``others`` are its other columns.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def strain_cells(
         )
     _needed(path, header, SUBCASE_COLUMN)
     if gauges:
-        raise InputError(f"{path}: expected no strains beside nastran_results, got a column '{header[gauges[0]]}'")
+        raise InputError(f"{path}: expected no strains with nastran_results, got a column '{header[gauges[0]]}'")
     return StrainCells(column=results.column, cells=(), unit=header.index(SUBCASE_COLUMN), results=results)
 
 
@@ -155,7 +155,7 @@ def read_strain_table(path: Path, results: SubcaseStrains | None = None) -> Stra
 
 
 def refuse_hdf5_results(path: Path, results: SubcaseStrains | None) -> None:
-    """Refuse the results of subcases beside a file that holds strains itself."""
+    """Refuse the results of subcases with a file that holds strains itself."""
     if results is not None:
         raise InputError(
             f"structure.nastran_results: expected a .csv with a column '{SUBCASE_COLUMN}', got {path}"

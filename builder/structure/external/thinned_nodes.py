@@ -15,7 +15,7 @@ NEIGHBOURS = 6
 """Kept nodes that a force is spread over."""
 
 MOMENT = 1e6
-"""Weight of the force's place against that of small weights."""
+"""Weight of the force's place against the weight of small weights."""
 
 
 @dataclass(frozen=True, eq=False)

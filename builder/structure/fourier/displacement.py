@@ -46,7 +46,7 @@ def displacement_operator(
 ) -> FloatArray:
     """Return (n, n_p) [m/Pa], displacement of ``targets`` per pressure at the nodes of ``grid``.
 
-    Errors are those of :func:`builder.structure.fourier.strain_operator.harmonic_response`.
+    Errors are as in :func:`builder.structure.fourier.strain_operator.harmonic_response`.
     """
     rows = displacement_rows(mesh, targets.x)
     found = response_of_rows(mesh, material, lambda _: rows, grid.x, max_harmonic)

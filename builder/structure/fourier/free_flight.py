@@ -41,7 +41,7 @@ class FlyingSolver:
         self._inertia = self._rigid.T @ self._inertia_force
 
     def solve(self, load: FloatArray) -> FloatArray:
-        """Return displacement amplitudes (n_dof, k) [m] that act on a load as those of the balanced load do.
+        """Return displacement amplitudes (n_dof, k) [m] that act on a load as for the balanced load.
 
         For the rows of gauges: the answer times a load is the strain under load and inertia.
         """

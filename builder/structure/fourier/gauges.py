@@ -91,7 +91,7 @@ def _refuse_outside(mesh: MeridianMesh, x: FloatArray, names: list[str]) -> None
     for start, end in mesh.covered:
         for i in np.flatnonzero((x > start) & (x < end)):
             raise InputError(
-                f"{names[i]}: expected a station beside the ring frame from {start:.4g} to {end:.4g} m, "
+                f"{names[i]}: expected a station next to the ring frame from {start:.4g} to {end:.4g} m, "
                 f"got x = {x[i]:.4g} m under it"
             )
 

@@ -107,7 +107,7 @@ def bending_strain(
 ) -> FloatArray:
     """Return strain (n_d, 2) of the gauges [1] by the first bending mode across y and across z.
 
-    Each is over that of the gauge that it strains most; 0 of one that no gauge sees. The mode is found by
+    Each is over the strain of the gauge that it strains most; 0 of one that no gauge sees. The mode is found by
     iterations with the inverse of the stiffness: the next mode of a beam has at least 2.7 times its frequency, and
     decays by its square.
     """

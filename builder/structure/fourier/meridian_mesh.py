@@ -51,8 +51,9 @@ class MeridianMesh:
     inner_edge : (n_i, 3) nodes of the edges on the inner surface, from the front aft; none if solid.
     clamped_node : nodes that do not move.
     guided_node : nodes that do not move axially (a plane of symmetry, or plane strain).
-    materials : other materials, beside the wall's own.
-    material_of : (n_e,) of each element, 0 the wall's own, 1 onwards those of ``materials``; None where all are 0.
+    materials : materials other than the wall's own.
+    material_of : (n_e,) of each element, 0 the wall's own, 1 onwards from ``materials``; None where all are
+        0.
     inner_break : nodes of the inner surface at which strain may jump, as at the side of a ring frame.
     covered : (k, 2) stations [m] between which the inner surface carries a ring frame.
     masses : what balances the load of a body that nothing holds; None where supports do.

@@ -81,7 +81,7 @@ def structural_model_on(
     layouts: list[str],
     progress: Progress | None = None,
 ) -> StructuralModel:
-    """Return :func:`structural_model` with other pressure nodes than those of ``resolution``."""
+    """Return :func:`structural_model` with other pressure nodes than ``resolution`` has."""
     wall = wall_of(vehicle)
     mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     found, placed = place_layouts(vehicle, mesh, layouts)

@@ -158,7 +158,7 @@ def _joints(body: BodyOfRevolution, start: float, end: float) -> list[float]:
 
 
 def _wall_joints(body: BodyOfRevolution, wall: Wall, start: float) -> list[float]:
-    """Return the stations [m] at which the wall's pieces join: slope breaks, and those of thickness and frames."""
+    """Return the stations [m] at which the wall's pieces join: breaks of slope, of thickness and of frames."""
     joint = [start, *(float(x) for x in body.slope_breaks[body.slope_breaks > start]), body.length]
     for x in layup_stations(wall, lambda inner: outer_station(body, wall, inner)):
         if start < x < body.length and all(abs(x - known) > SHORTEST_PIECE for known in joint):

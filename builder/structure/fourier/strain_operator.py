@@ -145,7 +145,7 @@ def response_of_rows(
 ) -> FloatArray:
     """Return what linear functions of the displacements read per pressure at surface stations.
 
-    Parameters and errors are those of :func:`harmonic_response`; ``rows`` gives the functions (.., n_dof) of a
+    Parameters and errors are as in :func:`harmonic_response`; ``rows`` gives the functions (.., n_dof) of a
     harmonic's amplitudes.
 
     Returns
@@ -226,7 +226,7 @@ def strain_operator(response: HarmonicResponse, gauges: PlacedGauges, grid: Surf
 
     Parameters
     ----------
-    response : strain per station pressure; its stations are those of ``grid``.
+    response : strain per station pressure; it has the stations of ``grid``.
     gauges : the gauges, at stations of ``response``.
     grid : pressure nodes, node = station * n_roll + roll index.
 

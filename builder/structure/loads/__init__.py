@@ -1,6 +1,6 @@
 """Known loads: the strain of a structure's gauges under forces, pressure, weight, acceleration and temperature.
 
-A ground test applies what is known, and the model tells what each gauge should read. The data go one way:
+A ground test applies what is known, and the model gives what each gauge should read. The data go one way:
 
 :mod:`~builder.structure.loads.applied` (the loads) and :mod:`~builder.structure.loads.temperature` (temperature
 fields) -> nodal forces of a :class:`~builder.structure.loads.loaded_structure.LoadedStructure`:

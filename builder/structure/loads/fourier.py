@@ -246,7 +246,7 @@ def fourier_structure(
     mesh : the wall with its supports; without any the body is free, and its inertia balances the load.
     material : of the wall.
     gauges : on the inner surface.
-    properties : what loads need beside stiffness.
+    properties : what loads need in addition to stiffness.
     max_harmonic : highest harmonic in roll angle. A pad of half angle w needs about 2 pi / w of them; under a
         point force strain is smoothed within about 2 radii over ``max_harmonic``.
     progress : called with (harmonics done, harmonics in all).

@@ -1,4 +1,4 @@
-"""What known loads need of a structure, whichever way it is discretised."""
+"""What known loads need of a structure, for any discretisation."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PointMass:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoadProperties:
-    """What loads need beside stiffness.
+    """What loads need in addition to stiffness.
 
     Attributes
     ----------
@@ -141,7 +141,8 @@ class LoadedStructure(Protocol):
     def inertia_force(self, acceleration: FloatArray) -> FloatArray:
         """Return nodal forces of mass times acceleration.
 
-        ``acceleration`` (6,) is that of the origin [m/s2] and the angular one [rad/s2]; point masses are left out.
+        ``acceleration`` (6,) has the acceleration of the origin [m/s2] and the angular one [rad/s2]; point masses
+        are left out.
         """
         ...
 

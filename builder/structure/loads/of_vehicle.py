@@ -34,7 +34,7 @@ def fourier_structure_of(
     Parameters
     ----------
     vehicle, layout : the vehicle and the name of one of its layouts.
-    resolution : mesh; that of the vehicle's map by default.
+    resolution : mesh; by default the resolution of the vehicle's map.
     properties : what loads need; the density of the vehicle file by default.
     max_harmonic : highest harmonic in roll angle; concentrated loads need more of them than air loads.
     progress : called with (harmonics done, harmonics in all).

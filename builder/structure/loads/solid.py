@@ -37,7 +37,7 @@ NAMES = {OUTER: EXTERNAL, INNER: INTERNAL}
 class SolidStructure:
     """A :class:`~builder.structure.loads.loaded_structure.LoadedStructure` of any shape, of one material.
 
-    Stations and roll angles are those of the outer surface; temperature fields take it for a body of revolution.
+    Stations and roll angles are on the outer surface; temperature fields take it for a body of revolution.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class SolidStructure:
         return float(self._outer_profile[0, 0]), float(self._outer_profile[-1, 0])
 
     def surface_points(self, surface: str) -> SurfacePoints:
-        """Return the quadrature points of a surface, facet by facet; its names beside outer and inner too."""
+        """Return the quadrature points of a surface, facet by facet; its names next to outer and inner too."""
         facet = self._facets(surface)
         area = vector_area(self.mesh.element_type, self.mesh.node[facet])
         shape = reference_facet(self.mesh.element_type).shape
@@ -193,7 +193,7 @@ def solid_structure(
     material : of all regions.
     gauges : on its surfaces.
     supports : what holds it; None leaves it free, its inertia balances the load.
-    properties : what loads need beside stiffness.
+    properties : what loads need in addition to stiffness.
     solver_name : name of a solver, or None for the best installed one.
 
     Raises

@@ -10,7 +10,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 _HARMONICS = 2
-"""Highest harmonic in roll angle; that of own weight is 1."""
+"""Highest harmonic in roll angle; the harmonic of own weight is 1."""
 
 
 def weight_strain(vehicle: Vehicle, layout: str, weight: Weight) -> FloatArray:

@@ -33,8 +33,8 @@ def structure_case(
 ) -> AnyCase:
     """Return what the three-dimensional model of a vehicle of any shape is made of.
 
-    That of a body of revolution is that of :func:`solid_case`; the mesh of another shape is named by the file, or
-    follows from its sections.
+    For a body of revolution it is the case of :func:`solid_case`; the mesh of another shape is named by the file,
+    or follows from its sections.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def solid_case(
 def _with_layers(mesh: MeshChoice, body: BodyOfRevolution, wall: Wall, gauges: Mapping[str, Gauges]) -> MeshChoice:
     """Return the choice with its layers through the wall, where it states none.
 
-    Of other meshes they are those of the swept one that the mesh is compared with.
+    Other meshes have the layers of the swept one that the mesh is compared with.
     """
     if mesh.layers is not None:
         return mesh

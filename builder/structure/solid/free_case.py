@@ -29,9 +29,9 @@ from strainfmu.files import fingerprint
 from strainfmu.version import __version__
 
 FLYING_SECTORS = 1.25
-"""Sectors of the mesh that plays the vehicle that flies, over those of the map's."""
+"""Sectors of the mesh that plays the vehicle that flies, over the sectors of the map's mesh."""
 CHECK_SIZE = 0.75
-"""Elements per length of the mesh that checks that of a body of sections, over its own."""
+"""Elements per length of the mesh that checks the mesh of a body of sections, over its own."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -205,7 +205,7 @@ def _digest(path: Path) -> str:
 def _mesh_of_file(
     path: Path, digest: str, unit: float, element_length: float, body_length: float | None
 ) -> SolidMesh:
-    """Read or make a mesh; ``digest`` tells versions of the file apart."""
+    """Read or make a mesh; ``digest`` distinguishes versions of the file."""
     if path.suffix.lower() in CAD_FORMATS:
         from builder.structure.solid.mesh.gmsh_files import step_mesh
 

@@ -30,7 +30,8 @@ CAD_FORMATS, TRIANGLE_FORMAT = (".step", ".stp"), ".stl"
 TETRAHEDRON_LENGTH = {"coarse": 0.9, "medium": 0.6, "paper": 0.45}
 """Edge round the axis over sqrt(r t), the length in which bending of the wall decays; longer ones lock.
 
-Elements of STEP and STL files are as long along the axis as round it, those of the vehicle's own wall twice that.
+Elements of STEP and STL files are as long along the axis as round it, elements of the vehicle's own wall twice as
+long.
 """
 
 NONE_HERE = "expected none with the solid model, of one material; structure.model = 'fourier' has them"
@@ -50,7 +51,7 @@ class MeshChoice:
     resolution : key of :data:`RESOLUTIONS`; a mesh that is read has its own.
     unit : length of the unit of a mesh or STL file [m].
     by_position : find the surfaces of a mesh that is read by their position, not by names.
-    layers : elements through the wall of a swept mesh; None for those of the resolution.
+    layers : elements through the wall of a swept mesh; None for the layers of the resolution.
 
     Raises
     ------

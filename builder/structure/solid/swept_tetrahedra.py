@@ -79,7 +79,7 @@ def _kuhn_tetrahedra() -> IntArray:
 
 
 def _cut(quadrilaterals: IntArray, triangles: IntArray) -> IntArray:
-    """Return those of ``triangles`` (t, 3) that are halves of ``quadrilaterals`` (f, 4)."""
+    """Return the rows of ``triangles`` (t, 3) that are halves of ``quadrilaterals`` (f, 4)."""
     halves = {frozenset(four) - {one} for four in quadrilaterals.tolist() for one in four}
     kept = [frozenset(three) in halves for three in triangles.tolist()]
     return triangles[np.array(kept, dtype=bool)]

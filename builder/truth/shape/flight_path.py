@@ -53,7 +53,7 @@ def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple
     Raises
     ------
     InputError
-        The engine is that of a table, or a condition is outside its reach.
+        The engine is a table, or a condition is outside its reach.
     """
     if vehicle.aerodynamics.engine == "table":
         raise InputError(

@@ -44,7 +44,7 @@ class FlowParameter(Section):
         low, high = min(known), max(known)
         for value in self.values:
             if not low <= value <= high:
-                raise ValueError(f"values: expected {low:g} .. {high:g}, those of surfaces, got {value:g}")
+                raise ValueError(f"values: expected {low:g} .. {high:g}, the range of the surfaces, got {value:g}")
         return self
 
 
@@ -54,7 +54,7 @@ def checked_names(parameters: dict[str, FlowParameter]) -> dict[str, FlowParamet
     Raises
     ------
     ValueError
-        There are too many, or a name cannot be that of a column.
+        There are too many, or a name cannot be the name of a column.
     """
     if len(parameters) > MAX_PARAMETERS:
         raise ValueError(f"expected at most {MAX_PARAMETERS} parameters, got {len(parameters)}")

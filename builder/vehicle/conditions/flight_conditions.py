@@ -73,7 +73,9 @@ def _add_condition(path: Path, line: int, row: list[str], found: dict[FlightCond
     """Add the condition of one row, which stands in no line before; ``found`` holds the line of each."""
     condition = _condition(path, line, row)
     if condition in found:
-        raise InputError(f"{path}: line {line}: expected each condition once, got that of line {found[condition]}")
+        raise InputError(
+            f"{path}: line {line}: expected each condition once, got it in line {found[condition]} too"
+        )
     found[condition] = line
     if len(found) > MAX_CONDITIONS:
         raise InputError(f"{path}: expected at most {MAX_CONDITIONS} conditions, got more")

@@ -1,1 +1,1 @@
-"""Strain gauges and the sensors beside them: where they are and in which direction they read."""
+"""Strain gauges and auxiliary sensors: where they are and in which direction they read."""

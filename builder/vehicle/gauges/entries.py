@@ -67,7 +67,7 @@ class GaugeLayoutEntry(Section):
         if (self.rows is None) == (self.file is None):
             raise ValueError("a layout needs either rows or file")
         if self.rows is not None and (self.surface is not None or self.length_mm is not None):
-            raise ValueError("surface and length_mm belong in each row; beside rows they have no meaning")
+            raise ValueError("surface and length_mm belong in each row; next to rows they have no meaning")
         known: dict[tuple[float, str, float, str], int] = {}
         for number, row in enumerate(self.rows or (), start=1):
             roll = round(row.roll_angle_deg % 360.0, 6) % 360.0

@@ -1,4 +1,4 @@
-"""The section [sensors] of the vehicle file: sensors beside the strain gauges."""
+"""The section [sensors] of the vehicle file: sensors other than strain gauges."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ class Fibre(Section):
 
 
 class Sensors(Section):
-    """Sensors beside the strain gauges, in the same estimate of the linear estimator.
+    """Sensors in addition to the strain gauges, in the same estimate of the linear estimator.
 
     Inertial unit and load cells feel base pressure and friction, which are no pressure on the fore-body: both are
     nuisances. The base has ``base_pressure_ratio`` times p_inf with a standard deviation of

@@ -40,7 +40,7 @@ class ModelForm:
 
     Attributes
     ----------
-    of_prior : of the deviation of the snapshots from their mean.
+    of_prior : of the difference of the snapshots from their mean.
     of_overpressure : of the overpressure without incidence.
     of_leeward : of the difference between two leeward sides of newtonian flow.
     of_newtonian : of the difference between newtonian flow and the snapshots.

@@ -49,18 +49,16 @@ class Region(Section):
     @model_validator(mode="after")
     def _has_room(self) -> Region:
         if not all(low < high for low, high in zip(self.from_m, self.to_m, strict=True)):
-            raise ValueError(
-                f"to_m: expected numbers above those of from_m {list(self.from_m)}, got {list(self.to_m)}"
-            )
+            raise ValueError(f"to_m: expected numbers above from_m {list(self.from_m)}, got {list(self.to_m)}")
         return self
 
 
 class HingeMoment(Section):
     """Moment of the air on a region of the surface about a hinge line, right-handed about its direction.
 
-    The line goes through ``point_m`` along ``direction``, of any length, both in body axes. The moment is that of
-    the pressure less the internal pressure, on the surface of the vehicle file: a fin that turns counts where it
-    is drawn. Over q_inf S L of [reference] it is the coefficient M_H.
+    The line goes through ``point_m`` along ``direction``, of any length, both in body axes. The moment is the
+    moment of the pressure less the internal pressure, on the surface of the vehicle file: a fin that turns counts
+    where it is drawn. Over q_inf S L of [reference] it is the coefficient M_H.
     """
 
     name: Annotated[str, Field(min_length=1, max_length=60), AfterValidator(one_line)]
@@ -94,7 +92,7 @@ class MapEntry(Section):
     ``case`` 1 keeps at most ``modes`` POD modes, those that the gauges observe, and solves by least squares; 2
     takes the snapshots as a Gaussian prior, all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a
     number, or the rule that finds it.
-    ``inner_product`` is that of the POD. ``keep_field`` writes the pressure field into the map.
+    ``inner_product`` is the inner product of the POD. ``keep_field`` writes the pressure field into the map.
 
     ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
@@ -104,7 +102,7 @@ class MapEntry(Section):
     ``regions`` of the surface about lines, which it gives too, as it does ``bending_moments`` at stations.
     ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
     model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
-    than the build, as of sections by ``euler``; "nominal" leaves those of the theory.
+    than the build, as of sections by ``euler``; "nominal" leaves the levels of the theory.
 
     ``estimator`` "nonlinear" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. "auto" makes both estimators where the file and the conditions
@@ -117,15 +115,15 @@ class MapEntry(Section):
     entries that are left out: a Gaussian process of ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 %
     of q_inf, at most 2 % of p_inf, in proportion), with correlation lengths of ``discrepancy_length`` times the
     body's length along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the
-    deviation that the snapshots have about their mean (left out: 0.3 times ``model_form_percent``); and
+    difference that the snapshots have from their mean (left out: 0.3 times ``model_form_percent``); and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out:
-    ``model_form_percent``), all over the body at once, which gauges tell poorly and axial force follows: it widens
-    the deviations and, where there are no auxiliary sensors, corrects nothing unless ``level_by_strain`` says so.
-    Of ``newtonian`` flow round sections or a surface ``discrepancy_of_leeward_percent`` (left out: 2.5 times
-    ``model_form_percent``) of the difference between ambient pressure leeward and a Prandtl-Meyer expansion is
-    expected besides, in the linear map too. Of other flow, ``discrepancy_of_newtonian_percent`` (left out: ten
-    times ``model_form_percent``) of its difference from newtonian flow is expected by the nonlinear estimator, and
-    by the linear map beside it.
+    ``model_form_percent``), all over the body at once, which gauges determine poorly and axial force follows: it
+    widens the standard deviations and, where there are no auxiliary sensors, corrects nothing unless
+    ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
+    ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the difference between
+    ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear map too. Of other
+    flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of its difference from
+    newtonian flow is expected by the nonlinear estimator, and by the linear map next to it.
     """
 
     form: Form = PER_PRESSURE
@@ -237,15 +235,15 @@ class Noise(Section):
     """Strain error: the gauges' own noise, and the errors of the hardware.
 
     The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
-    one per gauge, or as the CSV file of a full covariance [(um/m)^2] beside the vehicle file. Nothing is added to
+    one per gauge, or as the CSV file of a full covariance [(um/m)^2] next to the vehicle file. Nothing is added to
     it with ``model`` "paper". Every other entry is one standard deviation. Gain, position and orientation errors
-    are those of each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
+    belong to each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
     factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
     uncompensated temperature causes it. The clamp yields along and across the body as ``clamp_compliance_mm`` of
     the wall's material would, by default not at all. Internal pressure is in percent of p_inf.
-    ``dynamic_pressure_percent`` is the error of q_inf where the estimator is told no other;
-    ``navigation_mach_number`` and ``navigation_static_pressure_percent`` are those of M and p_inf,
-    ``standard_atmosphere_percent`` that of p_inf by an altitude.
+    ``dynamic_pressure_percent`` is the error of q_inf where the estimator is given no other;
+    ``navigation_mach_number`` and ``navigation_static_pressure_percent`` are the errors of M and p_inf,
+    ``standard_atmosphere_percent`` the error of p_inf by an altitude.
 
     ``row_orientation_deg`` turns all gauges at one roll angle. In each region of the section [calibration] the
     thickness of the wall may go as cosine and sine of the roll angle (``wall_harmonic_percent``) and of twice the
@@ -255,7 +253,7 @@ class Noise(Section):
     strain across it. These are 0 by default. Errors by region or joint need a
     body of revolution.
 
-    ``nuisance_file`` is a CSV file beside the vehicle file with the strain of further modes, such as temperature
+    ``nuisance_file`` is a CSV file next to the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
     """
 

@@ -33,7 +33,7 @@ class Shape(Section):
             raise ValueError(f"expected one of {', '.join(KINDS)}, got {' and '.join(given) or 'none'}")
         if self.surface is not None and self.unit is None and self.length_m is None:
             raise ValueError(
-                "surface: expected unit or length_m beside it, got neither; files of triangles hold no unit"
+                "surface: expected unit or length_m with it, got neither; files of triangles hold no unit"
             )
         if self.surface is None and (self.unit is not None or self.length_m is not None):
             raise ValueError("unit, length_m: expected with surface alone")

@@ -243,8 +243,8 @@ class SurfaceGrid:
 def surface_grid(body: BodyOfRevolution, n_x: int, n_roll: int) -> SurfaceGrid:
     """Place about ``n_x`` stations on ``body``, evenly, doubled at slope breaks.
 
-    Stations start at the tip, where the pressure of the conical flow is that of the first ring. On a smooth piece
-    with a steep tip they follow the length along the meridian, and there are more where it turns.
+    Stations start at the tip, where the pressure of the conical flow is the pressure of the first ring. On a
+    smooth piece with a steep tip they follow the length along the meridian, and there are more where it turns.
     """
     joints = np.concatenate([[0.0], body.slope_breaks, [body.length]])
     stations, radii, angles = [], [], []

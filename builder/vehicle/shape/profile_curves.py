@@ -1,7 +1,7 @@
 """Curved pieces of a meridian beyond cones and arcs: power law, Haack series, and splines through tables.
 
 Sources: Haack, W., "Geschossformen kleinsten Wellenwiderstandes", Lilienthal-Gesellschaft, Bericht 139 (1941);
-Perkins, Jorgensen and Sommer, NACA Report 1386 (1958), bodies of least drag and power-law noses.
+Perkins, Jorgensen and Sommer, NACA Report 1386 (1958), bodies of minimum drag and power-law noses.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 SAMPLES = 801
-"""Points at which the least radius of a spline is found."""
+"""Points at which the smallest radius of a spline is found."""
 
 
 class _Curve(Segment, ABC):
@@ -43,7 +43,7 @@ class _Curve(Segment, ABC):
         """Return the slope dr/dx [1] of the meridian at stations ``x`` [m]."""
 
     def _share(self, x: FloatArray) -> FloatArray:
-        """Return the share of the piece's length ahead of stations ``x`` [m]."""
+        """Return the fraction of the piece's length ahead of stations ``x`` [m]."""
         return np.clip((x - self.start_x) / (self.end_x - self.start_x), 0.0, 1.0)
 
 
@@ -78,7 +78,7 @@ class Haack(_Curve):
     Attributes
     ----------
     base_radius : R at its end [m].
-    shape_factor : C; 0 is von Karman's nose (least drag for length and diameter), 1/3 for length and volume.
+    shape_factor : C; 0 is von Karman's nose (minimum drag for length and diameter), 1/3 for length and volume.
     """
 
     base_radius: float

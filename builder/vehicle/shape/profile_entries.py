@@ -113,7 +113,7 @@ class PowerLawNose(Section):
 
 
 class VonKarmanNose(Section):
-    """The nose of least wave drag for its length and diameter, from the tip."""
+    """The nose of minimum wave drag for its length and diameter, from the tip."""
 
     kind: Literal["von_karman"]
     end_x_m: Station
@@ -138,7 +138,7 @@ class HaackNose(Section):
 
 
 class SphericalCap(Section):
-    """A blunt tip: part of a sphere, up to where its angle is that of the piece behind it."""
+    """A blunt tip: part of a sphere, up to where its angle equals the angle of the piece behind it."""
 
     kind: Literal["spherical_cap"]
     nose_radius_m: Station
@@ -188,7 +188,7 @@ class Table(Section):
 
 
 Piece = Cone | Arc | TangentOgive | SecantOgive | PowerLawNose | VonKarmanNose | HaackNose | SphericalCap | Table
-"""One piece of the profile; ``kind`` tells which."""
+"""One piece of the profile; ``kind`` states which."""
 
 
 def read_profile(path: Path) -> tuple[list[float], list[float]]:

@@ -34,7 +34,7 @@ def _piece_record(piece: Segment) -> dict[str, float]:
 
 
 def profile_misfits(record: Sequence[dict[str, Any]], body: BodyOfRevolution) -> list[Misfit]:
-    """Return in what the recorded meridian is not that of ``body``; entries count pieces from 1."""
+    """Return in what the recorded meridian differs from ``body``; entries count pieces from 1."""
     expected = profile_record(body)
     if len(record) != len(expected):
         return [Misfit(entry="profile", expected=f"{len(expected)} pieces", found=f"{len(record)}")]

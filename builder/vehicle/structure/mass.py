@@ -16,14 +16,14 @@ Std = Annotated[float, Field(ge=1e-6, le=1e3)]
 class Mass(Section):
     """Inertia of the structure in flight, whose strain no air load makes.
 
-    Masses are those of the material's density, ``structure.covers`` and ``structure.point_masses``, known to
+    Masses follow from the material's density, ``structure.covers`` and ``structure.point_masses``, known to
     ``structure_percent`` and ``equipment_percent``; ``unlisted_kg`` is the standard deviation of what the file
     does not list at each of five stations.
 
     What no inertial unit measures has standard deviations: specific force of ``axial_g`` along the body and
     ``lateral_g`` across it, ``angular_acceleration_rad_per_s2``, angular rates of ``roll_rate_rad_per_s`` about
     the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
-    ``unit_x_m`` on the axis (default: the moment reference) measures has the deviations ``.._std_..``.
+    ``unit_x_m`` on the axis (default: the moment reference) measures has the standard deviations ``.._std_..``.
     ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
     they strain most, where the input ``vibration`` does not state it.
     """

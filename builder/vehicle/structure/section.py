@@ -27,8 +27,8 @@ class Structure(Section):
     """Wall, support, internal pressure, and the model that the map is built on.
 
     ``wall_thickness_at``, ``regions`` and ``frames`` make it another wall than one of one thickness and material;
-    ``point_masses`` and ``covers`` are masses that free flight carries along. ``resolution`` is that of the solid
-    model. The foundation's stiffnesses are per area, along and across the normal of the aft ring.
+    ``point_masses`` and ``covers`` are masses that free flight carries along. ``resolution`` is the resolution of
+    the solid model. The foundation's stiffnesses are per area, along and across the normal of the aft ring.
 
     ``strain_per_snapshot`` is a table of strains that another structural code found under the snapshots'
     pressures, ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes
@@ -77,9 +77,9 @@ class Structure(Section):
         if len(given) > 1:
             raise ValueError(f"expected one of {' and '.join(given)}, got both")
         if values.get("checked_by") is not None:
-            raise ValueError(f"checked_by: expected none beside {given[0]}, got {values['checked_by']!r}")
+            raise ValueError(f"checked_by: expected none with {given[0]}, got {values['checked_by']!r}")
         if values.get("model", "solid") != "solid":
-            raise ValueError(f"model: expected none beside {given[0]}, got '{values['model']}'")
+            raise ValueError(f"model: expected none with {given[0]}, got '{values['model']}'")
         return values | {"model": "solid"}
 
     @model_validator(mode="after")
@@ -93,7 +93,7 @@ class Structure(Section):
     @model_validator(mode="after")
     def _facets_are_of_a_matrix(self) -> Structure:
         if self.influence_facets is not None and self.influence is None:
-            raise ValueError("influence_facets: expected influence beside it, got none")
+            raise ValueError("influence_facets: expected influence with it, got none")
         return self
 
     @model_validator(mode="after")
@@ -101,7 +101,7 @@ class Structure(Section):
         if bool(self.nastran_results) != (self.nastran_gauges is not None):
             raise ValueError("nastran_results, nastran_gauges: expected both or neither, got one")
         if self.nastran_results and self.external is None:
-            raise ValueError(f"nastran_results: expected {' or '.join(EXTERNAL_STRUCTURES)} beside it, got none")
+            raise ValueError(f"nastran_results: expected {' or '.join(EXTERNAL_STRUCTURES)} with it, got none")
         return self
 
     @model_validator(mode="after")

@@ -33,8 +33,9 @@ class Temperature(Section):
 
     Gauges cancel ``compensation_um_per_m_per_K`` (default: the expansion of the material);
     ``apparent_strain_um_per_m`` are the coefficients of rise, rise^2 .. of their data sheet [um/m, K], the same of
-    all gauges of the lot, ``apparent_strain_scatter_um_per_m_per_K`` the deviation of the first of them from gauge
-    to gauge. ``gauge_factor_percent_per_100K`` and ``modulus_percent_per_100K`` are changes with temperature.
+    all gauges of the lot, ``apparent_strain_scatter_um_per_m_per_K`` the standard deviation of the first of them
+    from gauge to gauge. ``gauge_factor_percent_per_100K`` and ``modulus_percent_per_100K`` are changes with
+    temperature.
     """
 
     reference_degC: float = Field(default=20.0, ge=-200.0, le=1000.0)

@@ -37,7 +37,7 @@ class RegionEntry(Section):
 class FrameEntry(Section):
     """A ring of rectangular section on the inner surface; ``depth_mm`` "closed" makes a bulkhead.
 
-    The station is that of its middle on the inner surface. Without ``material`` it is of the wall's there.
+    The station is the ring's middle on the inner surface. Without ``material`` the ring has the wall's there.
     """
 
     x_m: Station

@@ -103,7 +103,7 @@ def _lines(fault: ErrorDetails, model: type[BaseModel]) -> Iterator[str]:
 
 @cache
 def _tags(model: type[BaseModel]) -> frozenset[str]:
-    """Return the kinds that tell the members of unions apart, of all sections of a file."""
+    """Return the kinds that distinguish the members of unions, of all sections of a file."""
     own = get_args(model.model_fields["kind"].annotation) if "kind" in model.model_fields else ()
     below = [_tags(one) for field in model.model_fields.values() for one in _models_in(field.annotation)]
     return frozenset(own).union(*below)

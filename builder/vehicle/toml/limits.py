@@ -54,7 +54,7 @@ def once_each(values: list[float]) -> list[float]:
     Raises
     ------
     ValueError
-        A value is there more than once, as far as can be told: every combination with it would count again.
+        A value is there more than once, as far as can be seen: every combination with it would count again.
     """
     for low, high in pairwise(sorted(values)):
         if low == high:

@@ -122,7 +122,7 @@ def refuse_old_options(command: str, arguments: Iterable[str]) -> None:
 
 
 def check_bus_options(interface: str, names: Iterable[str]) -> None:
-    """Refuse options that nothing of the interface reads: python-can passes over them without a word.
+    """Refuse options that nothing of the interface reads: python-can ignores them silently.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A ground test turns the map of the drawing into that of the vehicle as built: ``strainfmu calibrate``."""
+"""A ground test turns the map of the drawing into the map of the vehicle as built: ``strainfmu calibrate``."""
 
 from __future__ import annotations
 

@@ -217,7 +217,7 @@ def _send(
 
 
 def _first_trip(options: Any, layout: Any, faults: list[Any]) -> int:
-    """Return the trip counter of authenticated frames; those of the restarts to come follow it."""
+    """Return the trip counter of authenticated frames; the counters of the restarts to come follow it."""
     from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP, freshness_file, next_trip
     from strainfmu.can.tools.faults import FaultKind
 

@@ -91,7 +91,9 @@ def compare(
 def _show(console: Console, result: CompareResult) -> None:
     coefficients = list(result.entries[0]["rms"])
     for errors in dict.fromkeys(one["errors"] for one in result.entries):
-        title = f"{result.vehicle}, {errors}: rms errors [1e-4]; least coverage, field error [%]; angles p95 [deg]"
+        title = (
+            f"{result.vehicle}, {errors}: rms errors [1e-4]; smallest coverage, field error [%]; angles p95 [deg]"
+        )
         table = Table(title=escape(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         table.add_column("estimator")
         for heading in (*coefficients, "inside 3 sigma", "field median", "field p95", "a", "b", "step [us]"):

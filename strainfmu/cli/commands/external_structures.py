@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def needed_snapshots(path: Path | None, beside: Path, why: str) -> Path:
-    """Return the snapshots to use: those given, else ``snapshots.h5`` beside a file.
+    """Return the snapshots to use: the given ones, else ``snapshots.h5`` next to a file.
 
     Raises
     ------

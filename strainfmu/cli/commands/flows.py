@@ -135,5 +135,5 @@ def convert(
 
     files = export_snapshots(load_snapshots(snapshots), output, file_format)
     Console().print(
-        f"{files[-1]}: written, with {len(files) - 1} files beside it", highlight=False, soft_wrap=True
+        f"{files[-1]}: written, with {len(files) - 1} files next to it", highlight=False, soft_wrap=True
     )

@@ -168,9 +168,9 @@ def loadtest(
 def _show(console: Console, plan: LoadPlan) -> None:
     from builder.pipeline.load_test_proposal import sigma_rows
 
-    table = Table(title="Sigma in flight over that of a vehicle known exactly")
+    table = Table(title="Sigma in flight over the sigma of a vehicle known exactly")
     table.add_column("", justify="right")
-    table.add_column("applied, beside all above")
+    table.add_column("applied, after all above")
     for name in COEFFICIENT_NAMES:
         table.add_column(name, justify="right")
     for row, (name, ratio) in enumerate(sigma_rows(plan), start=-1):

@@ -38,7 +38,7 @@ def _refuse_in_a_file(path: Path, option: str) -> None:
     except (OSError, ValueError):  # no name of a file at all: refused where it is written
         return
     if not is_folder:
-        raise InputError(f"{path}: {option}: expected a path in folders, got the file {above} in place of one")
+        raise InputError(f"{path}: {option}: expected a path in folders, got the file {above} instead of one")
 
 
 def _is_same_file(one: Path, other: Path) -> bool:

@@ -139,7 +139,7 @@ def _show_missed(console: Console, result: StressResult) -> None:
 
 
 def _show_flights(console: Console, result: StressResult) -> None:
-    """Print rms errors of filters over those of single samples, and the smallest coverage of 3 sigma."""
+    """Print rms errors of filters over the errors of single samples, and the smallest coverage of 3 sigma."""
     names = list(dict.fromkeys(name for one in result.entries for name in one["rms_over_single"]))
     table = Table(title=escape(f"{result.vehicle}: rms error over single samples; undetected, inside 3 sigma [%]"))
     for heading in ("manoeuvre", "estimator", "T [s]"):

@@ -107,7 +107,9 @@ def structure(
     ] = "csv",
     snapshots: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Pressures of the load cases. Default: snapshots.h5 beside the output."),
+        typer.Option(
+            metavar="FILE", help="Pressures of the load cases. Default: snapshots.h5 next to the output."
+        ),
     ] = None,
 ) -> None:
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.

@@ -106,7 +106,7 @@ def _lines_of_conditions(snapshots: Snapshots) -> Iterator[str]:
 
     yield "Conditions; angles [deg], H [km], coefficients [1] of fore-body pressure less internal, x_cp [m],"
     yield (
-        "flow: solved, or rolled from that of the condition named; force against momentum and balance of mass "
+        "flow: solved, or rolled from the flow of the condition named; force against momentum and balance of mass "
         "[%]; repaired states"
     )
     yield (

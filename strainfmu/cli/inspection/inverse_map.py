@@ -111,7 +111,7 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
     table.add_column()
     table.add_column(overflow="fold")
     table.add_row("content hash", content_hash)
-    table.add_row("estimator", "linear" if loaded.manifold is None else "nonlinear, beside it the linear one")
+    table.add_row("estimator", "linear" if loaded.manifold is None else "nonlinear, with the linear one")
     table.add_row("case of the linear map", CASE_NAMES[loaded.case])
     table.add_row("gauges, states", f"{loaded.n_gauges}, {loaded.n_states}")
     if loaded.case == 2:

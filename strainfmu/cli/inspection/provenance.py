@@ -57,7 +57,7 @@ def in_words(value: Any) -> str:
 
 
 def _levels(facts: Mapping[str, Any]) -> str:
-    """Return the factors on alarm levels, that of the largest |z| and not of its square."""
+    """Return the factors on alarm levels, the last one on the largest |z| and not on its square."""
     scales = facts.get("scales") or [facts["chi_square_scale"], facts["outlier_scale"]]
     factors = dict(zip(OF_LEVELS, scales, strict=False))
     factors["largest |z|"] **= 0.5
@@ -65,7 +65,7 @@ def _levels(facts: Mapping[str, Any]) -> str:
     before, stated = (f"{100.0 * facts[name]:.2g} %" for name in ("rate_before", "stated_rate"))
     flights = f"{facts['samples']} samples of the independent model"
     if not facts["used"]:
-        return f"those of the theory: {before} of {flights} raise an alarm, map and model differ"
+        return f"levels of the theory: {before} of {flights} raise an alarm, map and model differ"
     return f"{text}, for {stated} false alarms in {flights} ({before} with the levels of the theory)"
 
 
@@ -82,7 +82,7 @@ def _flow(facts: Mapping[str, Any]) -> str:
 
 
 def _calibration(facts: Mapping[str, Any]) -> str:
-    """Return test, fit and what was found; zeros and wall stand in the report beside the map."""
+    """Return test, fit and what was found; zeros and wall stand in the report next to the map."""
     said = [f"by {facts['test']}, {len(facts['cases'])} cases", f"{facts['readings']} readings"]
     said.append(f"chi-square per reading {facts['chi_square_per_reading']:.3g} (1 is expected)")
     lines = [*facts["faults"], *facts.get("outside_the_model", [])]
@@ -122,4 +122,4 @@ _WORDS: dict[str, tuple[str, Callable[[Any], str] | None]] = {
     "snapshots": ("snapshots", lambda value: f"{value} conditions"),
     "strainfmu_version": ("made by strainfmu", None),
 }
-"""Title of an entry, empty for its name, and what tells its value; None for :func:`in_words`."""
+"""Title of an entry, empty for its name, and what states its value; None for :func:`in_words`."""

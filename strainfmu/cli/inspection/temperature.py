@@ -21,7 +21,7 @@ def temperature_table(thermal: ThermalMap) -> Table:
     table = plain_table("Temperature of the wall", "quantity", "value")
     slopes = (("gauge factor", thermal.gauge_factor_slope), ("modulus", thermal.modulus_slope))
     table.add_row("reference", f"{thermal.reference_temperature:.6g} K")
-    table.add_row("modes, prior deviations", f"{len(thermal.prior_std)}, {_range(thermal.prior_std)} K")
+    table.add_row("modes, prior sigmas", f"{len(thermal.prior_std)}, {_range(thermal.prior_std)} K")
     for name, slope in slopes:
         table.add_row(name, f"{1e4 * slope:.3g} % per 100 K")
     coefficients = ", ".join(f"{MICRO * one:.3g}" for one in thermal.apparent_strain)

@@ -49,7 +49,7 @@ def gauge_names_of(path: Path) -> tuple[str, ...]:
 
 
 def load_groups_in(path: Path) -> tuple[LoadGroup, ...]:
-    """Return the groups of the loads that the FMU at ``path`` gives beside the five.
+    """Return the groups of the loads that the FMU at ``path`` gives in addition to the five.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def zero_offset_of(contents: FmuContents, n_gauges: int) -> FloatArray:
 
 
 def sensor_range_of(description: Any) -> float:
-    """Return the largest |strain| of a working gauge [m/m] by an FMU; that of maps if it states none."""
+    """Return the largest |strain| of a working gauge [m/m] by an FMU; the value of maps if it states none."""
     start = next((v.start for v in description.modelVariables if v.name == OF_READINGS), None)
     return SENSOR_RANGE if start is None else float(start)
 
@@ -119,13 +119,13 @@ def reading_units_in(path: Path) -> dict[str, str]:
 
 
 def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...]:
-    """Return the groups of the loads that an FMU states beside the five."""
+    """Return the groups of the loads that an FMU states in addition to the five."""
     outputs = {v.name for v in description.modelVariables if v.causality == "output"}
     return groups_among(outputs, contents.places)
 
 
 def estimator_outputs(path: Path, description: Any, other_names: Iterable[str]) -> list[Any]:
-    """Return the outputs that the bridge reads, with those of ``other_names`` that exist before the last one."""
+    """Return the outputs that the bridge reads, with the ``other_names`` that exist before the last one."""
     found = {v.name: v for v in description.modelVariables if v.causality == "output"}
     missing = [name for name in OUTPUTS if name not in found]
     if missing:

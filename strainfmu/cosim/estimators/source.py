@@ -36,7 +36,7 @@ from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_n
 from strainfmu.interface.temperature_variables import temperature_names
 
 NAVIGATION = (MACH_NUMBER, ALTITUDE)
-"""Navigation that the bus has beside q_inf: for health alone, or for the nonlinear estimator."""
+"""Navigation that the bus has in addition to q_inf: for health alone, or for the nonlinear estimator."""
 
 
 @dataclass(frozen=True)
@@ -122,9 +122,9 @@ class MapStep:
     ) -> StepResult:
         """Do one step; its result does not depend on ``step_size``.
 
-        ``others`` are temperatures [K], p_inf and deviations of navigation, flow parameters and their deviations,
-        readings of auxiliary sensors and thrust [N] by name of the FMU's input; one that is not given is not
-        known, but thrust, which is 0 then.
+        ``others`` are temperatures [K], p_inf and standard deviations of navigation, flow parameters and their
+        standard deviations, readings of auxiliary sensors and thrust [N] by name of the FMU's input; one that is
+        not given is not known, but thrust, which is 0 then.
         """
         warm = None
         if self._temperatures and others:

@@ -52,10 +52,10 @@ PARAMETERS = "parameters"
 standard deviations."""
 
 OTHER_LOAD_OUTPUTS = "other_loads"
-"""Name that stands for the loads behind the five, with their deviations, among the outputs asked for."""
+"""Name that stands for the loads behind the five, with their standard deviations, among the outputs asked for."""
 
 Step = Callable[..., StepResult]
-"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of those of
+"""(n_d,) strains [m/m], NaN where not valid; q_inf [Pa], NaN if not known; step size [s]; values of
 :func:`other_inputs` by name, NaN if not known. Raises StepRefused."""
 
 
@@ -127,6 +127,6 @@ def noise_of(step: Step) -> FloatArray | None:
 def sensor_range_of(step: Step) -> float:
     """Return the largest |strain| of a gauge that the estimator uses [m/m].
 
-    It is ``step``'s attribute ``sensor_range``; that of maps where it has none.
+    It is ``step``'s attribute ``sensor_range``; the value of maps where it has none.
     """
     return float(getattr(step, OF_READINGS, SENSOR_RANGE))

@@ -31,7 +31,7 @@ def load_zeros(path: Path, gauge_names: Sequence[str]) -> GaugeZeros:
     """Return the zeros in ``path`` in the order of ``gauge_names``.
 
     The table ``[gauges]`` holds ``name = { zero_um_per_m = .., std_um_per_m = .. }``; ``common_std_um_per_m``
-    stands before it. ``[made_from]`` tells how they were found, and may be missing.
+    stands before it. ``[made_from]`` states how they were found, and may be missing.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def _read(path: Path, gauge_names: Sequence[str]) -> tuple[GaugeZeros, Mapping[s
 def write_zeros(
     path: Path, gauge_names: Sequence[str], zeros: GaugeZeros, made_from: Mapping[str, str | float]
 ) -> None:
-    """Write ``zeros`` to ``path``, all or nothing; ``made_from`` tells how they were found.
+    """Write ``zeros`` to ``path``, all or nothing; ``made_from`` states how they were found.
 
     Raises
     ------

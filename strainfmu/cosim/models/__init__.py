@@ -1,1 +1,1 @@
-"""What the FMUs beside the estimator compute, in numpy: plant, autopilot, schedule of commands and faults."""
+"""What the FMUs other than the estimator compute, in numpy: plant, autopilot, schedule of commands and faults."""

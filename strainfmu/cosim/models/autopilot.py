@@ -6,9 +6,10 @@ The law inverts the short-period motion. With w the frequency and z the damping 
     I q' = q_inf S L M_P + M_control
     M_control = I [w^2 (a_c - a) - (2 z w - Z) a'] - q_inf S L M_P,  Z = q_inf S (dC_N/da) / (m V)
 
-gives a'' = w^2 (a_c - a) - 2 z w a': the poles are those of s^2 + 2 z w s + w^2, whatever the vehicle. The angle
-of attack a is not measured: it is read from C_N, which rises with it. An error of M_P would leave a standing error
-of a; so what accelerates a without being explained, d, is observed and subtracted from the bracket's first term:
+gives a'' = w^2 (a_c - a) - 2 z w a': the poles are the roots of s^2 + 2 z w s + w^2, whatever the vehicle. The
+angle of attack a is not measured: it is read from C_N, which rises with it. An error of M_P would leave a standing
+error of a; so what accelerates a without being explained, d, is observed and subtracted from the bracket's first
+term:
 
     d = p (a' - integral of (a'' as predicted, with d in it)),
 

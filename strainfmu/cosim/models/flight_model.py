@@ -78,7 +78,7 @@ class FlightModel:
     reference_length : L [m].
     noise_std : standard deviation of the noise on every strain [m/m].
     provenance : what the model was built from.
-    apparent_strain : (n_d,) strain that every gauge reads beside the body's [m/m]; None for none.
+    apparent_strain : (n_d,) strain that every gauge reads in addition to the body's [m/m]; None for none.
     sensors : what the n_d rows read; their scale is the noise of each over ``noise_std``. None for strain alone.
     """
 

@@ -1,8 +1,8 @@
 """Coefficients in wind and stability axes, where the angles of the flow are known.
 
 The wind seen by the body is V (cos a cos b, -sin b, sin a cos b). Drag acts along it, lift upward in the plane of
-symmetry and normal to it, the wind-axis side force to starboard and normal to both. Stability axes are those of
-b = 0: their side force is the body's.
+symmetry and normal to it, the wind-axis side force to starboard and normal to both. Stability axes are the wind
+axes of b = 0: their side force is the body's.
 """
 
 from __future__ import annotations

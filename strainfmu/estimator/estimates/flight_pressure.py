@@ -1,7 +1,7 @@
 """The pressure on the surface at an estimated flight state, corrected by the residual of strain.
 
 With C the covariance of pressure off the tables with strain: p = p(x) + C S^-1 r. The variance of a node with the
-derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C', as that of the loads.
+derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C', as for the loads.
 """
 
 from __future__ import annotations

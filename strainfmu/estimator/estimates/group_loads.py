@@ -15,7 +15,8 @@ class GroupLoads:
     ----------
     places : n texts, as in the descriptions of an FMU's outputs; one empty text of the whole body.
     loads, std : (.., n) loads and their standard deviations [N, N m].
-    coefficients, coefficients_std : (.., n) loads over q_inf S, moments over q_inf S L, and deviations [1].
+    coefficients, coefficients_std : (.., n) loads over q_inf S, moments over q_inf S L, and standard deviations
+        [1].
     """
 
     places: tuple[str, ...]

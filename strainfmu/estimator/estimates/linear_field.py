@@ -110,7 +110,7 @@ def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray
 
 
 def _with_unresolved(held: InverseMap, std: FloatArray) -> FloatArray:
-    """Return ``std`` (n_p,) with that of the field no state holds.
+    """Return ``std`` (n_p,) with the standard deviation of the field that no state holds.
 
     In Case 1 its strain is part of the states' error, so that the two depend on each other: the sum bounds both.
     """

@@ -1,4 +1,4 @@
-"""Pressure on the surface with its standard deviation, and what it follows from beside an estimate."""
+"""Pressure on the surface with its standard deviation, and what it follows from in addition to an estimate."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class PressureField:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FieldInputs:
-    """What the pressure of k samples, or of one, follows from beside their estimates.
+    """What the pressure of k samples, or of one, follows from in addition to their estimates.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class FieldInputs:
     strain : (k, n_d) [m/m].
     dynamic_pressure, dynamic_pressure_std : (k,) q_inf and its standard deviation [Pa], NaN where not known.
     static_pressure, static_pressure_std : the same of p_inf by navigation.
-    parameter_value, parameter_std : (k, n_p) of what is known of flow parameters with a deviation,
+    parameter_value, parameter_std : (k, n_p) of what is known of flow parameters with a standard deviation,
         NaN of all else.
     """
 

@@ -27,12 +27,12 @@ def outermost_places(
 ) -> SurfacePlaces:
     """Return the outermost places (n_x, n_roll) of a surface along rays from the axis.
 
-    Where a ray meets none, the place beside it in the same plane counts.
+    Where a ray meets no triangle, the place next to it in the same plane counts.
 
     Parameters
     ----------
     point, triangle : (n_p, 3) [m], (n_t, 3).
-    station : (n_x,) between those of the nodes [m].
+    station : (n_x,) between the stations of the nodes [m].
     roll_angle : (n_roll,) from +z towards +y [rad].
     """
     found = [_at_station(point, triangle, x, roll_angle) for x in station.tolist()]
@@ -65,7 +65,8 @@ def _at_station(point: FloatArray, triangle: IntArray, station: float, roll_angl
 def _ends(distance: FloatArray, cut: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return weights (n_s, 3) of the corners of both ends of the segment in each triangle ``cut`` (n_s, 3).
 
-    ``distance`` (n_p,) is that of the nodes from the plane, which parts one corner of each from the others.
+    ``distance`` (n_p,) is the distance of the nodes from the plane, which parts one corner of each from the
+    others.
     """
     off = distance[cut]
     ends = np.zeros((2, len(cut), 3))

@@ -1,8 +1,8 @@
 """Flow parameters, such as deflections of controls: their ranges in the snapshots of a map.
 
 The linear estimate does not use them: the prior holds all values of the snapshots. The nonlinear one does where
-their deviation is stated (:mod:`strainfmu.estimator.tables.parameter_tables`). A value that is known and out of
-range tells that the map does not hold, whatever strain and coefficients say.
+their standard deviation is stated (:mod:`strainfmu.estimator.tables.parameter_tables`). A value that is known and
+out of range shows that the map does not hold, whatever strain and coefficients say.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class FlowParameters:
 
     Attributes
     ----------
-    names : n_p names, those of the vehicle file.
+    names : n_p names, as in the vehicle file.
     minimum, maximum : (n_p,) over the snapshots.
     """
 
@@ -69,7 +69,7 @@ class FlowParameters:
             raise InputError(f"{argument}: expected values by name, of the map's {known}, got {given!r}")
         for name, value in given.items():
             if name not in self.names:
-                raise InputError(f"{argument}: expected those of the map, {known}, got '{name}'")
+                raise InputError(f"{argument}: expected the parameters of the map, {known}, got '{name}'")
             found[:, self.names.index(name)] = per_sample(name, value, samples)
         return found
 

@@ -1,13 +1,13 @@
-"""Inertia of the vehicle at run time: what it strains, taken off the readings as far as an inertial unit tells.
+"""Inertia of the vehicle at run time: its strain, subtracted from the readings as far as it is measured.
 
 Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the specific force f
-of the unit (acceleration less that of gravity) and the angular rates w. Its inertia strains the gauges by Phi a.
-The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the products
-P = w w' - w'w 1 of w x (w x r) = P r. A priori they are independent with deviations s. Inertia modes are modes of
-temperature, each with a sensor of its own (:mod:`strainfmu.estimator.map.temperature`): :func:`with_inertia` joins
-both. Where nothing is measured, Phi diag(s^2) Phi' stays in the covariance of the gauges. Modes of vibration have
-no sensors: the input ``vibration`` states their standard deviation, in steps of the root of 2, in place of the
-map's.
+of the unit (acceleration without gravity) and the angular rates w. Its inertia causes the strain Phi a of the
+gauges. The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the products
+P = w w' - w'w 1 of w x (w x r) = P r. A priori they are independent with standard deviations s. Inertia modes are
+modes of temperature, each with a sensor of its own (:mod:`strainfmu.estimator.map.temperature`):
+:func:`with_inertia` joins both. Where nothing is measured, Phi diag(s^2) Phi' stays in the covariance of the
+gauges. Modes of vibration have no sensors: the input ``vibration`` states their standard deviation, in steps of
+the root of 2, instead of the map's.
 
 In free flight strain per pressure has the inertia of the motion that the pressure causes: Phi of f and dw/dt is
 then 0 for the masses of the model, and nothing counts twice.
@@ -47,12 +47,12 @@ class InertiaMap:
     Attributes
     ----------
     prior_std : (k,) s, standard deviations of the channels where they are not measured.
-    sensor_std : (k,) those of the errors of measured ones.
+    sensor_std : (k,) standard deviations of the errors of measured channels.
     mode_strain : (n_d, k) Phi, strain of the gauges per channel [(m/m)/unit].
     rest_covariance : (n_d, n_d) the map's gauge_covariance without modes of inertia, vibration and temperature
         [(m/m)^2].
-    vibration_strain : (n_d, v) strain of the gauges by each mode of vibration, over that of the gauge that it
-        strains most [1].
+    vibration_strain : (n_d, v) strain of the gauges by each mode of vibration, over the strain of the gauge
+        that it strains most [1].
     vibration_std : standard deviation of each where it is not known [m/m].
     """
 
@@ -150,7 +150,7 @@ def readings_of_modes(
 
 
 def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
-    """Return (m,) the ``vibration`` (m,) [m/m] over that of the map, as the covariance takes it.
+    """Return (m,) the ``vibration`` (m,) [m/m] over the vibration of the map, as the covariance takes it.
 
     NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
     changes little.

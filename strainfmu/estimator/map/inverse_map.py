@@ -6,9 +6,9 @@ estimate q = T d + k, k = -T m, minimises |L^-1 (d - m - A q)|^2 + gamma |q|^2, 
 segmented-ls-solution). The loads are f = M q + f_mean and what the residual reveals of load outside the states.
 
 Errors are columns: e = e_g + N y and the load outside the states g = N_f y, with cov(e_g) = Gamma_g and y standard
-normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load and no strain, or both, as that of a
-truncated mode. The file holds primary quantities alone. The compiled core computes what follows from them as it
-opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to reports.
+normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load and no strain, or both, as the column
+of a truncated mode. The file holds primary quantities alone. The compiled core computes what follows from them as
+it opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to reports.
 
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
 dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
@@ -67,10 +67,10 @@ DEFAULT_SCORE_LIMIT = 3.0
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
 
-    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then those of the groups in
-    :attr:`load_groups` (:mod:`strainfmu.estimator.other_loads`), the rolling moment of the body first. n_f is 5
-    where that is zero, as of a body of revolution, and no other loads are wanted. A load that is known to be zero
-    has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
+    Loads are outputs, n_f of them: the five of :data:`LOAD_NAMES` [N, N, N, N m, N m], then the loads of the
+    groups in :attr:`load_groups` (:mod:`strainfmu.estimator.other_loads`), the rolling moment of the body first.
+    n_f is 5 where that is zero, as of a body of revolution, and no other loads are wanted. A load that is known to
+    be zero has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
 
     Attributes
     ----------
@@ -100,8 +100,9 @@ class InverseMap:
     field_is_net : whether that field is p - p_inf.
     point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field.
     form : one of :data:`FORMS`.
-    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as those of an
-        internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for none.
+    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as the effects
+        of an internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for
+        none.
     zero_offset : (n_d,) reading of each strain gauge without strain [m/m], by the map's calibration; 0 without
         one. Estimators subtract it unless other zero offsets are given; its errors are part of the noise.
     gauge_error_product : (21, n_d) [(m/m)^2], common_error : (n_t, 6, n_d) [m/m], mean_product : (21,) [1], see
@@ -273,7 +274,7 @@ class InverseMap:
 
     @cached_property
     def modes(self) -> ThermalMap:
-        """Modes of the wall's temperature, then those of inertia, with all that measures them."""
+        """Modes of the wall's temperature, then modes of inertia, with all that measures them."""
         return with_inertia(self.thermal, self.inertia)
 
     @property

@@ -70,7 +70,7 @@ def _check_parts(inverse_map: InverseMap) -> None:
 
 
 def _check_number_of_loads(inverse_map: InverseMap) -> None:
-    """Check that the loads are the five, or these with those of every group."""
+    """Check that the loads are the five, or these with the loads of every group."""
     groups, found = inverse_map.load_groups, inverse_map.load_of_mean.size
     sizes = {group.family: group.size for group in groups if group.family.is_listed}
     allowed = FIVE_LOADS.stop + number_of(groups)
@@ -81,7 +81,7 @@ def _check_number_of_loads(inverse_map: InverseMap) -> None:
 
 
 def check_groups(inverse_map: InverseMap) -> None:
-    """Check that of fields which belong together all or none are given.
+    """Check that fields which belong together are all given or all absent.
 
     Raises
     ------

@@ -22,5 +22,5 @@ def has_other_outputs(inverse_map: InverseMap) -> bool:
 
 
 def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:
-    """Return the groups of loads that FMUs of the map state beside the five; none where they state none."""
+    """Return the groups of loads that FMUs of the map state after the five; none where they state none."""
     return inverse_map.load_groups if has_other_outputs(inverse_map) else ()

@@ -2,12 +2,12 @@
 
 The weights hold these errors at their mean over the snapshots. A flight at high incidence has larger ones, a
 flight at low incidence smaller. The strain of an error is nearly linear in the coefficients C that the step has
-estimated, so with c = [1, C] the covariance is that of the weights plus
+estimated, so with c = [1, C] the covariance is the one in the weights plus
 
     s^2 sum_ab (c_a c_b - mean of c_a c_b) G H_ab G',   H_ab = diag(sum_t D_tai D_tbi) + sum_t E_ta E_tb',
 
 D_t a term that is independent from gauge to gauge, E_t one that all gauges have in common, both per standard
-deviation. The same sum with the precision P in place of G gives the expected chi-square. G and P change slowly
+deviation. The same sum with the precision P instead of G gives the expected chi-square. G and P change slowly
 with the pressure ratio s: their products are computed at fixed levels and are linear in s between them.
 """
 

@@ -1,7 +1,8 @@
 """Sensors of a map that are no strain gauges: their units, and the scale that makes their rows look like strain.
 
 A map's rows all have the unit m/m inside. The row of another sensor is divided by its scale, so that its own noise
-is that of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the digits of every covariance.
+equals the noise of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the digits of every
+covariance.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Temperature of the vehicle at run time: what it strains, taken off the readings as far as sensors tell.
+"""Temperature of the vehicle at run time: its strain, subtracted from the readings as far as sensors measure.
 
 The rise of the wall's temperature above the reference is a sum of modes with amplitudes a, a priori independent
-with deviations s. Sensors read theta = C a + e. Given those that are known,
+with standard deviations s. Sensors read theta = C a + e. Given those that are known,
 
     P = (diag(1/s^2) + C' R^-1 C)^-1,   a = P C' R^-1 theta,
 

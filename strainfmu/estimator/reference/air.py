@@ -1,4 +1,4 @@
-"""Air data: what is known of the flight state beside strain, and what an estimate of it says of them."""
+"""Air data: what is known of the flight state in addition to strain, and how an estimate judges them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class AirInputs:
 
     ``is_computed`` states whether q_inf was computed from the others, so that it is none; ``of_loads`` are that
     q_inf and its standard deviation [Pa], for loads of the linear map; ``direction`` and
-    ``direction_std`` (2,) are u and w [rad] by measured angles, of infinite deviation where not known.
+    ``direction_std`` (2,) are u and w [rad] by measured angles, of infinite standard deviation where not known.
     """
 
     value: FloatArray
@@ -83,7 +83,8 @@ class AirInputs:
 def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, altitude: float = np.nan) -> AirInputs:
     """Return M, p_inf and q_inf with the standard deviations of the map where ``std`` (3,) is NaN.
 
-    A p_inf that is not known is that of the standard atmosphere at ``altitude`` [m], with a deviation of its own.
+    A p_inf that is not known is taken from the standard atmosphere at ``altitude`` [m], with its own standard
+    deviation.
     """
     manifold = inverse_map.manifold
     assert manifold is not None
@@ -122,8 +123,8 @@ def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInp
 def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[str, float]) -> AirInputs:
     """Return ``air`` without a q_inf that is computed from M and a pressure: no measurement of its own.
 
-    It stands for the one of both that is not given. What it is computed from has the deviations of the day, which
-    no measurement confirms.
+    It stands for the one of both that is not given. What it is computed from has the standard deviations of the
+    day, which no measurement confirms.
     """
     manifold = inverse_map.manifold
     assert manifold is not None
@@ -169,7 +170,8 @@ def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[st
 def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[float, float]:
     """Return M by a total temperature [K] of a perfect gas and the standard atmosphere at ``altitude`` [m].
 
-    T0 = T (1 + (gamma - 1)/2 M^2); the deviation follows from T0 and T to first order. NaN where it gives none.
+    T0 = T (1 + (gamma - 1)/2 M^2); the standard deviation follows from T0 and T to first order. NaN where it gives
+    none.
     """
     if not (np.isfinite(total) and total > 0.0 and 0.0 <= altitude <= LAYERS[-1][0]):
         return np.nan, np.nan
@@ -184,7 +186,7 @@ def mach_by_temperature(total: float, std: float, altitude: float) -> tuple[floa
 def without(air: AirInputs, z: FloatArray, dropped: int) -> AirInputs:
     """Return ``air`` without the one ``dropped``, of residuals ``z`` (3,); others that may be wrong are doubted.
 
-    These count with deviations larger by |z| of the dropped one, and one more for the noise in it.
+    These count with standard deviations larger by |z| of the dropped one, and one more for the noise in it.
     """
     size, gone = abs(z[dropped]), np.arange(N_AIR) == dropped
     doubted = (size <= NAVIGATION_ALARM) | (size**2 - z**2 < DISCERNED)
@@ -233,5 +235,5 @@ def _air_data(state: FloatArray) -> FloatArray:
 
 
 def lognormal_std(of_log: FloatArray | float) -> FloatArray:
-    """Return the relative deviation of a lognormal value three times which reach as far as three ``of_log``."""
+    """Return the relative sigma of a lognormal value: three of them reach as far as three ``of_log``."""
     return np.asarray(np.expm1(3.0 * of_log) / 3.0)

@@ -2,7 +2,7 @@
 
 Form "dynamic_pressure" is ``eq:scaled-model`` as it stands: the scale s is q_inf over the nominal one, states
 are free (Case 1) or columns (Case 2), as are errors that grow with the pressure. In form "absolute" s is 1; its
-gain is that of a prior of covariance 1 / gamma (``eq:ls-solution``), its truth that of 1, and they may differ.
+gain assumes a prior of covariance 1 / gamma (``eq:ls-solution``), its truth a prior of 1, and they may differ.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class LinearEstimate(NamedTuple):
 def models(inverse_map: InverseMap) -> tuple[Model, Model]:
     """Return the model that the gain of ``inverse_map`` is made for, and the truth.
 
-    The states of the first have the prior covariance 1 / gamma, those of the second 1.
+    The states of the first have the prior covariance 1 / gamma, the states of the second 1.
     """
     truth = _model(inverse_map)
     if inverse_map.case == 1 or inverse_map.regularisation == 1.0:
@@ -61,7 +61,7 @@ def estimate(
 ) -> LinearEstimate:
     """Return the estimates of k samples with the same rows in use.
 
-    ``rows`` (k, n_d) are those of the map [m/m], of which the ``used`` (n_d,) count, ``dynamic_pressure`` and
+    ``rows`` (k, n_d) are the rows of the map [m/m], of which the ``used`` (n_d,) count, ``dynamic_pressure`` and
     ``pressure_std`` (k,) q_inf and its standard deviation [Pa]. The covariance of what does not scale is ``noise``
     (n_d, n_d), as of :func:`~strainfmu.estimator.reference.readings.row_noise`, None for the map's.
     """

@@ -1,9 +1,9 @@
 """The flight state by strain and air data, and the loads there: Gauss-Newton iterations of the update.
 
 Rows are the strains, then M, ln p_inf and ln q_inf of air data, then the ranges of the map as a weak prior of the
-state. At a state x_0 the model is linear: x - x_0 is free, strain errs by S(x_0), outputs are the state and the
-loads; pressure off the tables is noise of strain and loads together. Its posterior is the next state, and at the
-end the estimate.
+state. At a state x_0 the model is linear: x - x_0 is free, strain has the error covariance S(x_0), outputs are the
+state and the loads; pressure off the tables is noise of strain and loads together. Its posterior is the next
+state, and at the end the estimate.
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ class NonlinearEstimate(FlightLoads):
     Leave-one-out residuals are ``standardised`` (n_d,) and ``air_standardised`` (3,); ``air_inputs`` are the air
     data as they count, without dropped ones, doubted ones with larger standard deviations; ``air`` and ``air_std``
     (7,) are angle of attack, sideslip, total incidence, aerodynamic roll angle [rad], M, p_inf and q_inf. The
-    ``deviance`` is -2 ln likelihood less a constant, ``step`` that of another iteration in standard deviations.
+    ``deviance`` is -2 ln likelihood less a constant, ``step`` the step of another iteration in standard
+    deviations.
     """
 
     chi_square: float
@@ -145,7 +146,7 @@ class NonlinearReference:
         return mean, std
 
     def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
-        """Return the model about ``state``, whose strain errs by ``covariance``; outputs: state, then loads."""
+        """Return the model about ``state`` with the error ``covariance`` of strain; outputs: state, then loads."""
         n_d, (value, jacobian), pressure = self.n_d, self.at(state), np.exp(state[LOG_PRESSURE])
         m, n = len(value) - n_d, n_d + N_AIR + N_STATES
         of_air, by_state = air_rows(state)
@@ -168,7 +169,7 @@ class NonlinearReference:
         )
 
     def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray) -> Posterior:
-        """Return the posterior of ``sample`` about ``state``, whose strain errs by ``covariance``."""
+        """Return the posterior of ``sample`` about ``state``, with the error ``covariance`` of strain."""
         rows = np.concatenate([sample.rows, sample.air.log_value, self.prior(sample.air)[0]])
         used = np.concatenate([sample.used, np.isfinite(sample.air.value), np.ones(N_STATES, dtype=bool)])
         return condition(prepare(self.model(state, sample.air, covariance), used), rows[None], np.ones(1))
@@ -270,7 +271,8 @@ class NonlinearReference:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the cost (k,) of states of the grid, and their ln p_inf (k,) by strain, air data and prior.
 
-        ``mach`` (k,), and ``unit`` (k, n_d) whitened strain per p_inf; ``data`` (n_d,) is that of the sample.
+        ``mach`` (k,), and ``unit`` (k, n_d) whitened strain per p_inf; ``data`` (n_d,) is the whitened strain of
+        the sample.
         """
         size, along = np.sum(unit**2, axis=1), unit @ data
         log_pressure = np.log(np.clip(along / np.maximum(size, 1e-300), 10.0, 5e5))
@@ -288,7 +290,7 @@ class NonlinearReference:
         return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
 
     def considered(self, state: FloatArray, sample: Sample, found: Posterior) -> FloatArray:
-        """Return (4 + m,) what state and loads err by where strain and loads do as the considered error.
+        """Return (4 + m,) errors of state and loads where strain and loads have the considered error.
 
         Its amplitude is standard normal; the residual r leaves it the variance 1 / (1 + h' P h) about
         h' P r / (1 + h' P h), and the sum of the squares counts.
@@ -364,7 +366,7 @@ def coefficient_slopes(
     """Return how errors of state and loads, with the ``joint`` covariance, turn into errors of coefficients.
 
     That is their derivatives (m, 4 + m) by state and loads, their scale (m,) per load, and a factor on their
-    covariance: the error of ln q_inf is normal, that of q_inf is not.
+    covariance: the error of ln q_inf is normal, the error of q_inf is not.
     """
     mach = state[MACH]
     scale = 1.0 / (0.5 * HEAT_CAPACITY_RATIO * mach**2 * np.exp(state[LOG_PRESSURE]) * references)

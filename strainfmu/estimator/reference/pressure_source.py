@@ -32,13 +32,14 @@ EARTH_RADIUS = 6356766.0
 """[m] of geopotential altitudes; source: U.S. Standard Atmosphere, 1976."""
 
 DAY_OF_MACH = 0.025
-"""Relative deviation of a Mach number that no other measurement confirms.
+"""Relative standard deviation of a Mach number that no other measurement confirms.
 
-The Mach number of a velocity errs by half of the day's 0.03 of temperature, and by winds of 0.02 of the velocity.
+The Mach number of a velocity is wrong by half of the day's 0.03 of temperature, and by winds of 0.02 of the
+velocity.
 """
 
 DAY_OF_PRESSURE = 0.03
-"""Relative deviation of a static pressure that no other measurement confirms."""
+"""Relative standard deviation of a static pressure that no other measurement confirms."""
 
 LEAST_ANGLE_STD = 1e-4
 """Smallest standard deviation of a measured angle [rad]."""
@@ -91,12 +92,12 @@ def pressure_source(
 def computed_pressure_error(
     mach: FloatArray, mach_std: FloatArray, pressure_std: FloatArray | float
 ) -> FloatArray:
-    """Return the relative standard deviation of a dynamic pressure by those of what it is computed from."""
+    """Return the relative standard deviation of a dynamic pressure from its sources' own."""
     return np.hypot(2.0 * mach_std / mach, pressure_std)
 
 
 def computed_pressure_std(given: Mapping[str, FloatArray], own: FloatArray) -> FloatArray:
-    """Return (k,) the deviations [Pa] of computed dynamic pressures, ``own`` those of their sources.
+    """Return (k,) the sigma [Pa] of computed dynamic pressures, ``own`` from the sigma of their sources.
 
     A stated one counts where the source is stated, too; otherwise the larger.
     """
@@ -105,7 +106,7 @@ def computed_pressure_std(given: Mapping[str, FloatArray], own: FloatArray) -> F
 
 
 def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error: float) -> FloatArray:
-    """Return (k,) the deviations [Pa] of the dynamic pressures that a linear map works with."""
+    """Return (k,) the standard deviations [Pa] of the dynamic pressures that a linear map works with."""
     q, stated = given[DYNAMIC_PRESSURE], given[f"{DYNAMIC_PRESSURE}{STD}"]
     std = np.where(np.isnan(stated), dynamic_pressure_error * q, stated)
     mach = np.where(np.isnan(given[MACH_NUMBER]), 1.0, given[MACH_NUMBER])
@@ -122,9 +123,9 @@ def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error:
 
 
 def measured_directions(given: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Return (k, 2) components u and w of the flow direction [rad] by the measured angles, and their deviations.
+    """Return (k, 2) components u and w of the flow direction [rad] by the measured angles, and their sigma.
 
-    The deviation of one that is not measured is infinite; it counts as 0 for the other one.
+    The standard deviation of a component that is not measured is infinite; it counts as 0 for the other one.
     """
     angles = np.column_stack([given[name] for name in MEASURED_ANGLES])
     stated = np.column_stack([given[f"{name}{STD}"] for name in MEASURED_ANGLES])
@@ -149,7 +150,7 @@ def angles_contradict(
 
     Parameters
     ----------
-    slope : least incidence per lateral coefficient [rad]; 0 for no test.
+    slope : minimum incidence per lateral coefficient [rad]; 0 for no test.
     force, force_std : (k, 2) C_N and C_Y, and their standard deviations.
     limit : largest square of the standardised difference.
     """

@@ -164,7 +164,7 @@ def joseph(truth: Model, gain: FloatArray, scale: FloatArray, added: FloatArray 
     """Return (k, m, m) covariance of the outputs by ``gain`` G (k, m, n) at ``scale`` s (k,) under ``truth``.
 
     (G L - C' L'^-1)(..)' + V - C' R^-1 C + s^2 (M - G N)(M - G N)' + G D G', with R = L L' and D = ``added``
-    (k, n, n) what rows err by beyond R. The gain must be unbiased for free states, G X = F.
+    (k, n, n) the error of the rows beyond R. The gain must be unbiased for free states, G X = F.
     """
     root = np.linalg.cholesky(truth.noise)
     regression = np.linalg.solve(root, truth.cross).T

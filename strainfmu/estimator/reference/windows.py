@@ -23,7 +23,7 @@ WIDTH = 2.0
 """Half of an interval, in standard deviations of its noise."""
 
 PART = 0.5
-"""Samples of the window in use over those of the longest that agrees."""
+"""Samples of the window in use over the samples of the longest one that agrees."""
 
 
 class Fit(NamedTuple):

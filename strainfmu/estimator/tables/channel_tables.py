@@ -43,7 +43,7 @@ class ChannelTables:
 def channel_tables(response: FloatArray, roll_angle: FloatArray) -> ChannelTables:
     """Return the tables ``response`` (n_M + 2, n_a + 2, n_r, n_m, 2) without repetition.
 
-    ``roll_angle`` (n_d,) is that of the gauges [rad], the first n_d of the n_r rows.
+    ``roll_angle`` (n_d,) is the roll angle of the gauges [rad], the first n_d of the n_r rows.
     """
     found: list[FloatArray] = []
     terms: list[tuple[int, int, FloatArray, FloatArray]] = []
@@ -75,8 +75,8 @@ def _parts(of_cosine: FloatArray, of_sine: FloatArray, phase: _Phase) -> list[tu
 def _own_angle(of_cosine: FloatArray, of_sine: FloatArray, position: float, round_off: float) -> _Phase:
     """Return cos m phi and sin m phi (n_m,) of the angle about which the table is even, if there is one.
 
-    The angle is ``position``, that of the first harmonic, or 0, whichever leaves the smallest odd part; odd parts
-    that differ by no more than ``round_off`` are the same.
+    Of ``position``, the angle of the first harmonic, and 0, the angle is the one with the smallest odd part; odd
+    parts that differ by no more than ``round_off`` are the same.
     """
 
     def odd_part(phase: _Phase) -> float:

@@ -65,7 +65,7 @@ class FlightTables:
 
     @cached_property
     def by_harmonic(self) -> FloatArray:
-        """(n_M + 2, n_a + 2, 2 n_m, n_d + n_f) the same coefficients, those of a harmonic together."""
+        """(n_M + 2, n_a + 2, 2 n_m, n_d + n_f) the same coefficients, grouped by harmonic."""
         cells, n = self.response.shape[:2], self.response.shape[2]
         return np.ascontiguousarray(np.swapaxes(self.response.reshape(*cells, n, -1), 2, 3))
 
@@ -98,7 +98,7 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
 
 
 class _Sums(NamedTuple):
-    """Sums over harmonics and phases (k, n_d + n_f), and their derivatives, those of u and w by the roll angle."""
+    """Sums over harmonics and phases (k, n_d + n_f), and their derivatives (for u, w: by the roll angle)."""
 
     value: FloatArray
     by_mach: FloatArray

@@ -59,17 +59,17 @@ class ManifoldMap:
     reference_area, reference_length : S [m2], L [m].
     mach_range, pressure_range : (2,) of M [1] and p_inf [Pa] that the map holds for.
     incidence_limit : largest total incidence that it holds for [rad].
-    crossflow_range : (2, 2) least and largest u and w that it holds for [rad]; None for every roll angle of the
+    crossflow_range : (2, 2) smallest and largest u and w that it holds for [rad]; None for every roll angle of the
         wind.
     mach_number_error : standard deviation of a stated Mach number without its own [1].
     static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
-    altitude_error : that of p_inf of the standard atmosphere at a stated altitude, relative [1].
+    altitude_error : standard deviation of p_inf of the standard atmosphere at a stated altitude, relative [1].
     chi_square_scale, outlier_scale, shape_scale : factors on the alarm levels of chi-square, of the square of the
         largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
     discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
         none.
-    considered_response : as ``response``, of an error that widens the deviations of the estimates and corrects
-        nothing (Schmidt's considered parameter), at one standard deviation; None for none.
+    considered_response : as ``response``, of an error that widens the standard deviations of the estimates and
+        corrects nothing (Schmidt's considered parameter), at one standard deviation; None for none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     parameters : what flow parameters change; None where the map holds none.
@@ -140,7 +140,7 @@ class ManifoldMap:
         held = None if self.shape_field is None else self.shape_field.parameters
         powers = None if self.parameters is None else self.parameters.powers
         if held is not None and (powers is None or len(held.unit_error) != len(powers.power)):
-            raise InputError("shape_field: parameters: expected those of the tables of strain")
+            raise InputError("shape_field: parameters: expected the parameters of the tables of strain")
 
     def _check_field(self) -> None:
         held = self.surface_field

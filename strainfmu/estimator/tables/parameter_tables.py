@@ -1,8 +1,8 @@
 """What flow parameters, such as deflections, change, and errors once they are known.
 
 Strain and loads are y(x) + p_inf sum_j (z^j - offset_j) s_j(x): z the parameter less its mean, over its spread in
-the snapshots, s_j tables over the flight state. A value that is stated with a deviation counts together with the
-spread, both taken as normal.
+the snapshots, s_j tables over the flight state. A value that is stated with a standard deviation counts together
+with the spread, both taken as normal.
 """
 
 from __future__ import annotations
@@ -119,10 +119,11 @@ class KnownPowers:
     derivative: FloatArray
 
     def errors(self, unit_error: FloatArray, spread_error: FloatArray) -> list[FloatArray]:
-        """Return the columns (n, k) that are left of those of one unit of each power (J, n, k) and of the spread
-        of each parameter (n_p, n, k).
+        """Return the columns (n, k) that are left of the errors of one unit of each power (J, n, k) and of the
+        spread of each parameter (n_p, n, k).
 
-        What a deviation leaves is in proportion to it about a value well known, and the spread of one that is not.
+        What a standard deviation leaves is in proportion to it about a value well known, and the spread of one
+        that is not.
         """
         found = []
         for parameter, part in enumerate(self.weight.tolist()):
@@ -167,7 +168,7 @@ def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> Man
 
 def _changed(manifold: ManifoldMap, change: FloatArray, errors: FloatArray) -> ManifoldMap:
     """Return ``manifold`` with ``change`` (n_M + 2, n_a + 2, n, n_m, 2) added to its tables, and ``errors``
-    (n, k) per p_inf in place of its own."""
+    (n, k) per p_inf instead of its own."""
     n_d = manifold.n_gauges
     return replace(
         manifold, response=manifold.response + change, error_strain=errors[:n_d], error_load=errors[n_d:]

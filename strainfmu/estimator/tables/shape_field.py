@@ -100,7 +100,7 @@ def field_with_known(shape_field: ShapeField, powers: Powers, value: FloatArray,
     """Return ``shape_field`` where parameters of the flow are known; ``value`` and ``std`` as of
     :func:`~strainfmu.estimator.tables.parameter_tables.with_known`.
 
-    Its errors are less by those of their spread, and hold what is left.
+    Its errors are less by the errors of their spread, and hold what is left.
     """
     held = shape_field.parameters
     if held is None:

@@ -30,7 +30,7 @@ class GaugeZeros:
     ----------
     value : (n_d,) reading without strain [m/m].
     std : (n_d,) standard deviation of the error of each, independent of the others [m/m].
-    common_std : that of an error which all have in common [m/m].
+    common_std : standard deviation of an error which all have in common [m/m].
     """
 
     value: FloatArray
@@ -40,7 +40,7 @@ class GaugeZeros:
     def __post_init__(self) -> None:
         if self.value.ndim != 1 or self.std.shape != self.value.shape:
             raise InputError(
-                f"zeros: expected values and deviations (n_d,), got {self.value.shape} and {self.std.shape}"
+                f"zeros: expected value and std of shape (n_d,), got {self.value.shape} and {self.std.shape}"
             )
         for name, values in ((ZERO, self.value), (ZERO_STD, self.std), (ZERO_COMMON_STD, self.common_std)):
             for one in np.ravel(values).tolist():
@@ -55,8 +55,8 @@ class GaugeZeros:
 
 
 def zero_fault(name: str, value: float) -> str:
-    """Return what is wrong with ``value`` for a zero, or for a deviation where ``name`` says ``std``; "" if
-    nothing is."""
+    """Return what is wrong with ``value`` for a zero, or for a standard deviation where ``name`` says ``std``; ""
+    if nothing is."""
     smallest = 0.0 if name.partition("[")[0].endswith("std") else -LARGEST_ZERO
     if smallest <= value <= LARGEST_ZERO:
         return ""
@@ -64,7 +64,7 @@ def zero_fault(name: str, value: float) -> str:
 
 
 def no_zeros(n_gauges: int) -> GaugeZeros:
-    """Return zeros of 0, exactly known: they replace those of a calibrated map."""
+    """Return zeros of 0, exactly known: they replace the zeros of a calibrated map."""
     return GaugeZeros(value=np.zeros(n_gauges), std=np.zeros(n_gauges))
 
 

@@ -53,7 +53,7 @@ class TareLimits:
     ----------
     dynamic_pressure : largest |q_inf| [Pa] at which air does not load the vehicle.
     zero : largest plausible |zero| [m/m].
-    drift : largest rise of a gauge over the window [m/m] that is taken into its deviation.
+    drift : largest rise of a gauge over the window [m/m] that is taken into its standard deviation.
     """
 
     dynamic_pressure: float = 100.0
@@ -74,7 +74,7 @@ class KnownStrain:
     ----------
     value : (n_d,) [m/m].
     relative_std : standard deviation of its error, relative [1].
-    own_std : (n_d,) that of each gauge [m/m]; None for the relative one.
+    own_std : (n_d,) standard deviation of each gauge [m/m]; None for the relative one.
     """
 
     value: FloatArray
@@ -93,11 +93,11 @@ class Tare:
 
     Attributes
     ----------
-    zeros : of gauges that do not read: 0 with the largest deviation there is.
+    zeros : of gauges that do not read: 0 with the largest standard deviation there is.
     samples : number of readings.
-    memory : factor on the deviations by which readings depend on each other [1].
+    memory : factor on the standard deviations by which readings depend on each other [1].
     gauges : number of gauges that have a zero.
-    rms, largest_std : of their zeros, and the largest of their deviations [m/m].
+    rms, largest_std : of their zeros, and the largest of their standard deviations [m/m].
     reasons : all that speaks against the zeros.
     faults : reasons not to use them, one line each, but for too few gauges; none where loads are known.
     notes : what else is to be known.

@@ -1,7 +1,7 @@
 """A tare by the edges of a flag, as an FMU takes it: while the flag is up readings are averaged, then judged.
 
-The core has the state machine. The window is judged as that of a recording is; besides, the dynamic pressure must
-be known in every step of it.
+The core has the state machine. The window is judged as the window of a recording is; besides, the dynamic pressure
+must be known in every step of it.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ from strainfmu.estimator.zeros.tare import LEAST_PART, LEAST_SAMPLES, LOUD, Tare
 
 
 def judged_tare(held: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
-    """Return the tare of ``held``'s gauges that ``outcome`` of the core states by name.
+    """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 A folder with ``{M}.fmu``, ``{M}_in.csv``, ``{M}_ref.csv``, ``{M}_ref.opt`` and ``Readme.txt``, which lists
 importers, their versions and results. Source: fmi-standard.org, CONTRIBUTING, "Compatibility Information"; the
-file formats are those of the FMI Cross-Check rules 4.1.
+file formats follow the FMI Cross-Check rules 4.1.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class ImporterResult:
     ----------
     importer : its name and version.
     outcome : "passed", "failed" or "not run".
-    detail : largest deviation, or why.
+    detail : largest difference, or why.
     """
 
     importer: str
@@ -155,7 +155,7 @@ def _result(name: str, *, fmi_version: str, fmu: Path, inputs: Path, reference: 
             return ImporterResult(importer, outcome, f"exit code {done.returncode}: {message}")
         deviation, where = largest_deviation(read_table(found), reference)
     outcome = "passed" if deviation <= RELATIVE_TOLERANCE else "failed"
-    return ImporterResult(importer, outcome, f"largest deviation {deviation:.1e} of the signal's size ({where})")
+    return ImporterResult(importer, outcome, f"largest difference {deviation:.1e} of the signal's size ({where})")
 
 
 def failure_message(output: str, errors: str) -> str:
@@ -169,7 +169,7 @@ def failure_message(output: str, errors: str) -> str:
 
 
 def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:
-    """Return the largest deviation, of the largest value of its signal, and the signal; infinite if one lacks.
+    """Return the largest difference, of the largest value of its signal, and the signal; infinite if one lacks.
 
     Signals that an importer does not give at all, as enumerations, are not compared; nor are rows it leaves empty.
     """
@@ -201,7 +201,7 @@ def _readme(
             f"{model}_ref.opt   start, stop, step size, and the tolerance of the comparison",
             "",
             "Inputs are set at the start of each step and held; outputs are read at its end. So row k of the",
-            "reference belongs to the inputs of row k - 1, row 0 to those of row 0.",
+            "reference belongs to the inputs of row k - 1, row 0 to the inputs of row 0.",
             f"The FMU adapts no step to an error; its default tolerance, {tolerance}, is without effect.",
             "",
             f"Importers, on {system()} {machine()}:",

@@ -114,7 +114,7 @@ def _run_fmpy_arrays(fmu: Path, table: Table) -> Table:
 
 
 def run_ecos(fmu: Path, table: Table) -> Table:
-    """Simulate with ecos (package ecospy), which needs libtbb.so.12: the system's, or that of the package tbb."""
+    """Simulate with ecos (package ecospy), which needs libtbb.so.12: the system's, or the one of package tbb."""
     beside = Path(sys.prefix, "lib", "libtbb.so.12")
     if beside.exists():  # where pip puts it and no loader looks
         ctypes.CDLL(str(beside), mode=ctypes.RTLD_GLOBAL)

@@ -1,4 +1,4 @@
-"""Integrity of an FMU file: the check sums of its archive, and those of the maps and models that are ours."""
+"""Integrity of an FMU file: the check sums of its archive, and of the maps and models that are ours."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
     """Return the time per step [s] of FMUs of the map: set all strains, step, get the coefficients.
 
     Each through FMPy's calls with lists, and through the bare C functions with arrays made once; the native kind
-    also in a C host, where a C compiler is found, beside the bare product in C.
+    also in a C host, where a C compiler is found, next to the bare product in C.
     """
     inverse_map = load_inverse_map(map_path)
     refuse_sensors(inverse_map.sensors, f"{map_path}: cost of a step")

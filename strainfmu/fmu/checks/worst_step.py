@@ -26,15 +26,15 @@ EVENTS = (
     "nothing",
     "one gauge lost, another one every time",
     "a third of the gauges lost, others every time",
-    "the deviation of a zero offset changed",
+    "the standard deviation of a zero offset changed",
     "the first step of an instance",
     "strain that fits no flight, and a wrong Mach number",
     "no dynamic pressure, Mach number, static pressure or altitude given",
-    "first step, a third lost, deviation changed, no fit: all at once",
+    "first step, a third lost, sigma changed, no fit: all at once",
 )
 """What happens in a step, by its number in ``fmus/bench/worst_step.c``."""
 
-AT_RANDOM = "masks, readings that are none, jumps, changed deviations, tares at random"
+AT_RANDOM = "masks, readings that are none, jumps, changed sigmas, tares at random"
 """The last line there."""
 
 REPEATS = 201

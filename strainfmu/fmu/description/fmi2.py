@@ -20,7 +20,7 @@ from strainfmu.interface.enumerations import used_enumerations
 from strainfmu.interface.fmi_variables import UNITS, Unit, Variable
 
 INITIAL = {"output": "calculated", "local": "calculated", "parameter": "exact"}
-"""Attribute ``initial`` by causality; that of inputs is left to its default, exact."""
+"""Attribute ``initial`` by causality; inputs have its default, exact."""
 
 
 def model_description(fmu: FmuDescription) -> Element:
@@ -45,7 +45,7 @@ def model_description(fmu: FmuDescription) -> Element:
 
 
 def _add_sources(kind: Element, names: Sequence[str]) -> None:
-    """List the files to compile; headers lie beside them unlisted."""
+    """List the files to compile; headers lie next to them unlisted."""
     if names:
         files = SubElement(kind, "SourceFiles")
         for name in names:

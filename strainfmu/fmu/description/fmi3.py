@@ -55,9 +55,9 @@ def model_description_3(fmu: FmuDescription) -> Element:
 
 
 def _references(fmu: FmuDescription) -> dict[str, int]:
-    """Return value references by name: arrays count from 0, scalars in place of arrays from :data:`FIRST_SCALAR`.
+    """Return value references by name: arrays count from 0, scalars instead of arrays from :data:`FIRST_SCALAR`.
 
-    Time has the one behind all arrays, whichever are listed.
+    Time has the one behind all arrays, listed or not.
     """
     first, n_arrays = (0, len(fmu.references)) if fmu.n_arrays is None else (FIRST_SCALAR, fmu.n_arrays)
     return {**{name: first + number for name, number in fmu.references.items()}, TIME.name: n_arrays}

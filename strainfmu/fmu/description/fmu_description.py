@@ -17,7 +17,7 @@ from strainfmu.version import __version__
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
 
 _NO_TIME = datetime(1980, 1, 1, tzinfo=UTC)
-"""Stamp of FMUs without SOURCE_DATE_EPOCH: that of their zip entries, the earliest a zip can hold."""
+"""Stamp of FMUs without SOURCE_DATE_EPOCH: the time of their zip entries, the earliest a zip can hold."""
 
 AUTHOR = "strainfmu developers"
 COPYRIGHT = "strainfmu developers; the data inside belong to their makers"

@@ -23,7 +23,7 @@ from strainfmu.pages import table_html
 from strainfmu.version import __version__
 
 _DERIVATIVES = (
-    "Directional derivatives, of the native kind, are those of values: coefficients, loads, air data, by what a "
+    "Directional derivatives, of the native kind, exist for values: coefficients, loads, air data, by what a "
     "host sets. They belong to the estimate that steps with the same inputs end at. Sigmas, chi-square and health "
     "have none."
 )
@@ -45,7 +45,7 @@ _LIMITS = (
     "then, and mach_number and altitude need not be given. dynamic_pressure must be given, 1e-6 to 1e7 Pa. Where "
     "Mach number and altitude are given, it must agree with 0.7 M² p(h) of the US Standard Atmosphere 1976; if "
     "not, or if the flight or the estimated coefficients leave what the map covers, health.state is OUTSIDE.",
-    "Loads are those of a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
+    "Loads assume a quasi-static structure: vibration reads as load. The tunable parameters may be set at "
     "any time; a value outside min and max is refused.",
     _DERIVATIVES,
 )
@@ -62,7 +62,7 @@ _FLIGHT_LIMITS = (
     "dynamic_pressure, mach_number, altitude and static_pressure come from navigation. Each is not given where it "
     "is 0 or below (or NaN); so is a standard deviation: the map's own counts then. The one that contradicts "
     "strain and the others is left out: then its navigation_used is false, and health.state is DEGRADED.",
-    "Where strain does not fit the tables, loads and coefficients are those of the linear map, if "
+    "Where strain does not fit the tables, loads and coefficients are the linear map's, if "
     "dynamic_pressure is known: health.linear_loads. Air data are not to be used then, nor where identified "
     "is false.",
     _LIMITS[5],
@@ -149,9 +149,7 @@ def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
     if len(others):
         good += f". In the others it is {_states(others)}"
     if len(others) and inverse_map.manifold is not None and is_usual(run):
-        good += (
-            f": loads are those of the linear map until strain has fitted the tables {RETURN_AFTER} times in a row"
-        )
+        good += f": loads are the linear map's until strain has fitted the tables {RETURN_AFTER} times in a row"
     return [
         f"A flight of {run.time[-1]:g} s that the snapshots cover, with its air data, is in "
         "extra/org.fmi-standard.fmi-ls-ref: inputs and the outputs to expect. True values are in "
@@ -193,7 +191,7 @@ def _temperature(thermal: ThermalMap) -> list[str]:
         )
     ]
     text = (
-        "The wall's temperature strains the gauges: what the temperatures known tell of it is taken off, the rest "
+        "The wall's temperature causes strain: the part that known temperatures determine is subtracted, the rest "
         "is in sigma. A temperature that is 0 or below, NaN or 2000 K from "
         f"{thermal.reference_temperature:g} K is not known; the first step after a sensor comes or goes costs "
         "some milliseconds."
@@ -228,9 +226,9 @@ def _sensors(inverse_map: InverseMap) -> list[str]:
         for row, name in enumerate(sensor_names(inverse_map), start=first)
     ]
     text = (
-        "Each is an input with a unit of its own, and has a flag of valid behind those of the gauges: its number "
-        "is that in valid and in health.suspect_gauge. One that is not finite, beyond its range, or not valid is "
-        "left out as a gauge is. Zeros and tare are those of the strain gauges: give readings less zeros of their "
+        "Each is an input with a unit of its own, and has a flag of valid behind the gauges' flags: its number "
+        "is the same in valid and health.suspect_gauge. One that is not finite, beyond its range, or not valid is "
+        "left out as a gauge is. Zeros and tare are for the strain gauges: give readings less zeros of their "
         "own."
     )
     headings = ("No.", "Input", "Kind", "x [m]", "Roll [deg]", "Direction x, y, z", "Noise sigma", "Range")

@@ -1,4 +1,4 @@
-"""``documentation/`` of an FMU: one HTML page that needs no other file, and the texts beside it.
+"""``documentation/`` of an FMU: one HTML page that needs no other file, and the texts next to it.
 
 Source of the folder and file names: FMI 2.0.5, section 2.3; FMI 3.0.2, section 2.5.
 """

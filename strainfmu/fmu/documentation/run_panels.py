@@ -42,7 +42,7 @@ def estimate_figure(inverse_map: InverseMap, run: ReferenceRun) -> str:
     shown = np.array([place[int(value)] for value in state])
     words = [(place[value], HealthState(value).name) for value in met]
     panels.append(Panel(title="health", lines=[Line(name="state", values=shown, steps=True)], words=words))
-    label = "A failing gauge, estimates with 3 sigma bands beside the truth, and the state of health"
+    label = "A failing gauge, estimates with 3 sigma bands and the truth, and the state of health"
     return run_figure(run.time, panels, label, shaded=fault_span(run))
 
 

@@ -48,7 +48,7 @@ class Platform:
     ----------
     suffix : of its shared libraries.
     targets : zig's name of each processor that one library serves.
-    flags : beside :data:`COMPILER_FLAGS` and :data:`LIBRARY_FLAGS`; ``{name}`` stands for the library.
+    flags : in addition to :data:`COMPILER_FLAGS` and :data:`LIBRARY_FLAGS`; ``{name}`` stands for the library.
     """
 
     suffix: str
@@ -66,7 +66,7 @@ PLATFORMS = {
     "aarch64-linux": Platform(".so", ("aarch64-linux-gnu.2.17",), ("-fPIC",)),
     "aarch64-darwin": Platform(".dylib", ("aarch64-macos.11.0",), _MACOS),
 }
-"""By the name of FMI 2.0, or that of FMI 3.0 where 2.0 has none. ``darwin64`` is a universal library."""
+"""By the name of FMI 2.0, or the name of FMI 3.0 where 2.0 has none. ``darwin64`` is a universal library."""
 
 
 def source_files(library: str = "estimator", native: Path = NATIVE) -> tuple[Path, ...]:
@@ -91,7 +91,7 @@ def fmi_headers() -> Path:
     """
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise InputError("the FMI headers are those of fmpy: pip install 'strainfmu[fmu]'")
+        raise InputError("the FMI headers come with fmpy: pip install 'strainfmu[fmu]'")
     return Path(found.origin).parent / "c-code"
 
 

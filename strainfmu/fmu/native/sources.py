@@ -21,7 +21,7 @@ LIBRARIES = {
 """Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
 
 BESIDE = {"estimator": ("bus",)}
-"""Folders that the built library holds beside the model, for Python alone: FMUs bring no sources of them."""
+"""Folders that the built library holds next to the model, for Python alone: FMUs bring no sources of them."""
 
 FRONTS = {"2": "fmi2", "3": "fmi3"}
 """Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""
@@ -64,8 +64,8 @@ def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
 def model_sources(library: str) -> dict[str, bytes]:
     """Return content by name of the sources that the models of a library need without a front of FMI.
 
-    The names are those below ``fmus/native``. Of ``core``, which the fronts use too, these are the headers that
-    the models include, directly or through others, and the file of the same name beside each.
+    The names are relative to ``fmus/native``. Of ``core``, which the fronts use too, these are the headers that
+    the models include, directly or through others, and the file of the same name next to each.
     """
     native = resources.files("fmus").joinpath("native")
     found = {
@@ -132,7 +132,7 @@ add_fmi_library({model_identifier}
 def build_description(model_identifier: str, source_files: Sequence[str]) -> bytes:
     """Return ``sources/buildDescription.xml``, with the options of gcc and clang that equal bits need.
 
-    Source: FMI 3.0.2, section 2.6; FMI 2.0.4 and later allow the same file, beside ``SourceFiles`` (section 2.3).
+    Source: FMI 3.0.2, section 2.6; FMI 2.0.4 and later allow the same file, next to ``SourceFiles`` (section 2.3).
     """
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": model_identifier})

@@ -113,7 +113,7 @@ def python_entries(description: FmuDescription, code: SlaveCode, payload: Mappin
 def _stage(
     folder: Path, description: FmuDescription, code: SlaveCode, payload: Mapping[str, bytes]
 ) -> tuple[Path, list[Path]]:
-    """Lay out what goes into ``resources/``; return the slave's file and all that goes beside it."""
+    """Lay out what goes into ``resources/``; return the slave's file and all that goes next to it."""
     suffix = hashlib.sha256(f"{description.guid}{code.digest}".encode()).hexdigest()[:12]
     package = f"strainfmu_{suffix}"
     files = {

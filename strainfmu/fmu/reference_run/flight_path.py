@@ -88,9 +88,9 @@ def _covered(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, float]:
 def _readings(
     inverse_map: InverseMap, q: FloatArray, mach: FloatArray, pressure: FloatArray
 ) -> dict[str, FloatArray]:
-    """Return the air-data inputs (n,) of 9 digits, each wrong by half its deviation, inside the map's ranges.
+    """Return the air-data inputs (n,) of 9 digits, each wrong by half its sigma, inside the map's ranges.
 
-    NaN is not known. A linear map states no deviation of Mach number and altitude: these are right.
+    NaN is not known. A linear map states no standard deviation of Mach number and altitude: these are right.
     """
     manifold, ranges = inverse_map.manifold, flight_ranges(inverse_map)
     mach_range, of_q, of_mach, of_pressure = ranges.mach_number, inverse_map.dynamic_pressure_error, 0.0, 0.0

@@ -144,7 +144,7 @@ def _plant_inputs(plant: Plant, time: Sequence[float]) -> dict[str, FloatArray]:
 def python_plant_reference(model: FlightModel, trajectory: Trajectory, seed: int = 1) -> Reference:
     """Return a run of the plant of kind python, which has no inputs: along its trajectory and past its end.
 
-    Its noise is that of numpy's PCG64, one draw per communication point.
+    Its noise comes from numpy's PCG64, one draw per communication point.
     """
     source = "strainfmu.cosim.models.flight_model (numpy), which is inside the FMU too"
     return Reference(source, _python_plant_run(model, trajectory, seed), _plant_groups({}))

@@ -56,8 +56,8 @@ class Readings:
     Attributes
     ----------
     flight : without errors.
-    fault : that of one gauge.
-    known : (n,) inputs beside the rows of the map, by name.
+    fault : fault of one gauge.
+    known : (n,) inputs other than the rows of the map, by name.
     """
 
     flight: ReferenceFlight
@@ -117,9 +117,9 @@ def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
 
 
 def failing_gauge(precision: FloatArray) -> tuple[int, float]:
-    """Return index and error [m/m] of the gauge that fails: the one whose error is best seen and told.
+    """Return index and error [m/m] of the gauge that fails: the one whose error is best seen and attributed.
 
-    ``precision`` (n_d, n_d) is that of the residual [1/(m/m)^2].
+    ``precision`` (n_d, n_d) is the precision of the residual [1/(m/m)^2].
     """
     variance = np.diag(precision)
     checked = np.where(variance > 0.0, variance, 1.0)

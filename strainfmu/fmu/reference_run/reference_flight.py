@@ -1,4 +1,4 @@
-"""What every reference run of an estimator is made of, whichever map it is of: a flight, and errors about it."""
+"""What every reference run of an estimator is made of, for any map: a flight, and errors about it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ReferenceFlight:
     covariance : (n, n_d, n_d) of the errors of strain as the map states them [(m/m)^2].
     residual_precision : (n_d, n_d) of what the estimate leaves of the strain, amid the flight [1/(m/m)^2].
     noise_std : (n_d,) of what differs from sample to sample, a part of them [m/m].
-    load_strain_covariance : (n, 5, n_d) of their loads with them, as those of pressure that no state holds.
+    load_strain_covariance : (n, 5, n_d) of their loads with them, as with pressure that no state holds.
     air_data : (n,) true, by name of the output of the FMU.
     """
 

@@ -58,8 +58,8 @@ class ReferenceRun:
     time : (n,) [s], in equal steps.
     inputs : (n,) by name of the input that varies.
     outputs : (n,) by name of the output.
-    truth : (n,) by name of the output, of those whose truth is known.
-    fault : that of one gauge, in the rows of the outputs; None for none.
+    truth : (n,) by name of the output, for outputs whose truth is known.
+    fault : fault of one gauge, in the rows of the outputs; None for none.
     """
 
     time: NDArray[np.float64]
@@ -72,7 +72,7 @@ class ReferenceRun:
 def reference_run(inverse_map: InverseMap) -> ReferenceRun:
     """Return a flight that ``inverse_map`` covers, with errors as the map states them, and a gauge that fails.
 
-    Inputs are those of :func:`~strainfmu.fmu.reference_run.readings.reference_readings`. Errors are the first of a
+    Inputs come from :func:`~strainfmu.fmu.reference_run.readings.reference_readings`. Errors are the first of a
     few draws with which health is OK but for the fault: 1 flight in some hundred has a false alarm, and an example
     shows the usual case.
     """
@@ -166,7 +166,7 @@ def signal_table(
     """Return CSV of ``signals`` as the rules for compatibility information of FMI require it.
 
     Comma, names in quotes, "time" first, no units, elements of an array separated by blanks. A table of time
-    alone, that of an FMU without inputs, has a blank at the end of each line: FMU Compliance Checker takes what
+    alone, as of an FMU without inputs, has a blank at the end of each line: FMU Compliance Checker takes what
     follows the first name for the separator, and FMPy reads no empty column. ``digits`` None writes all of them.
     """
     columns = {}

@@ -19,7 +19,7 @@ function colour(share) {
 function stateOf(name, latest) {
   if (name in latest.not_used) return { state: "masked", why: latest.not_used[name] };
   if (name === latest.suspect_gauge) {
-    const others = latest.suspects > 1 ? `; ${latest.suspects} cannot be told apart` : "";
+    const others = latest.suspects > 1 ? `; ${latest.suspects} cannot be distinguished` : "";
     return { state: "suspect", why: `does not fit the others${others}` };
   }
   return { state: "used", why: "" };

@@ -53,7 +53,7 @@ def channel_strain(path: Path, entry: ChannelEntry, values: FloatArray, unit: st
         strain = change * _gauge_factor_ratio(path, entry)
     elif unit in VOLTAGE_UNITS and entry.scale is not None:
         if entry.lead_resistance:
-            raise _missing(path, entry, "lead_resistance_ohm", "expected none beside scale_um_per_m_per_V")
+            raise _missing(path, entry, "lead_resistance_ohm", "expected none with scale_um_per_m_per_V")
         return entry.sign * 1e-6 * entry.scale * change
     else:
         if entry.gauge_factor is None:

@@ -41,7 +41,7 @@ class ChannelEntry:
     where : of the file, for messages.
     name : in the recording.
     gauge : of the map, or a leg of a rosette.
-    unit : of the values, None for that of the recording.
+    unit : of the values, None for the unit of the recording.
     bridge : of :data:`~strainfmu.recorded.channels.bridges.BRIDGES`.
     gauge_factor, recorder_gauge_factor : of the gauge, and the one that the recorder was set to; or None.
     poisson_ratio : nu of the material, for Poisson bridges.
@@ -100,11 +100,11 @@ class ChannelMap:
     Attributes
     ----------
     time : channel of the time, None for 'time', 't' or the times that a channel has itself.
-    time_unit : of it, None for that of the recording.
+    time_unit : unit of the time, None for the unit of the recording.
     rate : samples per second of a recording without times [Hz], None if it has them.
     date_order : of day and month in dates of figures, None where it is not stated.
     join : how channels of other rates are brought to one raster.
-    raster : channel whose samples are those of the estimates, None for the raster of most gauges.
+    raster : channel whose samples are used for the estimates, None for the raster of most gauges.
     """
 
     path: Path
@@ -174,7 +174,7 @@ def _optional(table: TomlTable, key: str, low: float, high: float) -> float | No
 
 
 def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
-    """Read one channel; what it does not state is that of the defaults."""
+    """Read one channel; what it does not state comes from the defaults."""
     stated = set(item.entries)
     item.entries = {**defaults.entries, **item.entries}
     unit = _one_of(item, "unit", SIGNAL_UNITS, None)

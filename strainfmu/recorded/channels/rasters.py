@@ -1,4 +1,4 @@
-"""Channels of several rasters on one, that of most gauges: interpolated, held, or from the nearest sample."""
+"""Channels of several rasters on the raster of most gauges: interpolated, held, or from the nearest sample."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Channel:
 class Join:
     """A rule of JOINS, and its limit [s].
 
-    The limit is that of the gap between two samples ("linear"), of the time since the last sample ("hold"), or of
+    The limit applies to the gap between two samples ("linear"), to the time since the last sample ("hold"), or to
     the time to the sample before or behind ("nearest"); None for LONGEST_GAP or FARTHEST periods of the channel.
     """
 

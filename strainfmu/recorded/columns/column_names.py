@@ -25,11 +25,11 @@ from strainfmu.units import ALL_UNITS
 TIME_NAMES = ("time", "t", "timestamps", "time_s")
 
 FLOW_NAMES = (*FLOW_INPUTS, *LAST_INPUTS)
-"""Quantities beside the strains; all but the first may be missing."""
+"""Quantities other than the strains; all but the first may be missing."""
 
 NAVIGATION_NAMES = NAVIGATION_INPUTS
-"""What the nonlinear estimator takes of navigation beside ``FLOW_NAMES``; p_inf of it stands in, with the Mach
-number, for a dynamic pressure that is missing for the others."""
+"""What the nonlinear estimator takes of navigation in addition to ``FLOW_NAMES``; p_inf of it stands in, with the
+Mach number, for a dynamic pressure that is missing for the others."""
 
 QUANTITIES = (*FLOW_NAMES, *NAVIGATION_NAMES, *INERTIAL_NAMES)
 """All that is known of flow and motion; maps with masses alone take what an inertial unit measures."""
@@ -85,10 +85,10 @@ class Wanted:
     combined : gauges that are combinations of positions, which a bending bridge may feed.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
     navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.
-    needs_pressure : whether a file that neither holds q_inf nor lets it be computed is refused.
+    needs_pressure : whether a file that neither holds q_inf nor allows computing it is refused.
     sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
-    reference : strains that the map expects, which tell the likely unit; None if they are not known.
+    reference : strains that the map expects, which show the likely unit; None if they are not known.
     readings : SI unit, as FMI has it, of each auxiliary sensor and of thrust, by name; they are among ``flow``.
     passed : quantities that are known and not read, since another estimator takes them.
     excluded : gauges to leave out, as the user names them: see :func:`excluded_gauges`.

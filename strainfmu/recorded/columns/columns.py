@@ -124,14 +124,14 @@ class ColumnPlan:
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """All columns in use: time, strains, those of ``flow``, then those of temperatures."""
+        """All columns in use: time, strains, columns of ``flow``, then of temperatures."""
         of_flow = (column for column, _ in self.flow.values())
         of_gauges = (column for column in self.strain if column is not None)
         return (self.time, *of_gauges, *of_flow, *(one.column for one in self.temperature if one is not None))
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """Quantities of flow and navigation beside q_inf that the file holds for the estimator."""
+        """Quantities of flow and navigation other than q_inf that the file holds for the estimator."""
         taken = (*FLOW_NAMES[1:], *INERTIAL_NAMES, *(NAVIGATION_NAMES if self.navigates else ()))
         return tuple(name for name in self.flow if name in taken)
 
@@ -324,7 +324,7 @@ def refuse_lone_deviations(path: Path, held: Mapping[str, object], wanted: Wante
         parameter = name.removesuffix(STD)
         is_parameter = parameter in wanted.flow and parameter not in QUANTITIES
         if is_parameter and parameter not in held:
-            raise InputError(f"{path}: {name}: expected {parameter} beside its standard deviation, got none")
+            raise InputError(f"{path}: {name}: expected {parameter} with its standard deviation, got none")
 
 
 def passes_over(name: str, held: Sequence[str], wanted: Wanted) -> bool:

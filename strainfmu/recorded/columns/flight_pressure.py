@@ -1,6 +1,6 @@
 """Dynamic pressure from the Mach number, where a recording does not hold it: q = gamma/2 p M^2.
 
-p is the static pressure that was measured, or that of the US Standard Atmosphere 1976 at the altitude.
+p is the static pressure that was measured, or the pressure of the US Standard Atmosphere 1976 at the altitude.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ TOO_LOW = 1.0 / 300.0
 _UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
 _PRESSURE_UNITS = {unit: PRESSURE_UNITS[unit] for unit in ("Pa", "hPa", "kPa", "bar", "MPa", "psi", "psf")}
 _FLOWN = (0.008, 4.0)
-"""Largest strain of a recording over that of the snapshots: 0.016 on the shipped vehicle without incidence."""
+"""Largest strain of a recording over the snapshots' strain: 0.016 on the shipped vehicle without incidence."""
 _TYPICAL = 0.4
 
 _QUANTILE = 0.99
@@ -61,7 +61,7 @@ class LevelReference:
         return np.asarray((self.strain_range > 10.0 * self.noise_std) & (self.strain_range > 0.0))
 
     def ratio(self, level: FloatArray) -> float:
-        """Return the median over the gauges of ``level`` (n_d,) [m/m] over the range; NaN if no gauge tells."""
+        """Return the median over the gauges of ``level`` (n_d,) [m/m] over the range; NaN if no gauge shows it."""
         seen = self.seen & np.isfinite(level)
         return float(np.median(level[seen] / self.strain_range[seen])) if seen.any() else float("nan")
 
@@ -69,7 +69,7 @@ class LevelReference:
 def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
     """Return the units that strains may be in, likeliest first, which exceed the map's ``ratio`` times as read.
 
-    ``factor`` is that of the unit stated, to m/m. Two units where both leave a level that a recording may have:
+    ``factor`` converts the unit stated to m/m. Two units where both leave a level that a recording may have:
     percent and mm/m are a factor of 10 apart. Empty if no unit explains the ratio.
     """
     level = {name: ratio * other / factor for name, other in _UNITS if abs(other - factor) > 1e-9 * factor}
@@ -128,7 +128,7 @@ class LevelCheck:
         Raises
         ------
         InputError
-            The level is far above that of the map.
+            The level is far above the level of the map.
         """
         self._level = _raised_level(self._level, strain)
         with np.errstate(invalid="ignore"):
@@ -142,7 +142,7 @@ class LevelCheck:
         Raises
         ------
         InputError
-            The level is far below that of the map at the same dynamic pressure.
+            The level is far below the level of the map at the same dynamic pressure.
         """
         above, below = self._above(), self._below()
         if self._reference.ratio(self._level) == 0.0:

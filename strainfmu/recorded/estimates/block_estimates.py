@@ -68,7 +68,7 @@ class BlockEstimator(Protocol):
 
     Attributes
     ----------
-    inputs : quantities beside strain and q_inf that it takes, of ``FLOW_NAMES``.
+    inputs : quantities other than strain and q_inf that it takes, of ``FLOW_NAMES``.
     reference : the level of strains that it expects.
     zero : (n_d,) zero offsets that it subtracts from strain [m/m].
     has_residuals : whether it gives the z of each gauge.
@@ -79,7 +79,7 @@ class BlockEstimator(Protocol):
     readings : unit of each auxiliary sensor, and of thrust, by its name.
     sensor_names : temperature sensors that it takes.
     parameter_names : flow parameters that it takes.
-    sharpening : those of them whose standard deviation it takes.
+    sharpening : the ones whose standard deviation it takes.
     """
 
     gauge_names: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Columns of what an estimator FMU states beside coefficients and health, named as those of its map."""
+"""Columns of what an estimator FMU states in addition to coefficients and health, named as for its map."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PREFIXES = (
 """What the names of such outputs begin with, but for loads behind the five."""
 
 _RENAMED = {LINEAR_LOADS: "linear_loads"}
-"""Columns whose name is not that of the output."""
+"""Columns whose name is not the name of the output."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class OtherOutput:
 def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> tuple[OtherOutput, ...]:
     """Return the others among ``outputs``, names and units, in the order of the columns of a map.
 
-    Loads stand ahead of their deviations; air data have that order already.
+    Loads stand ahead of their standard deviations; air data have that order already.
     """
     found = [
         OtherOutput(output=name, column=column_of(name) or _RENAMED.get(name, name), unit=unit.replace(".", " "))

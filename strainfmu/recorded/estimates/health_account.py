@@ -89,6 +89,6 @@ class HealthAccount:
 
 
 def _misfits(found: BlockEstimates, row: int) -> tuple[int, ...]:
-    """Return the gauges that do not fit in a sample, by index; none if nothing tells."""
+    """Return the gauges that do not fit in a sample, by index; none if nothing shows them."""
     worst = int(found.worst[row])
     return found.suspects[row] or ((worst,) if worst >= 0 else ())

@@ -130,7 +130,7 @@ class MapBlocks:
 
 
 def _other_columns(inverse_map: InverseMap, has_loads: bool) -> tuple[tuple[str, str], ...]:
-    """Return the loads behind the five, coefficients and deviations; none where the map has no such loads.
+    """Return the loads behind the five, coefficients and sigma; none where the map has no such loads.
 
     Between the two stand the scores of flow parameters.
     """

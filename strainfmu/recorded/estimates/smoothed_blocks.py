@@ -33,8 +33,8 @@ class SmoothedBlocks(MapBlocks):
         return self._smoother.samples(self.estimates(block), block.time)
 
     def smoothed(self, samples: Samples, later: Samples | None) -> BlockEstimates:
-        """Return the estimates of the ``samples`` of a block, before those of the next one; all else is the
-        filter's."""
+        """Return the estimates of the ``samples`` of a block, by the ``later`` samples of the next one too; all
+        else is the filter's."""
         found, known = samples.filtered, self._smoother.smoothed(samples, later)
         of_loads = other_values(_Columns(known, found), self.has_loads)
         of_air = [air_data_values(_Columns(known, found))] if self.estimator.is_nonlinear else []

@@ -25,7 +25,7 @@ class Reading:
 
     Attributes
     ----------
-    is_known : whether a name is that of a channel to be read; texts find their headings by it.
+    is_known : whether a name belongs to a channel to be read; texts find their headings by it.
     date_order : of day and month in dates of figures, None where it is not stated.
     """
 
@@ -48,7 +48,7 @@ class ChannelFile:
 
     Attributes
     ----------
-    names : of all channels; those of groups behind the group's name and a slash.
+    names : of all channels; channels of groups behind the group's name and a slash.
     headings : names as they stand in the file, with units, for messages; empty where they are ``names``.
     own_names : names without the group's, of the channels of groups.
     units : of the channels that state one.
@@ -122,7 +122,7 @@ class ChannelFile:
             raise InputError(f"{self.path}: channel '{name}': damaged, cannot be read") from error
 
     def time_channels(self) -> list[str]:
-        """Return the channels whose names are those of times."""
+        """Return the channels that have a name of times."""
         return [name for name in self.names if last_name(name) in TIME_NAMES]
 
 

@@ -47,7 +47,7 @@ def arrow_columns(
     text : whole lines.
     width : number of cells of each line.
     columns : those to read.
-    texts : those of them that are texts.
+    texts : the columns among them that are texts.
     mark : decimal mark.
     """
     arrow = _library()

@@ -85,7 +85,7 @@ def csv_layout(path: Path, is_known: Callable[[str], bool]) -> CsvLayout:
 
     Parameters
     ----------
-    is_known : tells whether a name is that of a column to be read.
+    is_known : whether a name belongs to a column to be read.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class RowReader:
     ----------
     names : of all columns, for messages.
     columns : those that are read, in this order.
-    dated : form of those of dates and times, which become seconds from the first one on.
+    dated : form of the columns of dates and times, which become seconds from the first one on.
     remarks : takes lines for the user on what the cells have shown.
     """
 

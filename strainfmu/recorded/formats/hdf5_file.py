@@ -39,7 +39,7 @@ def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
 
 @contextmanager
 def reading(path: Path, kind: str = "an HDF5 file") -> Iterator[None]:
-    """Turn every error but those of this package into one line; for what does nothing but read.
+    """Turn every error except this package's own into one line; for what does nothing but read.
 
     Raises
     ------

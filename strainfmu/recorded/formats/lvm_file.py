@@ -148,7 +148,7 @@ class _Reader:
     def _axis(self, name: str, at: int, axis: int | tuple[str, str], n: int) -> FloatArray:
         """Return the (n,) times of a channel in a segment [s], of relative ones since the first segment began.
 
-        ``axis`` is the column behind that of the times, or X0 and Delta_X.
+        ``axis`` is the column behind the column of the times, or X0 and Delta_X.
         """
         segment = self._segments[at]
         if isinstance(axis, int):
@@ -168,7 +168,7 @@ class _Reader:
         return time + (start - begin).total_seconds()
 
     def _rows(self, segment: _Segment, column: int) -> list[tuple[int, list[str]]]:
-        """Return the rows of a channel in a segment; those of a longer channel beside it are not among them."""
+        """Return the rows of a channel in a segment; the rows of a longer channel next to it are left out."""
         rows = segment.rows
         stated = {at: int(cell) for at, cell in enumerate(segment.tags.get("Samples", [])) if cell.isdecimal()}
         longest = max(stated.values(), default=len(rows))

@@ -18,7 +18,7 @@ from strainfmu.recorded.formats.name_match import plain_name
 
 @contextmanager
 def tdms_channels(path: Path, reading: Reading) -> Iterator[ChannelFile]:
-    """Open a TDMS file; times of a channel are its group's channel of time, or those of its waveform."""
+    """Open a TDMS file; times of a channel are its group's channel of time, or the times of its waveform."""
     with opened_tdms(path) as file:
         channels = {f"{group.name}/{one.name}": one for group in file.groups() for one in group.channels()}
         times = {name: one for name, one in channels.items() if plain_name(one.name) in TIME_NAMES}

@@ -28,7 +28,7 @@ Writer = TypeVar("Writer", bound=PartWriter)
 
 @contextmanager
 def whole_file(path: Path, opened: Callable[[Path], Writer]) -> Iterator[Writer]:
-    """Write ``path`` by what ``opened`` returns of a temporary file beside it.
+    """Write ``path`` by what ``opened`` returns of a temporary file next to it.
 
     The file is finished and renamed into place at the end, and removed if there was an error.
 

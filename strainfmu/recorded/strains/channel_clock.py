@@ -1,4 +1,4 @@
-"""The times of a recording's channels: their own, those of a channel of time, or those of a rate."""
+"""The times of a recording's channels: their own, the times of a channel of time, or times by a rate."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class ChannelClock:
     channel : of the times, None for the one of a channel's group, or the only one.
     unit : of it, None for the recording's.
     rate : samples per second of a recording without times [Hz], None if it has them.
-    ahead : samples of the recording ahead of those of the file, which is a piece of it.
+    ahead : samples of the recording ahead of the samples of the file, which is a piece of it.
     """
 
     def __init__(
@@ -93,7 +93,7 @@ class ChannelClock:
         return self._times[name]
 
     def _name(self, channel: str) -> str:
-        """Return the channel of time for a channel: the stated one, that of its group, or the only one."""
+        """Return the channel of time for a channel: the stated one, the one of its group, or the only one."""
         file = self._file
         if self._channel is not None:
             name = matched(file.path, "channel of time", self._channel, file.names)

@@ -55,7 +55,7 @@ def _row_blocks(pieces: Iterator[Rows], samples: SampleBlocks) -> Iterator[tuple
 
 
 def _of_columns(file: ChannelFile, wanted: Wanted) -> StrainFile:
-    """Return the samples of channels that are read one by one, those of several rates on one raster."""
+    """Return the samples of channels that are read one by one, channels of several rates on one raster."""
     path, times = file.path, file.time_channels()
     names = [name for name in file.names if name not in times]
     shown = {name: file.own_names.get(name, name) for name in file.names}

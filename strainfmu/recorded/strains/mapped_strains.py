@@ -96,7 +96,7 @@ def mapped_strains(path: Path, wanted: Wanted, mapping: ChannelMap) -> Iterator[
     order = mapping.date_order or wanted.date_order
     if wanted.date_order not in (None, order):
         raise InputError(
-            f"--date-order {wanted.date_order}: expected that of {mapping.path}, [time] date_order = '{order}'"
+            f"--date-order {wanted.date_order}: expected as in {mapping.path}, [time] date_order = '{order}'"
         )
     with open_channels(path, Reading(is_known=is_known, date_order=order)) as file:
         _check_one_clock(file, mapping)
@@ -159,7 +159,7 @@ def _of_pieces(
 ) -> StrainFile | None:
     """Return the samples of a text that is read in pieces, twice; None where it must be read whole.
 
-    That is where a gauge is mostly empty, so that the samples may be those of a slower channel.
+    That is where a gauge is mostly empty, so that the samples may belong to a slower channel.
     """
     assert file.rows is not None
     read_rows = file.rows
@@ -205,7 +205,7 @@ def _piece(file: ChannelFile, names: Sequence[str], rows: Rows) -> ChannelFile:
 def _slow_channels(
     pieces: Callable[[], Iterator[tuple[ChannelFile, int, int]]], names: Sequence[str], mapping: ChannelMap
 ) -> dict[str, Channel]:
-    """Return those of the channels ``names`` of a whole text that are mostly empty: their samples with a value."""
+    """Return the channels among ``names`` of a whole text that are mostly empty: their samples with a value."""
     n, known = 0, np.zeros(len(names))
     for piece, _, _ in pieces():
         table = np.column_stack([piece.numbers(name) for name in names])
@@ -295,7 +295,7 @@ def _read_strains(
             continue
         if name in taken:
             raise InputError(
-                f"{mapping.path}: {entry.where}.name: channel '{name}' is that of {taken[name]} already"
+                f"{mapping.path}: {entry.where}.name: channel '{name}' belongs to {taken[name]} already"
             )
         taken[name] = entry.where
         recorded = file.units.get(name)
@@ -330,7 +330,7 @@ def _compensation(mapping: ChannelMap) -> list[str]:
 
 
 def _read_flow(file: ChannelFile, mapping: ChannelMap, wanted: Wanted, clock: ChannelClock, found: _Found) -> None:
-    """Read the channels of the flow, in SI units: those of ``[[flow]]``, then those with a quantity's own name."""
+    """Read the channels of the flow, in SI units: first ``[[flow]]``, then channels with a quantity's own name."""
     stated = set[str]()
     for entry in mapping.flow:
         name = matched(file.path, "channel", entry.name, file.names)

@@ -8,7 +8,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 
 
 def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:
-    """Return (n, n_d) which of ``strain`` (n, n_d) are those of the row before, ``last`` (n_d,) before the first.
+    """Return (n, n_d) which of ``strain`` (n, n_d) repeat the row before, ``last`` (n_d,) before the first.
 
     They are equal to the last bit, or no values both.
     """

@@ -20,7 +20,7 @@ from strainfmu.recorded.strains.sample_blocks import StrainFile
 
 @contextmanager
 def open_strains(path: Path, wanted: Wanted, channels: Path | None = None) -> Iterator[StrainFile]:
-    """Open recorded strains for reading block by block; ``channels`` tells which channel is which gauge.
+    """Open recorded strains for reading block by block; ``channels`` states which channel is which gauge.
 
     Raises
     ------

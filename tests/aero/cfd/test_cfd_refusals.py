@@ -167,10 +167,10 @@ CASE_COLUMNS = "file,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude
         (manifest_text(axes="aft forward up"), ("axes", "'aft forward up' found")),
         (manifest_text(scale=2.0), ("scale: unknown entry", "length_unit")),
         (manifest_text(case_text(mach="5")), ("case 1: mach: unknown entry", "mach_number")),
-        (manifest_text(case_text() + case_text()), ("case 2", "M 5", "already that of case 1")),
+        (manifest_text(case_text() + case_text()), ("case 2", "M 5", "already belongs to case 1")),
         (
             manifest_text(case_text() + case_text(mach_number=6.0)),
-            ("case 2", "'field.vtu' is already that of case 1"),
+            ("case 2", "'field.vtu' already belongs to case 1"),
         ),
         (manifest_text(case_text("none.vtu")), ("case 1", "none.vtu: no such file")),
         (manifest_text(case_text(mach_number=-1.0)), ("case 1: mach_number", "-1.0 found", "greater than 0")),

@@ -126,7 +126,11 @@ def test_region_without_surface_is_refused() -> None:
         ({"region": "fin"}, STRIP, r"hinge_moments.1.region: expected one of \[map.regions\], strip, got 'fin'"),
         ({"direction": [0.0, 0.0, 0.0]}, STRIP, r"expected a vector that is not zero, got \[0.0, 0.0, 0.0\]"),
         ({"name": ""}, STRIP, "at least 1 character"),
-        ({}, {"from_m": [0.2, 0.0, 0.0], "to_m": [0.7, 0.0, 1.0]}, "to_m: expected numbers above those of from_m"),
+        (
+            {},
+            {"from_m": [0.2, 0.0, 0.0], "to_m": [0.7, 0.0, 1.0]},
+            "to_m: expected numbers above from_m",
+        ),
     ],
 )
 def test_wrong_entries_are_refused(changed: dict[str, Any], region: dict[str, Any], fault: str) -> None:

@@ -76,11 +76,11 @@ def test_strain_that_does_not_fit_is_second_to_the_range(estimator: Estimator) -
 
 def test_bad_input_is_one_line(estimator: Estimator) -> None:
     strain = estimator.inverse_map.mean_strain
-    with pytest.raises(InputError, match="expected those of the map, fin_deg, power, cant_deg, got 'flap_deg'"):
+    with pytest.raises(InputError, match="parameters of the map, fin_deg, power, cant_deg, got 'flap_deg'"):
         estimator.step(strain, NOMINAL, parameters={"flap_deg": 1.0})
     with pytest.raises(InputError, match="power: expected a number, got shape"):
         estimator.step(strain, NOMINAL, parameters={"power": [1.0, 2.0]})
-    with pytest.raises(InputError, match="expected those of the map, none, got 'power'"):
+    with pytest.raises(InputError, match="expected the parameters of the map, none, got 'power'"):
         Estimator(random_map()).step(random_map().mean_strain, 1e5, parameters={"power": 1.0})
 
 

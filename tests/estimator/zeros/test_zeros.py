@@ -139,7 +139,7 @@ def test_filter_takes_them_off_too() -> None:
         ({"value": np.array([0.0, np.nan])}, "zero: expected -0.05 to 0.05 m/m, got nan"),
         ({"std": np.array([0.0, -1e-6])}, "zero_std: expected 0 to 0.05 m/m, got -1e-06"),
         ({"common_std": 0.1}, "zero_common_std: expected 0 to 0.05 m/m, got 0.1"),
-        ({"std": np.zeros(3)}, r"zeros: expected values and deviations \(n_d,\), got \(2,\) and \(3,\)"),
+        ({"std": np.zeros(3)}, r"zeros: expected value and std of shape \(n_d,\), got \(2,\) and \(3,\)"),
     ],
 )
 def test_bad_zeros_are_refused(change: dict[str, object], message: str) -> None:

@@ -180,7 +180,7 @@ def test_the_order_of_dates_in_channels_toml(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"state --date-order day or month, or \[time\] date_order"):
         read(tmp_path / "d.csv", text, channels=toml.partition("\n")[2])
     with pytest.raises(
-        InputError, match=r"--date-order month: expected that of .*channels.toml, \[time\] date_order = 'day'"
+        InputError, match=r"--date-order month: expected as in .*channels.toml, \[time\] date_order = 'day'"
     ):
         read(tmp_path / "d.csv", text, channels=toml, order="month")
 

@@ -82,7 +82,7 @@ TEXTS: dict[str, tuple[tuple[str, str], str]] = {
     ),
     "channel twice": (
         changed("'ch1'", "'CH 0'"),
-        "{toml}: channel.2.name: channel 'ch0' is that of channel.1 already",
+        "{toml}: channel.2.name: channel 'ch0' belongs to channel.1 already",
     ),
     "two that fit": (
         (CSV.replace("ch1", "CH 0"), TOML.replace("'ch0'", "'Ch0'")),
@@ -214,7 +214,7 @@ def test_options_that_do_not_go_with_channels(synthetic: SyntheticFiles, tmp_pat
     data.write_text(CSV)
     channels.write_text(TOML)
     for more, source, line in (
-        (("--ignore-columns", "x"), data, "--ignore-columns: expected none beside --channels"),
+        (("--ignore-columns", "x"), data, "--ignore-columns: expected none with --channels"),
         ((), tmp_path / "run.blf", "--channels: expected none with a CAN log"),
     ):
         code, _, errors = run(

@@ -121,8 +121,8 @@ def test_wrong_op2_files_are_refused_in_one_line(tmp_path: Path) -> None:
         (whole[:-24], "its last table has no end"),
         (whole[:40] + b"\x07" + whole[41:], "damaged"),
         (op2_of_rods({1: np.array([1e-4])}, [7], table="OES1X1"), "expected element strains, got none"),
-        (op2_of_rods({1: np.array([1e-4])}, [7], table="OSTR2"), "expected strains by subcase"),
-        (op2_of_rods({1: np.array([1e-4])}, [7], sort=1), "expected real strains by subcase"),
+        (op2_of_rods({1: np.array([1e-4])}, [7], table="OSTR2"), "expected strains per subcase"),
+        (op2_of_rods({1: np.array([1e-4])}, [7], sort=1), "expected real strains per subcase"),
         (op2_of_rods({1: np.array([1e-4])}, [7], approach=2), "expected linear statics"),
     ):
         path = tmp_path / "wrong.op2"

@@ -22,7 +22,7 @@ SURFACE = '    { value = 4.0, file = "finned_body_roll_+4deg.stl" },\n'
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ([(VALUES, "values = [-4.0, 5.0]")], "expected -4 .. 4, those of surfaces, got 5"),
+        ([(VALUES, "values = [-4.0, 5.0]")], "expected -4 .. 4, the range of the surfaces, got 5"),
         ([(VALUES, "values = [1.0, 1.0]")], "expected each value once, got 1 more than once"),
         ([(VALUES, "values = []")], "conditions.parameters.fin_roll_deg.values"),
         ([(SURFACE, SURFACE.replace("4.0", "-4.0", 1))], "expected each value once, got -4 more than once"),

@@ -71,7 +71,7 @@ def test_csv_file(tmp_path: Path) -> None:
         (HEADER + "\n5,0,0,20000\n", "line 2, column altitude_km: expected 0 .. 71, got '20000'"),
         (
             HEADER + "\n5,0,0,20\n6,0,0,20\n5.0,-0,0,20\n",
-            "line 4: expected each condition once, got that of line 2",
+            "line 4: expected each condition once, got it in line 2 too",
         ),
         (HEADER + "\n5,0,0,\n", "line 2, column altitude_km: expected 0 .. 71, got ''"),
     ],

@@ -43,7 +43,7 @@ def test_surface_needs_its_entries(tmp_path: Path) -> None:
         ("", "expected the outer shape either as [[profile]] or in [shape], got neither"),
         (SECTIONS + PROFILE, "either as [[profile]] or in [shape], got both"),
         ('[shape]\nsections = "s.csv"\nsurface = "s.stl"\n', "shape: expected one of profile, sections, surface"),
-        ('[shape]\nsurface = "s.stl"\n', "shape: surface: expected unit or length_m beside it"),
+        ('[shape]\nsurface = "s.stl"\n', "shape: surface: expected unit or length_m with it"),
         ('[shape]\nsections = "s.csv"\nunit = "mm"\n', "shape: unit, length_m: expected with surface alone"),
         ('[shape]\nsurface = "s.stl"\nunit = "furlong"\n', "shape.unit: expected 'm', 'mm'"),
     ],

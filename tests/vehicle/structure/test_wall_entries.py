@@ -69,19 +69,19 @@ FAULTS = {
         "covers: expected none with support 'clamped_aft'",
     ),
     "both codes": ('influence = "z.h5"\nstrain_per_snapshot = "s.csv"', "expected one of strain_per_snapshot and"),
-    "facets alone": ('influence_facets = "f.csv"', "influence_facets: expected influence beside it"),
+    "facets alone": ('influence_facets = "f.csv"', "influence_facets: expected influence with it"),
     "results without gauges": (
         'nastran_results = ["a.op2"]',
         "nastran_results, nastran_gauges: expected both or neither, got one",
     ),
     "results of no table": (
         'nastran_results = ["a.op2"]\nnastran_gauges = "g.csv"',
-        "nastran_results: expected strain_per_snapshot or influence beside it, got none",
+        "nastran_results: expected strain_per_snapshot or influence with it, got none",
     ),
-    "code and model": ('influence = "z.h5"', r"model: expected none beside influence, got 'fourier'"),
+    "code and model": ('influence = "z.h5"', r"model: expected none with influence, got 'fourier'"),
     "code and second mesh": (
         'influence = "z.h5"\nchecked_by = "b.msh"',
-        "checked_by: expected none beside influence",
+        "checked_by: expected none with influence",
     ),
 }
 
@@ -103,7 +103,7 @@ def test_free_flight_needs_the_density_of_every_material(tmp_path: Path) -> None
 def test_a_gauge_under_a_frame_is_refused(tmp_path: Path) -> None:
     """The shipped gauges have a station at 0.35 m."""
     path = written(tmp_path, "frames = [{ x_m = 0.352, width_mm = 10.0, depth_mm = 8.0 }]")
-    with pytest.raises(InputError, match=r"expected a station beside the ring frame from 0\.347 to 0\.357 m"):
+    with pytest.raises(InputError, match=r"expected a station next to the ring frame from 0\.347 to 0\.357 m"):
         check_gauges(load_vehicle(path))
 
 

@@ -46,7 +46,7 @@ def read_stl(path: Path) -> tuple[FloatArray, IntArray]:
 
 
 def _binary_corners(content: bytes) -> FloatArray | None:
-    """Return the corners (m, 3, 3) of a binary STL, or None if the length is not that of one.
+    """Return the corners (m, 3, 3) of a binary STL, or None if the length is not the length of one.
 
     The length decides, not the first word: binary headers that begin with "solid" are common.
     """

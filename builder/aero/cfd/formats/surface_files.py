@@ -1,4 +1,4 @@
-"""Triangulated surfaces from files, whichever format they are in."""
+"""Triangulated surfaces from files of any format that is known."""
 
 from __future__ import annotations
 

@@ -6,9 +6,9 @@ them. The wall keeps that entropy, and the pressure behind the corner swings by 
 
 So the fan is placed into the flow where it is wide enough. The plane is put on a grid much finer at the wall and
 marched a short way along the wall as it was before the corner. There, within the reach of the corner, the flow is
-that of Prandtl and Meyer, exact at the wall, and elsewhere what it would be without the corner. Then the march
-goes on, and as the fan widens the grid is coarsened in steps back to its own. Near the corner the flow is plane:
-curvature changes it by the height of the fan over the radius, 0.1 % where it is placed.
+the expansion of Prandtl and Meyer, exact at the wall, and elsewhere what it would be without the corner. Then the
+march goes on, and as the fan widens the grid is coarsened in steps back to its own. Near the corner the flow is
+plane: curvature changes it by the height of the fan over the radius, 0.1 % where it is placed.
 
 Bodies of revolution only: elsewhere the edge is not at right angles to the axis.
 """
@@ -136,7 +136,7 @@ class WallStream:
 def wall_stream(plane: Plane, cell: FloatArray, pressure: FloatArray, angle: float, enthalpy: float) -> WallStream:
     """Return the flow on the wall of ``pressure`` (n_phi,) and ``angle`` [rad].
 
-    Its entropy and velocity round the body are those of the first cells of ``cell`` (5, n_phi, n_r): p, rho, u,
+    Its entropy and velocity round the body are taken from the first cells of ``cell`` (5, n_phi, n_r): p, rho, u,
     v, w. Total ``enthalpy`` gives its speed.
     """
     p, rho, _, v, w = cell[:, :, 0]
@@ -176,7 +176,7 @@ def fan_rays(stream: WallStream, j: int, turn: float) -> tuple[FloatArray, Float
 def let_fan_in(plane: Plane, before: Wall, after: Wall, stream: WallStream, grid: MarchingGrid) -> FloatArray:
     """Put the fan of the corner into ``plane``, which was marched straight on over the wall ``before``.
 
-    Its force gets that of the short piece of wall. Returns the wall pressure (n_phi,) behind the corner.
+    Its force includes the force on the short piece of wall. Returns the wall pressure (n_phi,) behind the corner.
     """
     rays, spacing = plane.rays, grid.spacing(grid.n_radial)
     distance, corner_radius = plane.x - float(after.x[0]), after.radius[0]

@@ -22,7 +22,7 @@ class MarchingGrid:
     clustering : cells grow outward by exp(clustering) from the first to the last: at high incidence the vortical
         layer on the leeward side is thin, and the grid converges cleanly only if it is resolved.
     conical_tolerance : change of wall pressure (relative to its mean) and shock radius while x grows by half,
-        imbalance of wall force and momentum, and ten times that of mass, that end the conical start.
+        imbalance of wall force and momentum, and ten times the imbalance of mass, that end the conical start.
     corner : how a convex corner of a body of revolution is passed. ``fan``: by a centred expansion
         (:mod:`~builder.aero.euler.bodies.corner`). ``marched``: by the march alone, which leaves the pressure
         behind the corner 0.5 to 1 % off on every grid and makes it swing by some percent.

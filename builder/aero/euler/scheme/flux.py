@@ -41,7 +41,7 @@ def hll(left: FaceState, right: FaceState, s: float) -> tuple[float, float, floa
     """Return the two-wave flux of Harten, Lax and van Leer (SIAM Review 25, 1983) with steady slopes.
 
     ``s`` is the slope dn/dx of the face between the two states. Waves that do not reach the other side have slope
-    0 in place of their own, which leaves the flux of one state: one formula for all cases, without a branch.
+    0 instead of their own, which leaves the flux of one state: one formula for all cases, without a branch.
     """
     l0, l1, l2, l3, f0, f1, f2, f3 = _side(left, s)
     r0, r1, r2, r3, g0, g1, g2, g3 = _side(right, s)

@@ -129,7 +129,7 @@ def shortest(step: FloatArray) -> float:
 
 @compiled
 def add_wall_force(step: Step, pressure: FloatArray, force: FloatArray) -> None:
-    """Add to force (3,) that of p - p_inf on the wall of one step, over p_inf, from pressure (n_phi,)."""
+    """Add to force (3,) the force of p - p_inf on the wall of one step, over p_inf, from pressure (n_phi,)."""
     for j in range(pressure.size):
         sx, sy, sz = face_area(step, j + 1, 0, j, 0)
         excess = GAMMA * pressure[j] - 1.0

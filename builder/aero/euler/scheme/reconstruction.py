@@ -114,7 +114,7 @@ def reconstruct(
 ) -> tuple[State, int]:
     """Return the state at a face of cell (j, i): its values plus ``side`` times half its differences.
 
-    Where that state has no supersonic axial flow left, the cell's own values serve, and 1 is returned beside it.
+    Where that state has no supersonic axial flow left, the cell's own values serve, and 1 is returned with it.
     """
     p, rho, radial, around = wave[0, j + 1, i], wave[1, j + 1, i], wave[2, j + 1, i], wave[3, j + 1, i]
     dp, drho = side * half[0, j, i], side * half[1, j, i]

@@ -5,7 +5,7 @@ steps of any length, because all areas of a step in which the whole plane grows 
 (x + dx)^2 - x^2. So each cell may take the longest step that is stable for it, as in pseudo-time, and the
 thin cells at the wall no longer set the pace of all. What then remains are a few slow modes, above all the layer
 of entropy at the wall, and extrapolation from several rounds of sweeps removes them (Anderson, J. ACM 12, 1965).
-Arrays are those of :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
+Arrays are as in :mod:`builder.aero.euler.scheme.march`; sweeps are compiled.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ s = ln(p/rho^gamma); total enthalpy is constant. They are polynomials in theta, 
 eta. At every node, those on wall and shock too, stand continuity and both components of Crocco's equation,
 v omega = -T ds/dr and u omega = T/r ds/dtheta; the wall has u = 0 and the entropy of a normal shock, the shock its
 jump. That is more equations than unknowns, and the sum of their squares is made smallest (Gauss and Newton).
-Nothing need be told about the sonic line: only the flow that passes it smoothly is a polynomial.
+Nothing need be stated about the sonic line: only the flow that passes it smoothly is a polynomial.
 
 Free-stream density and speed of sound are 1, as everywhere in :mod:`builder.aero.euler`. First guess:
 F. S. Billig, J. Spacecraft 4, 822 (1967), for the shock, and modified Newtonian pressure on the wall.
@@ -33,7 +33,7 @@ NODES_ALONG = 18
 DEGREE_ACROSS = 12
 """Degree of the polynomials across the layer ..."""
 FAR_DEGREE_ACROSS = 16
-"""... and that of a flow past FAR, where the layer is thick and its entropy lies close to the wall."""
+"""... and the degree of a flow past FAR, where the layer is thick and its entropy lies close to the wall."""
 FAR = np.radians(82.0)
 MAX_ITERATIONS = 15
 SMALLEST_MOVE = 1e-8
@@ -186,7 +186,7 @@ class SphereFlow:
     ----------
     nodes : where it was solved.
     delta : (2 n_theta,) Chebyshev coefficients of the layer's thickness over theta/reach.
-    u, v, s : (2 n_theta, n_eta) those of velocities and entropy, over theta/reach and 2 eta - 1.
+    u, v, s : (2 n_theta, n_eta) coefficients of velocities and entropy, over theta/reach and 2 eta - 1.
     residual : largest residual of the equations.
     """
 

@@ -48,7 +48,7 @@ GAUSS = 0.5 / np.sqrt(3.0)
 TIP_GRID_LENGTH = 25.0
 """Length, over the cap's radius, behind the cut on which the march keeps the tip's grid."""
 TIP_GRID_CELLS = 2.0
-"""Radial cells of the tip's grid over those of the body's; it is as fine at the wall."""
+"""Radial cells of the tip's grid over the cells of the body's; it is as fine at the wall."""
 
 
 def tip_grid(grid: MarchingGrid) -> MarchingGrid:

@@ -51,7 +51,7 @@ class NastranPoint:
 def read_nastran_gauges(path: Path, directions: Mapping[str, FloatArray]) -> dict[str, list[NastranPoint]]:
     """Read the points of each gauge; several rows of one column are averaged.
 
-    ``directions`` are those of the gauges that may be there, by their columns, body axes.
+    ``directions`` are the directions of the gauges that may be there, by their columns, body axes.
 
     Raises
     ------

@@ -31,14 +31,14 @@ def read_op2_strains(path: Path) -> list[ElementRows]:
     Raises
     ------
     InputError
-        The file is none, is cut short, or holds strains that are not those of linear statics by subcase.
+        The file is none, is cut short, or holds strains other than linear statics per subcase.
     """
     data = path.read_bytes()
     order, size = _format(path, data)
     found: list[ElementRows] = []
     for name, records in _tables(path, data, order, size):
         if name in OTHER_ORDER:
-            raise InputError(f"{path}: table {name}: expected strains by subcase (SORT1), got them by element")
+            raise InputError(f"{path}: table {name}: expected strains per subcase (SORT1), got them per element")
         if name in STRAIN_TABLES:
             pairs = records[_HEADER_RECORDS:]
             for ident, values in zip(pairs[0::2], pairs[1::2], strict=False):
@@ -111,7 +111,7 @@ def _block(path: Path, table: str, ident: bytes, values: bytes, order: str, size
     approach, code, element_type, subcase, width = (int(head[k]) for k in (0, 1, 2, 3, 9))
     where = f"{path}: table {table}, subcase {subcase}"
     if code // 1000:
-        raise InputError(f"{where}: expected real strains by subcase (SORT1), got table code {code}")
+        raise InputError(f"{where}: expected real strains per subcase (SORT1), got table code {code}")
     if approach // 10 not in STATICS:
         raise InputError(f"{where}: expected linear statics (approach 1), got approach {approach // 10}")
     layout = LAYOUTS.get(element_type)

@@ -40,8 +40,8 @@ def read_punch_strains(path: Path) -> list[ElementRows]:
     Raises
     ------
     InputError
-        A line cannot be read, an element has another number of values than its type, or strains are not those of
-        linear statics by subcase.
+        A line cannot be read, an element has another number of values than its type, or strains are not of linear
+        statics per subcase.
     """
     place = _Place()
     with path.open(encoding="latin-1") as stream:
@@ -67,7 +67,7 @@ def _header(line: str, place: _Place, where: str) -> None:
     elif place.strains and text.startswith("$") and "OUTPUT" in text and "REAL OUTPUT" not in text:
         raise InputError(f"{where}: expected real output, got '{text}'")
     elif place.strains and text.startswith(_SORTED_BY_ELEMENT):
-        raise InputError(f"{where}: expected strains by subcase (SORT1), got '{text}'")
+        raise InputError(f"{where}: expected strains per subcase (SORT1), got '{text}'")
     elif place.strains and text.startswith(_NOT_STATIC):
         raise InputError(f"{where}: expected linear statics, got '{text}'")
 

@@ -87,7 +87,7 @@ def inner_hoop_strain(inner_radius: float, outer_radius: float, harmonic: int, m
 def locking_ratios(
     elements: WallElements, radius: float, thickness: float, material: Material
 ) -> dict[int, float]:
-    """Return hoop strain on the inner face over that of the closed form, per harmonic of :data:`HARMONICS`.
+    """Return hoop strain on the inner face over the closed form's, per harmonic of :data:`HARMONICS`.
 
     The ring is two elements wide and of the wall's outer radius and thickness; no node moves along x. The strain
     is read by a gauge per element round the inner face and projected on cos(n phi).

@@ -49,7 +49,7 @@ def scaled_jacobian(element_type: str, node: FloatArray, element: IntArray) -> F
     """Return (m,) the minimum scaled Jacobian over an element's corners, 1 for a cube and a regular tetrahedron.
 
     Triple product of the unit tangents of the edges that meet in the corner, times sqrt(2) for tetrahedra (Knupp
-    and others, The Verdict Geometric Quality Library, SAND2007-1751). Tangents are those of the curved edges.
+    and others, The Verdict Geometric Quality Library, SAND2007-1751). Tangents are taken on the curved edges.
     """
     n_corners = CORNERS[element_type]
     corner = reference_nodes(element_type)[:n_corners]

@@ -25,7 +25,7 @@ from builder.structure.solid.operators.surface_load import normals_at_nodes
 from strainfmu.arrays import FloatArray, IntArray
 
 SAMPLE_DEGREE = {"hexahedron20": 3, "tetrahedron10": 2, "hexahedron8": 1, "tetrahedron4": 1}
-"""Quadrature whose points are those of better strain."""
+"""Quadrature whose points have the better strain."""
 
 SHARPEST_BEND = np.deg2rad(1.0)
 """Angle between the normals of two quadratic facets at a common node above which a patch ends between them."""

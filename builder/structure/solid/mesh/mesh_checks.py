@@ -54,7 +54,7 @@ def check_mesh(mesh: SolidMesh, length: float | None = None, hollow: bool = True
 
 
 def refuse_wrong_scale(mesh: SolidMesh, length: float) -> None:
-    """Refuse a mesh whose length along x is not that of the vehicle [m], to 2 %."""
+    """Refuse a mesh whose length along x is not the length of the vehicle [m], to 2 %."""
     x = mesh.node[:, 0]
     found = float(np.ptp(x))
     ratio = found / length
@@ -79,7 +79,7 @@ def refuse_unnamed_cavity(mesh: SolidMesh, hollow: bool) -> None:
     if len(bare):
         raise InputError(
             f"mesh: no surface '{INTERNAL}', and {len(bare)} outer faces of elements are on none of {found}, the "
-            f"first at {_at(mesh.node[face[bare[0]]].mean(axis=0))}: name those of the cavity '{INTERNAL}'; of a "
+            f"first at {_at(mesh.node[face[bare[0]]].mean(axis=0))}: name the cavity's '{INTERNAL}'; of a "
             "body without one every face is on a surface"
         )
 

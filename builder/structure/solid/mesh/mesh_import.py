@@ -225,7 +225,7 @@ def _surfaces(
 
 
 def _corners(kind: str, facet: IntArray, boundary: IntArray) -> IntArray:
-    """Return (f, n_f) facets as wide as those of the boundary, of which the corners alone are used."""
+    """Return (f, n_f) facets as wide as the facets of the boundary, of which the corners alone are used."""
     wide = np.full((len(facet), boundary.shape[1]), -1, dtype=np.int64)
     corners = FACET_CORNERS[kind]
     wide[:, :corners] = facet[:, :corners]

@@ -20,7 +20,7 @@ SAMPLES = 20_000  # of the outer line, between which a distance is 1e-3 of a thi
 
 
 def mesh_misfits(mesh: SolidMesh, body: BodyOfRevolution, wall: Wall) -> list[Misfit]:
-    """Return in what a mesh in body axes is not that of ``body`` and ``wall``: length, radius, wall thickness.
+    """Return in what a mesh in body axes differs from ``body`` and ``wall``: length, radius, wall thickness.
 
     Corners of facets are compared: they lie on the surface even where facets are flat.
 

@@ -64,7 +64,7 @@ def facet_size_round_axis(mesh: SolidMesh, name: str, radius: float) -> float:
     """Return the size [m] of a surface's facets round the x axis, referred to a radius [m].
 
     Facets lock by their length over sqrt(r t): the median of length / sqrt(r) counts, times the root of
-    ``radius``. A facet's length is that of its edge that reaches furthest round the axis.
+    ``radius``. A facet's length is taken along its edge that reaches furthest round the axis.
 
     Raises
     ------

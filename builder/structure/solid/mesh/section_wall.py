@@ -1,4 +1,4 @@
-"""Mesh of the wall of a body of sections: hexahedra in planes across the axis, as those of a swept wall.
+"""Mesh of the wall of a body of sections: hexahedra in planes across the axis, as in a swept wall.
 
 Every column of nodes lies in a plane x = const. Through the wall they follow the outer normal's direction in that
 plane, so that the thickness along the normal is the wall's. The solid tip ahead of the hollow has a bore of a

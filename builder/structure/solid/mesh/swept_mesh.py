@@ -187,7 +187,7 @@ def swept_meridian(meridian: MeridianMesh, n_sectors: int) -> SweptSector:
 def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution | str = "medium") -> SweptSector:
     """Mesh a pointed vehicle with its solid tip, held at the base ring.
 
-    Stations, layers and grading of the wall are those of :func:`builder.structure.fourier.shell_mesh.shell_mesh`.
+    Stations, layers and grading of the wall are as in :func:`builder.structure.fourier.shell_mesh.shell_mesh`.
     Elements without thickness on the axis would tie all sectors together, so the solid tip has a bore of a tenth
     of the wall's inner radius behind it, and is cut off where its radius is a fiftieth of the one at its end.
     Neither has an effect: on the shipped vehicle compliance under uniform and under lateral pressure is within

@@ -40,7 +40,7 @@ class Matter:
 
     Attributes
     ----------
-    material, density : of all regions but those of ``of_region``; the density [kg/m3] is that of free flight.
+    material, density : of all regions that ``of_region`` leaves out; the density [kg/m3] is for free flight.
     of_region : material and density [kg/m3] by name of region, in small letters; case does not matter.
     points : masses held by surfaces.
     covers : (start, end [m], mass per outer area [kg/m2]) on the external surface.

@@ -19,7 +19,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 DISTINCT_NORMALS = 0.05
-"""Fraction of a node's facet normals from which on a direction is held: that of two planes 26 deg apart."""
+"""Fraction of a node's facet normals from which on a direction is held: the value of two planes 26 deg apart."""
 
 SMALLEST_HOLD = 1e-12
 """Smallest eigenvalue of the supports' hold on rigid motions, over the largest."""

@@ -1,8 +1,8 @@
 """Consistent nodal forces of a pressure, or of nodal forces, on a named surface.
 
 Facets are curved as their elements are; pressure is interpolated by the facets' own shape functions between its
-values at the surface's nodes. The integrals are exact on the meshed surface, so forces and moments sum to those of
-the pressure on it.
+values at the surface's nodes. The integrals are exact on the meshed surface, so forces and moments sum to the
+force and moment of the pressure on it.
 """
 
 from __future__ import annotations

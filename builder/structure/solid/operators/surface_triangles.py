@@ -59,7 +59,7 @@ def split_surface(mesh: SolidMesh, name: str, angle: float = SHARP_EDGE) -> tupl
 def split_facets(node: FloatArray, facet: IntArray, angle: float = SHARP_EDGE) -> tuple[SurfaceMesh, IntArray]:
     """Return facets (f, n_f) of nodes (n, 3) [m] as triangles, nodes doubled at edges sharper than ``angle``.
 
-    At such an edge, of a fin or a wing, the mean normal of a node is that of none of its sides, so that no
+    At such an edge, of a fin or a wing, the mean normal of a node is the normal of none of its sides, so that no
     pressure of another surface fits it. Split, every side has a node with its own normal.
 
     Returns

@@ -21,7 +21,7 @@ class BackEnd:
     Attributes
     ----------
     name : the name that a user gives.
-    licence : of the binding over that of the library.
+    licence : licence of the binding over the licence of the library.
     install : the command that installs it.
     installed : returns whether it is there.
     factor : prepares a problem; imports the library when called.

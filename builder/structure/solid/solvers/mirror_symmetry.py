@@ -68,7 +68,8 @@ def _partners(node: FloatArray, sign: FloatArray) -> IntArray | None:
 def _basis(n: int, reflections: list[csr_array], parity: tuple[float, ...]) -> csr_array:
     """Return the orthonormal basis (n, k) of motions x with R x = parity x for each reflection R.
 
-    The projection of a unit vector is, but for the sign, that of its mirror images: one of them represents all.
+    The projection of a unit vector is, but for the sign, the projection of its mirror images: one of them
+    represents all.
     """
     projection, first = csr_array(eye_array(n)), np.arange(n)
     for mirror, sign in zip(reflections, parity, strict=True):

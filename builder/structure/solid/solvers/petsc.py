@@ -133,7 +133,7 @@ def _end(process: subprocess.Popen[str], folder: Path) -> None:
 
 
 def petsc_back_end(launch: MpiLaunch | None = None) -> BackEnd:
-    """Return the back end that runs on the processes of a launch, by default that of the environment."""
+    """Return the back end that runs on the processes of a launch, by default the launch of the environment."""
     return BackEnd(
         name="petsc",
         licence="BSD-2-Clause (PETSc, petsc4py) over MUMPS, CeCILL-C",
