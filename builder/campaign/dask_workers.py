@@ -1,13 +1,14 @@
-"""Flows solved by Dask workers: processes on this machine, or whatever a scheduler elsewhere has."""
+"""Work done by Dask workers: processes on this machine, or those of a scheduler elsewhere."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from builder.aero.engine import Engine, FlowKey
 from builder.campaign.worker import FailedFlow, SolvedFlow, solve_one
@@ -16,6 +17,9 @@ from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
     from distributed import Client
+
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
 
 CONNECT_TIMEOUT = 10.0
 """Time to reach a scheduler [s]."""
@@ -30,18 +34,33 @@ MEMORY_LIMIT = "1.8 GiB"
 def solve_on_dask(
     engine: Engine, keys: list[FlowKey], address: str | None, workers: int, note: Note
 ) -> Generator[SolvedFlow | FailedFlow, None, None]:
-    """Solve flows on ``workers`` local processes, or on the scheduler at ``address``.
+    """Solve flows on ``workers`` local processes, or on the scheduler at ``address``; errors as :func:`on_dask`.
 
-    The engine travels with each flow, so that a worker can join at any time. Flows of a worker that dies go to
-    others (Dask's ``allowed-failures``, 3 deaths for one flow).
+    The engine travels with each flow, so that a worker can join at any time.
+    """
+    return on_dask(partial(solve_one, engine), keys, address, workers, note)
+
+
+def on_dask(
+    function: Callable[[Argument], Result],
+    arguments: Sequence[Argument],
+    address: str | None,
+    workers: int,
+    note: Note,
+    memory_limit: str = MEMORY_LIMIT,
+) -> Generator[Result, None, None]:
+    """Yield ``function`` of each of ``arguments``, as they end, from ``workers`` local processes, each of at most
+    ``memory_limit``, or from the scheduler at ``address``.
+
+    The work of a worker that dies goes to others (Dask's ``allowed-failures``, 3 deaths for one argument).
 
     Raises
     ------
     InputError
         ``address`` is not the address of a scheduler.
     StrainfmuError
-        Dask is not installed, the scheduler cannot be reached or is lost, it has no worker, or a flow ended its
-        worker too often.
+        Dask is not installed, the scheduler cannot be reached or is lost, it has no worker, or an argument ended
+        its worker too often.
     """
     try:
         import distributed  # noqa: F401
@@ -50,34 +69,34 @@ def solve_on_dask(
     with ExitStack() as stack:
         stack.enter_context(_silence())
         if address is None:
-            client = stack.enter_context(_local_client(workers))
+            client = stack.enter_context(_local_client(workers, memory_limit))
             note(f"{workers} local processes")
         else:
             client = stack.enter_context(_remote_client(address))
             note(f"scheduler {address}, {len(client.nthreads())} workers")
         finished: SimpleQueue[Any] = SimpleQueue()
-        futures = [client.submit(solve_one, engine, key, pure=False) for key in keys]
+        futures = [client.submit(function, one, pure=False) for one in arguments]
         stack.callback(_abandon, client, futures)
         for future in futures:
             future.add_done_callback(finished.put)
         where = address or "local workers"
-        for _ in keys:
+        for _ in arguments:
             future = _next(finished, client, where, note)
             yield _result(future, where)
             future.release()
 
 
-def _result(future: Any, where: str) -> SolvedFlow | FailedFlow:
-    """Return what a worker solved, or raise an error in the user's terms."""
+def _result(future: Any, where: str) -> Any:
+    """Return what a worker returned, or raise an error in the user's terms."""
     from distributed import KilledWorker
 
     try:
-        solved: SolvedFlow | FailedFlow = future.result()
+        found = future.result()
     except CancelledError as error:
         raise StrainfmuError(f"{where}: the scheduler was lost; start again to go on") from error
     except KilledWorker as error:
         raise StrainfmuError(
-            f"{where}: {error.allowed_failures + 1} workers died over one flow; out of memory?"
+            f"{where}: {error.allowed_failures + 1} workers died over one task; out of memory?"
         ) from error
     except (ModuleNotFoundError, RuntimeError) as error:
         # Dask wraps what a scheduler cannot import.
@@ -87,11 +106,11 @@ def _result(future: Any, where: str) -> SolvedFlow | FailedFlow:
         raise StrainfmuError(
             f"{where}: '{cause.name}' is not installed there, strainfmu[campaign] must be"
         ) from error
-    return solved
+    return found
 
 
 @contextmanager
-def _local_client(workers: int) -> Iterator[Client]:
+def _local_client(workers: int, memory_limit: str) -> Iterator[Client]:
     """Start worker processes that listen on loopback only, one thread each, without dashboard."""
     from distributed import Client, LocalCluster
 
@@ -102,7 +121,7 @@ def _local_client(workers: int) -> Iterator[Client]:
             processes=True,
             host="127.0.0.1",
             dashboard_address="127.0.0.1:0",  # any free port: the usual one may be another cluster's
-            memory_limit=MEMORY_LIMIT,
+            memory_limit=memory_limit,
             silence_logs=logging.CRITICAL,
             preload=["builder.campaign.worker"],
         ) as cluster,

@@ -103,15 +103,16 @@ def make_map(pipeline: Pipeline) -> None:
 def make_map_parts(pipeline: Pipeline) -> None:
     """Make or take the files that a map is made from: snapshots, and the structure if it is a file of its own."""
     if pipeline.vehicle.structure.external is not None:
-        _snapshots(pipeline)
+        make_snapshots(pipeline)
         _external_structure(pipeline)
         return
     if pipeline.vehicle.structure.model == "solid":
         _solid_structure(pipeline)
-    _snapshots(pipeline)
+    make_snapshots(pipeline)
 
 
-def _snapshots(pipeline: Pipeline) -> None:
+def make_snapshots(pipeline: Pipeline) -> None:
+    """Make or take the snapshots."""
     holds = "surface pressure at every flight condition"
     if pipeline.take(SNAPSHOTS, holds):
         return
@@ -246,11 +247,13 @@ def _inverse_map(pipeline: Pipeline) -> None:
 
 
 def make_independent_flows(pipeline: Pipeline) -> None:
-    """Make the flows of the independent model, once per run; they set the map's alarm levels, and are what
+    """Make or take the flows of the independent model, once per run; they set the map's alarm levels, and are what
     flies."""
-    if FLOWS in pipeline.files:
-        return
     vehicle = pipeline.vehicle
+    engine = ENGINES_IN_WORDS[vehicle.truth_engine()]
+    holds = f"flows of the vehicle that flies, by {engine} on finer meshes"
+    if FLOWS in pipeline.files or pipeline.take(FLOWS, holds):
+        return
 
     def write(path: Path) -> None:
         with Journal(path) as journal:
@@ -258,8 +261,7 @@ def make_independent_flows(pipeline: Pipeline) -> None:
             journal.remove()
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
-    engine = ENGINES_IN_WORDS[vehicle.truth_engine()]
-    pipeline.make(FLOWS, f"flows of the vehicle that flies, by {engine} on finer meshes", inputs, write)
+    pipeline.make(FLOWS, holds, inputs, write)
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:

@@ -6,10 +6,11 @@ file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is t
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from math import pi
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
@@ -333,8 +334,10 @@ class Vehicle(Section):
         return vehicle_html(self)
 
 
-def load_vehicle(path: str | Path) -> Vehicle:
+def load_vehicle(path: str | Path, changes: Mapping[str, Any] | None = None) -> Vehicle:
     """Read and check a vehicle file.
+
+    ``changes`` are values of entries by their names, such as ``map.modes``, instead of the file's.
 
     Raises
     ------
@@ -356,4 +359,4 @@ def load_vehicle(path: str | Path) -> Vehicle:
         vehicle._folder = path.parent  # sizes follow from files that the vehicle file names, too
         return [*missing_entries(vehicle), *size_faults(vehicle)]
 
-    return read_sections(path, Vehicle, "vehicle file", faults_beside_file)
+    return read_sections(path, Vehicle, "vehicle file", faults_beside_file, changes)

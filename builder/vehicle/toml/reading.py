@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -25,6 +25,7 @@ def read_sections(
     model: type[AnySection],
     kind: str,
     other_faults: Callable[[AnySection], list[str]] = lambda _: [],
+    changes: Mapping[str, Any] | None = None,
 ) -> AnySection:
     """Read and check a file.
 
@@ -33,6 +34,7 @@ def read_sections(
     model : of the whole file.
     kind : what the file is, for messages, such as ``"vehicle file"``.
     other_faults : returns faults of sizes that follow from entries that are right on their own.
+    changes : values of entries by their names, as in messages, instead of the file's.
 
     Raises
     ------
@@ -42,6 +44,8 @@ def read_sections(
         The file is missing or no TOML, or most of its entries are not of ``model``.
     """
     entries = read_toml(path)
+    for name, value in (changes or {}).items():
+        _set_entry(entries, name, value)
     known = len(entries.keys() & model.model_fields.keys())
     if known < len(entries) - known:  # a file named by mistake: a list of its entries helps nobody
         sections = ", ".join(list(model.model_fields)[:SECTIONS_NAMED])
@@ -56,6 +60,35 @@ def read_sections(
     if faults:
         raise FaultsError("\n".join(f"{path}: {line}" for line in _limited(faults)))
     return found
+
+
+def _set_entry(entries: dict[str, Any], name: str, value: Any) -> None:
+    """Set the entry ``name``, such as ``map.modes`` or ``profile.1.end_x_m``; a section that is missing is added.
+
+    Raises
+    ------
+    InputError
+        A part of the name is no section, or no number of a list.
+    """
+    *parents, last = name.split(".")
+    place: Any = entries
+    for part in parents:
+        if isinstance(place, list):
+            place = place[_item(name, part, place)]
+        elif isinstance(place, dict):
+            place = place.setdefault(part, {})
+    if isinstance(place, list):
+        place[_item(name, last, place)] = value
+    elif isinstance(place, dict):
+        place[last] = value
+    else:
+        raise InputError(f"{name}: expected an entry of a section, got a part of another entry")
+
+
+def _item(name: str, part: str, items: list[Any]) -> int:
+    if not part.isdigit() or not 1 <= int(part) <= len(items):
+        raise InputError(f"{name}: expected a number from 1 to {len(items)} for '{part}'")
+    return int(part) - 1
 
 
 def _limited(faults: list[str]) -> list[str]:

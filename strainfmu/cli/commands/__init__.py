@@ -23,6 +23,7 @@ from strainfmu.cli.commands import (
     stress,
     structures,
     taring,
+    trade_studies,
     whole_way,
 )
 from strainfmu.cli.commands.command import ProgramCommand, ProgramGroup
@@ -83,6 +84,7 @@ FUNCTIONS: dict[str, Callable[..., None]] = {
         placements.review,
         reproduction.reproduce,
         stress.stress,
+        trade_studies.study,
         structures.structure,
         taring.tare,
         whole_way.check,

@@ -39,6 +39,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Studies": {
         "place": "docs/howto/place_gauges.md",
         "review": "docs/howto/place_gauges.md",
+        "study": "docs/howto/trade_study.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/evidence/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
