@@ -80,10 +80,16 @@ class ReadingsModel:
         extra, std = self._extra_names(), self._extra_std()
         self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
 
-    def with_readings(self, readings: FloatArray) -> ReadingsModel:
-        """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared."""
-        pairs = zip(self.test.cases, readings, strict=True)
-        cases = tuple(replace(case, reading=row) for case, row in pairs)
+    def with_readings(self, readings: FloatArray, stds: FloatArray | None = None) -> ReadingsModel:
+        """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared.
+
+        ``stds`` (n_cases, n_d) are their standard deviations [m/m]; as they are by default.
+        """
+        own = self.test.reading_stds if stds is None else stds
+        cases = tuple(
+            replace(case, reading=row, reading_std=std)
+            for case, row, std in zip(self.test.cases, readings, own, strict=True)
+        )
         found = copy(self)
         found.test = replace(self.test, cases=cases)
         return found

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField
@@ -73,6 +73,16 @@ def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
     across = np.linalg.svd(force[None] / size)[2][1:]
     turned = force / size + first * across[0] + second * across[1]
     x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
+    return replace(load, force=(x, y, z))
+
+
+def hanging(load: applied.PadForce | applied.PointForce, case: LoadCase, mass: float) -> Load:
+    """Return the weight of ``mass`` [kg] that hangs where ``load`` of a case acts, in the attitude of the case.
+
+    The vehicle lies with +z up where the case states no weight.
+    """
+    weights = [one.load for one in case.loads if isinstance(one.load, applied.Weight)]
+    x, y, z = (mass * (weights[0] if weights else applied.Weight()).acceleration).tolist()
     return replace(load, force=(x, y, z))
 
 

@@ -301,7 +301,6 @@ def as_built_structure(
         with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
         progress=progress,
     )
-    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
     return AsBuiltStructure(
         surface=grid,
         regions=regions,
@@ -311,9 +310,23 @@ def as_built_structure(
         ),
         solved=built,
         states=states,
-        pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
+        pressure=_pressure_table(states, grid, resolution.harmonics + 1),
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
     )
+
+
+def with_surface(structure: AsBuiltStructure, surface: SurfaceGrid, harmonics: int) -> AsBuiltStructure:
+    """Return ``structure`` with other pressure nodes and highest harmonic of them; its mesh error is left out."""
+    return replace(
+        structure,
+        surface=surface,
+        pressure=_pressure_table(structure.states, surface, harmonics + 1),
+        _mesh_error=_no_mesh_error,
+    )
+
+
+def _no_mesh_error() -> None:
+    return None
 
 
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:
@@ -351,8 +364,11 @@ def _table(
     )
 
 
-def _pressure_table(states: WallStates, load: FloatArray, n_m: int) -> ResponseTable:
-    """Return the table per pressure; ``load`` (3 n_out, n_x) holds nodal forces on the outer surface [m2]."""
+def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int) -> ResponseTable:
+    """Return the table per pressure at the stations of ``grid``, by the nodal forces on the outer surface [m2]."""
+    mesh = states.forces[0].mesh
+    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
+    load = load.reshape(-1, load.shape[-1])
 
     def of(state: Adjoint) -> FloatArray:
         outer = state.outer[..., :n_m, :, :, :]
