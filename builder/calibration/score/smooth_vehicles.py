@@ -15,13 +15,12 @@ import numpy as np
 
 from builder.calibration.score.setup import HARMONICS, properties_of
 from builder.structure.as_built.response_tables import LoadResponse, together
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, Load, PadForce
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
-from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 
 PIECES = 7
@@ -44,7 +43,7 @@ class SmoothVehicles:
     Attributes
     ----------
     structure : of the truth, pressure nodes of its own.
-    on_map : the same structure with the pressure nodes of the map.
+    on_map : the same structure with the pressure nodes and the mesh error of the map.
     std : what all but the wall is drawn from.
     """
 
@@ -79,22 +78,22 @@ def smooth(station: FloatArray, random: np.random.Generator) -> FloatArray:
     return np.asarray(vector @ (np.sqrt(np.maximum(value, 0.0)) * random.standard_normal(len(value))))
 
 
-def smooth_vehicles(vehicle: Vehicle, map_surface: SurfaceGrid) -> SmoothVehicles:
-    """Solve the structure of the truth; ``map_surface`` holds the pressure nodes of the map."""
+def smooth_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure) -> SmoothVehicles:
+    """Solve the structure of the truth; ``of_map`` is the structure of the map."""
     own = independent_vehicle(vehicle)
-    of_map, of_truth = vehicle.resolution.map, vehicle.resolution.truth
+    coarse, of_truth = vehicle.resolution.map, vehicle.resolution.truth
     resolution = Resolution(
         **of_truth.model_dump(exclude={"element_length_mm", "wall_layers", "harmonics"}),
-        element_length_mm=ELEMENT * of_map.element_length_mm,
+        element_length_mm=ELEMENT * coarse.element_length_mm,
         wall_layers=LAYERS,
-        harmonics=min(of_truth.harmonics, max(of_map.harmonics, HARMONICS)),
+        harmonics=min(of_truth.harmonics, max(coarse.harmonics, HARMONICS)),
     )
     structure = as_built_structure(
         own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS
     )
     return SmoothVehicles(
         structure=structure,
-        on_map=with_surface(structure, map_surface, resolution.harmonics),
+        on_map=with_surface_of(structure, of_map),
         std=prior_std(vehicle.calibration, structure.counts),
     )
 

@@ -116,5 +116,6 @@ def _moduli(built: AsBuilt, random: np.random.Generator) -> AsBuilt:
 def _drift(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
     time = np.linspace(0.0, 1.0, len(reading))
     reading += time[:, None] * DRIFT * random.standard_normal(reading.shape[1])
-    reading[1:] += HYSTERESIS * applied.strain[:-1]
+    each = HYSTERESIS * (1.0 + 0.3 * random.standard_normal(reading.shape[1]))
+    reading[1:] += each * applied.strain[:-1]
     return {}

@@ -23,6 +23,7 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
+from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.outside_terms import outside_model
@@ -46,8 +47,8 @@ from builder.calibration.score.wrong_cases import AppliedTest
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, prior_std
+from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.loads.applied import Load
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -93,17 +94,15 @@ def trial_setup(
     entry = vehicle.map.model_copy(update={"estimator": "linear"} | KINDS[kind])
     noise = vehicle.noise.without_hardware_errors()
     vehicle = vehicle.model_copy(update={"noise": noise, "map": entry})
-    structure = as_built_structure(
-        vehicle, vehicle.gauges.layout, properties=properties_of(vehicle), max_harmonic=HARMONICS
-    )
-    vehicles = smooth_vehicles(vehicle, structure.surface)
+    structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
+    vehicles = smooth_vehicles(vehicle, structure)
     test = blank_test(vehicle, structure, cases, LoadErrors())
     on_map = snapshots_on(snapshots, structure.surface)
     return TrialSetup(
         vehicle=vehicle,
         snapshots=on_map,
         structure=structure,
-        model=ReadingsModel(structure, test, prior_std(vehicle.calibration, structure.counts)),
+        model=ReadingsModel(structure, test, prior_of_test(vehicle, structure)),
         vehicles=vehicles,
         loads=LoadTables(vehicles.structure),
         flights=flights_of(vehicle, table, vehicles.structure.surface, flights),

@@ -17,7 +17,7 @@ import numpy as np
 from builder.calibration.estimate.faults import named_faults
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import usable
-from builder.calibration.ground_test.load_changes import hanging
+from builder.calibration.ground_test.load_changes import hanging, is_along
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.score.faults import drawn_readings
 from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
@@ -126,8 +126,9 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
             if isinstance(one.load, PadForce)
         ]
         case, pad = pads[int(random.integers(len(pads)))]
-        reading[case] += applied.of_load(hanging(pad, test.cases[case], FORGOTTEN))
-        return {names[case]: "mass"}
+        weight = hanging(pad, test.cases[case], FORGOTTEN)
+        reading[case] += applied.of_load(weight)
+        return {names[case]: "load" if is_along(pad, weight) else "mass"}
 
     def balance(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
         case = int(random.choice(loaded))
