@@ -1,7 +1,7 @@
-"""The structure that a ground test is compared with: what the vehicle file states, and what else may be so.
+"""The structure that a ground test is compared with: what the vehicle file states, and what else may be.
 
-Joints that the file does not name, and Young's modulus by regions, are taken for zero, but have tables, so that the
-readings can set them free.
+Joints that the file does not name, and Young's modulus by regions, are taken for zero, but have tables, so that
+the readings can set them free.
 """
 
 from __future__ import annotations

@@ -4,8 +4,9 @@ The readings of each case are predicted by all other cases together, of a model 
 case is wrong where the readings of an eighth of its gauges are off: a gauge at fault is off in all cases, but
 alone. The case that is off most is left out first, then the others are judged again. What would make its
 readings right is its name: a factor of a unit, another sign, the loads of another case, another attitude, a
-recorder balanced again, a mass that hangs on a load; otherwise the factor that fits best. Source: leave-one-out residuals of a Gaussian
-model, Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section 5.4.2, block by block.
+recorder balanced again, a mass that hangs on a load; otherwise the factor that fits best. Source: leave-one-out
+residuals of a Gaussian model, Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section 5.4.2,
+block by block.
 """
 
 from __future__ import annotations
@@ -174,8 +175,7 @@ class _Screen:
         return root @ (root.T @ (scaled.T @ (weight * left))), root
 
     def _fit(self, case: int, cause: _Cause, mean: FloatArray, root: FloatArray) -> tuple[float, float, float]:
-        """Return the probability of readings as far from a cause's, the logarithm of their density, and the size of
-        its own quantity."""
+        """Return the probability of readings as far from a cause's, the logarithm of their density, its size."""
         at = np.flatnonzero(self.used[case])
         spread = cause.columns[at] @ root
         if cause.more is not None:
@@ -251,7 +251,7 @@ class _Screen:
         return reading[0], none
 
     def _bare(self, cases: tuple[LoadCase, ...], zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built) by the vehicle but its zeros."""
+        """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built) without those of zeros."""
         model = ReadingsModel(self.model.structure, replace(self.model.test, cases=cases), self.model.prior)
         reading, jacobian = model.at_drawing()
         of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]

@@ -1,8 +1,9 @@
-"""What readings that do not fit may be of, scored against each other: the vehicle, the test, a load or a gauge.
+"""What readings that do not fit may be of, scored against each other: vehicle, test, load or gauge.
 
-A soft support, a joint, forces that are all turned, zeros that drift or noise larger than stated make several gauges
-look at fault, and one gauge at fault makes the vehicle look different. So all causes compete: of the model that is
-linear about a vector, each adds some covariance to the readings, and the one that makes them most probable counts.
+A soft support, a joint, forces that are all turned, zeros that drift or noise larger than stated make several
+gauges look at fault, and one gauge at fault makes the vehicle look different. So all causes compete: of the model
+that is linear about a vector, each adds some covariance to the readings, and the one that makes them most probable
+counts.
 With the residual r of the model without errors, its covariance S and P = S^-1, columns C of terms set free add
 
     ln p(C) - ln p = (b' A^-1 b - ln det A) / 2,  b = C' P r,  A = 1 + C' P C;
@@ -15,7 +16,7 @@ Source: Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -141,13 +142,11 @@ class Evidence:
         self._scaled = self._axes / self._value
         self._weighted = self._scaled @ self._along
 
-    def best(self, kinds: Sequence[Where] | None = None) -> tuple[Cause | None, float]:
-        """Return the cause that makes the readings most probable, and the logarithm of by how much; of ``kinds``."""
-        every = [(one, self._of_terms(one)) for one in self.causes if kinds is None or one.where in kinds]
-        every += [pair for pair in self._of_scatter() if kinds is None or pair[0].where in kinds]
-        if kinds is None or "noise" in kinds:
-            every.append(self._of_noise())
-        return max(every, key=lambda pair: pair[1], default=(None, -np.inf))
+    def best(self) -> Cause | None:
+        """Return the cause that makes the readings most probable; None where none does so by :data:`LEAST`."""
+        every = [(one, self._of_terms(one)) for one in self.causes]
+        cause, gain = max([*every, *self._of_scatter(), self._of_noise()], key=lambda pair: pair[1])
+        return cause if gain > LEAST else None
 
     def _of_terms(self, cause: Cause) -> float:
         own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
@@ -162,7 +161,8 @@ class Evidence:
             value = self._value + factor**2 - 1.0
             return -0.5 * float(np.sum(np.log(value) + self._along**2 / value))
 
-        factor = max(NOISES, key=likelihood)
+        before = self.model.noise_factor  # noise that was taken for larger before another cause was found
+        factor = max((one / before for one in (1.0, *NOISES) if not np.isclose(one, before)), key=likelihood)
         none = np.zeros(0)
         cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
         return cause, likelihood(factor) - likelihood(1.0)

@@ -18,7 +18,7 @@ from scipy.special import chdtrc
 
 from builder.calibration.estimate.case_faults import MODEL, case_fault_after, case_faults
 from builder.calibration.estimate.cause import Cause
-from builder.calibration.estimate.causes import LEAST, Evidence, freed
+from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from strainfmu.arrays import BoolArray, FloatArray
@@ -103,17 +103,16 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
 def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Fault]]:
     """Return the gauges and load cases that do not fit, and the model in which they do not.
 
-    Where gauges are at fault and no cause of their own is known, what the vehicle or the test may be in common is
-    set free first, if that makes the readings more probable than any gauge's, load's or case's own fault.
+    Where gauges or cases do not fit and no cause of their own is known, what they may have in common is set free
+    first, if that makes the readings more probable than any gauge's, load's or case's own fault.
     """
     faults = named_faults(model, usable(model))
     for _ in range(MOST_CAUSES):
-        if not any(one.kind == "gauge" for one in faults):
+        sure = [one for one in faults if one.kind not in UNNAMED]
+        if len(sure) == len(faults):
             return model, faults
-        sure = [one for one in faults if one.kind != "gauge"]
-        evidence = Evidence(model, _left(model, sure), np.zeros(len(model.std)), MODEL)
-        cause, gain = evidence.best()
-        if cause is None or gain < LEAST or cause.where not in ("vehicle", "noise"):
+        cause = Evidence(model, _left(model, sure), np.zeros(len(model.std)), MODEL).best()
+        if cause is None or cause.where not in ("vehicle", "noise"):
             return model, faults
         model = freed(model, cause)
         faults = named_faults(model, usable(model))
@@ -123,8 +122,8 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
 def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
     """Return the estimate and its faults after all causes that make the readings more probable, the best first."""
     for _ in range(MOST_CAUSES):
-        cause, gain = Evidence(found.model, found.used, found.vector).best()
-        if cause is None or gain < LEAST:
+        cause = Evidence(found.model, found.used, found.vector).best()
+        if cause is None:
             break
         model = found.model
         if cause.where in ("vehicle", "noise"):

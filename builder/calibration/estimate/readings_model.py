@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,6 +72,15 @@ class StatedErrors:
     hysteresis: float
 
 
+class _Kept(NamedTuple):
+    """Readings and derivatives at a vector, by the keys of what is not known exactly."""
+
+    vector: FloatArray
+    keys: set[Key]
+    readings: FloatArray
+    jacobian: FloatArray
+
+
 class ReadingsModel:
     """A test's readings as a function of its vector.
 
@@ -94,7 +104,7 @@ class ReadingsModel:
         self.time = np.linspace(0.0, 1.0, len(test.cases))
         self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
         self._together: LoadResponse | None = None
-        self._at_drawing: tuple[FloatArray, FloatArray] | None = None
+        self._kept: dict[bool, _Kept] = {}
         built = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
         self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
@@ -113,11 +123,15 @@ class ReadingsModel:
         found.test = replace(self.test, cases=cases)
         return found
 
+    @property
+    def noise_factor(self) -> float:
+        """The noise that counts over what the test states [1]."""
+        return float(np.prod([one.factor for one in self.causes]))
+
     def with_std(self, std: FloatArray) -> ReadingsModel:
         """Return the same model with other standard deviations (n,) of the vector before the test."""
         found = copy(self)
         found.std, found.prior = std, self.prior.of_vector(std[: self.n_built])
-        found._at_drawing = None
         return found
 
     def of_causes(self, *causes: Cause) -> ReadingsModel:
@@ -127,10 +141,8 @@ class ReadingsModel:
         return found
 
     def at_drawing(self) -> tuple[FloatArray, FloatArray]:
-        """Return :meth:`jacobian` of the vehicle and the loads as stated, kept for the next time."""
-        if self._at_drawing is None:
-            self._at_drawing = self.jacobian(np.zeros(len(self.std)))
-        return self._at_drawing
+        """Return :meth:`jacobian` of the vehicle and the loads as stated."""
+        return self.jacobian(np.zeros(len(self.std)))
 
     @property
     def case_of_load(self) -> IntArray:
@@ -182,7 +194,29 @@ class ReadingsModel:
         return self._joined(self.load_strains(self.built(vector)), self.errors(vector))
 
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly."""
+        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly.
+
+        Those of the last vector are kept for the next time, and those of the drawing; readings and standard
+        deviations do not change them.
+        """
+        keys, at_drawing = set(uncertain_keys(self.prior)), not vector.any()
+        kept = self._kept.get(at_drawing)
+        if kept is None or not np.array_equal(kept.vector, vector) or not keys <= kept.keys:
+            kept = self._kept[at_drawing] = _Kept(vector.copy(), keys, *self._differences(vector))
+        if keys == kept.keys:
+            return kept.readings, kept.jacobian
+        found = kept.jacobian.copy()
+        for key in kept.keys - keys:
+            found[:, :, self._entries(key)] = 0.0
+        return kept.readings, found
+
+    def _entries(self, key: Key) -> slice:
+        """Return where the parameters of a key stand in the vector."""
+        at = slices(self.structure.counts)[key[0]]
+        return at if of_gauges(key) else slice(at.start + key[1], at.start + key[1] + 1)
+
+    def _differences(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return :meth:`jacobian`, solved."""
         built, errors = self.built(vector), self.errors(vector)
         strain = self.load_strains(built)
         n_c, n_d = len(self.test.cases), self.structure.n_gauges
@@ -206,11 +240,14 @@ class ReadingsModel:
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
         """Return the derivatives (n_cases, n_d) of the readings by what is taken for zero but need not be."""
-        built, scale = self.built(vector), (1.0 + self.errors(vector).scale)[:, None]
         known = set(uncertain_keys(self.prior))
-        keys = [(kind, k) for kind in HELD_KINDS for k in range(built.n_regions) if (kind, k) not in known]
-        found = parameter_derivatives(lambda one: self.load_strains(one).T, built, keys)
-        return {key: self._summed(scale * one.T) for key, one in found.items()}
+        regions = range(self.structure.n_regions)
+        keys = [(kind, k) for kind in HELD_KINDS for k in regions if (kind, k) not in known]
+        std = self.std.copy()
+        for key in keys:
+            std[self._entries(key)] = 1.0
+        _, found = self.with_std(std).jacobian(vector)
+        return {key: found[:, :, self._entries(key).start] for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])

@@ -1,4 +1,4 @@
-"""What a calibration says in plain words: what differs from what the files state, a chi-square that does not fit."""
+"""What a calibration says in plain words: what is not as the files state, a chi-square that does not fit."""
 
 from __future__ import annotations
 
@@ -64,16 +64,16 @@ def _of_cause(found: Estimate, cause: Cause) -> str:
 
 def _support(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
-        f"clamp: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material, along and across the body; "
-        f"state calibration.clamp_compliance_mm = {1e3 * float(np.abs(size).max()):.1g}"
+        f"clamp: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material along and across; state "
+        f"calibration.clamp_compliance_mm = {1e3 * float(np.abs(size).max()):.1g}"
     )
 
 
 def _joint(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     station = found.model.structure.joint_stations[cause.number]
     return (
-        f"joint at or near {station:.3g} m: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material; "
-        f"state calibration.joint_stations_m and joint_softness_mm = {1e3 * abs(float(size[0])):.1g}"
+        f"joint at or near {station:.3g} m: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall; state "
+        f"calibration.joint_stations_m and joint_softness_mm = {1e3 * abs(float(size[0])):.1g}"
     )
 
 
@@ -115,8 +115,8 @@ def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray
 
 
 def _of_noise(found: Estimate) -> str:
-    factor = float(np.prod([cause.factor for cause in found.model.causes if cause.where == "noise"]))
-    if factor == 1.0:
+    factor = found.model.noise_factor
+    if np.isclose(factor, 1.0):
         return ""
     return (
         f"noise: the readings scatter about {factor:.2g} times as much as stated, and count as such; state their "

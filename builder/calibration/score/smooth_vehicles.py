@@ -121,7 +121,7 @@ class LoadTables:
 
     def __init__(self, structure: AsBuiltStructure) -> None:
         self.structure = structure
-        self._of_place: dict[Load, LoadResponse] = {}
+        self._of_place: dict[Load, tuple[LoadResponse, LoadResponse]] = {}
 
     def strain(self, built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
         """Return what the gauges read (n_d,) under ``applied``, stated as ``stated``, without zeros [m/m]."""
@@ -131,16 +131,15 @@ class LoadTables:
             return np.zeros(self.structure.n_gauges)
         place = replace(stated, force=NO_VECTOR)
         if place not in self._of_place:
-            units = np.eye(3).tolist()
-            self._of_place[place] = together(
-                [self.structure.response(replace(stated, force=tuple(unit))) for unit in units]
+            units = [replace(stated, force=tuple(unit)) for unit in np.eye(3).tolist()]
+            self._of_place[place] = (
+                together([self.structure.response(one) for one in units]),
+                together([self.structure.nominal_response(one) for one in units]),
             )
-        found = np.asarray(applied.force) @ self.structure.response_strain(built, self._of_place[place])
-        at_place = replace(stated, force=applied.force)
-        if at_place == applied:
-            return np.asarray(found)
-        here, there = (
-            self.structure.response_strain(built, self.structure.nominal_response(one))
-            for one in (at_place, applied)
+        found, here = (
+            np.asarray(applied.force) @ self.structure.response_strain(built, one) for one in self._of_place[place]
         )
+        if replace(stated, force=applied.force) == applied:
+            return np.asarray(found)
+        there = self.structure.response_strain(built, self.structure.nominal_response(applied))
         return np.asarray(found + there - here)
