@@ -115,11 +115,11 @@ def test_sound_tests_have_no_cause(model: ReadingsModel) -> None:
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("support", "clamp: it yields as 3"),
+        ("support", "clamp: it yields as "),
         ("joint", "joint at or near 1.75 m"),
         ("modulus", "modulus: Young's modulus of the regions"),
         ("taper", "wall: taper of "),
-        ("direction", "direction of all forces: turned by 5"),
+        ("direction", "direction of all forces: turned by "),
         ("drift", "drift: zeros moved by "),
         ("hysteresis", "hysteresis: a case reads "),
     ],

@@ -82,7 +82,8 @@ class CaseFault:
 class _Cause:
     """Readings (n_d,) of a case by one cause, and derivatives (n_d, n) by the vector.
 
-    ``more`` (n_d,) is what a quantity of its own adds, of standard deviation 1 about 0; ``size`` says it in words.
+    ``more`` (n_d, k) is what quantities of its own add, of standard deviation 1 about 0; ``size`` says the first
+    one in words.
     """
 
     kind: str
@@ -185,7 +186,7 @@ class _Screen:
         left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ mean
         weighted = np.linalg.solve(covariance, left)
         square = float(left @ weighted)
-        size = 0.0 if cause.more is None else float(cause.more[at] @ weighted)
+        size = 0.0 if cause.more is None else float(cause.more[at, 0] @ weighted)
         density = -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
         return float(chdtrc(len(at), square)), density, size
 
@@ -227,7 +228,7 @@ class _Screen:
                 structure.response_strain(structure.exactly_built(), structure.nominal_response(load))
                 for load in (weight, one)
             )
-            yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force)
+            yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force[:, None])
             if is_along(one, weight):
                 continue  # a load of another size
             yield _Cause(
@@ -235,7 +236,7 @@ class _Screen:
                 text="its loads are as stated, and a mass hangs on them that is not: ",
                 reading=load,
                 columns=columns,
-                more=per_mass,
+                more=per_mass[:, None],
                 size=lambda size: f"{size * MASS:.2g} kg",
             )
 
@@ -271,7 +272,12 @@ class _Screen:
                 kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
             elif other in wrong:
                 kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
-            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=self.columns[other])
+            columns, more = self.columns[other], None
+            if kind == "mislabelled":  # the loads were applied once more, with errors of their own
+                own = self.model.load_entries
+                columns, more = columns.copy(), columns[:, own]
+                columns[:, own] = 0.0
+            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=columns, more=more)
 
     def _weighs(self, case: int) -> bool:
         """Return whether own weight is the only load of a case."""

@@ -29,14 +29,19 @@ from strainfmu.arrays import BoolArray, FloatArray
 LEAST = 12.0
 """Logarithm of how much more probable the readings must be: odds of 160,000 to 1, for one of about 150 causes."""
 
+LEAST_OF_WALLS = 4.0
+"""The same for taper and second harmonic: few walls have neither, and to estimate one for nothing costs little."""
+
+OF_WALLS = ("taper", "second harmonic")
+
 WIDE = {
     "clamp_axial": 0.05,
     "clamp_transverse": 0.05,
     "joint_softness": 0.05,
     "region_modulus": 0.1,
-    "wall_taper": 0.1,
-    "wall_second_cosine": 0.1,
-    "wall_second_sine": 0.1,
+    "wall_taper": 0.03,
+    "wall_second_cosine": 0.03,
+    "wall_second_sine": 0.03,
 }
 """Standard deviations of what is set free [m, m, m, 1, 1, 1, 1]."""
 
@@ -143,10 +148,13 @@ class Evidence:
         self._weighted = self._scaled @ self._along
 
     def best(self) -> Cause | None:
-        """Return the cause that makes the readings most probable; None where none does so by :data:`LEAST`."""
+        """Return the cause that makes the readings most probable; None where none does so by enough."""
         every = [(one, self._of_terms(one)) for one in self.causes]
-        cause, gain = max([*every, *self._of_scatter(), self._of_noise()], key=lambda pair: pair[1])
-        return cause if gain > LEAST else None
+        cause, more = max(
+            ((one, gain - least_of(one)) for one, gain in (*every, *self._of_scatter(), self._of_noise())),
+            key=lambda pair: pair[1],
+        )
+        return cause if more > 0.0 else None
 
     def _of_terms(self, cause: Cause) -> float:
         own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
@@ -185,6 +193,11 @@ class Evidence:
                 kind: Where = "gauge" if where == "gauge" else "case"
                 cause = Cause(where=kind, kind=kind, number=number, entries=none.astype(np.int64), wide=none)
                 yield cause, max(gain)
+
+
+def least_of(cause: Cause) -> float:
+    """Return the logarithm of how much more probable ``cause`` must make the readings."""
+    return LEAST_OF_WALLS if cause.kind in OF_WALLS else LEAST
 
 
 def freed(model: ReadingsModel, cause: Cause) -> ReadingsModel:

@@ -176,6 +176,12 @@ class ReadingsModel:
         return slice(first, first + 2 * len(self.cells))
 
     @property
+    def load_entries(self) -> IntArray:
+        """(n,) where the own error, place, roll, shape and direction of every load stand in the vector."""
+        first, end = self.cell_entries.start - len(self.loads), self.common_entries.start
+        return np.r_[first : self.cell_entries.start, self.cell_entries.stop : end].astype(np.int64)
+
+    @property
     def common_entries(self) -> slice:
         """Where the direction of all forces, the drift of every gauge and the hysteresis stand in the vector."""
         first = self.cell_entries.stop + len(PAD_STEPS) * len(self.loads)

@@ -17,7 +17,7 @@ import numpy as np
 from builder.calibration.estimate.faults import named_faults
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import usable
-from builder.calibration.ground_test.load_changes import hanging, is_along
+from builder.calibration.ground_test.load_changes import CellErrors, as_applied, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.score.faults import drawn_readings
 from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
@@ -44,14 +44,15 @@ class AppliedTest:
     strain : (n_cases, n_d) readings without noise and zeros [m/m].
     weight : (n_cases, n_d) the part of it that own weight and inertia strain [m/m].
     zero : (n_cases, n_d) [m/m].
-    of_load : returns the readings (n_d,) of another load of the same vehicle, without zeros [m/m].
+    of_load : returns the readings (n_d,) of the same vehicle, without zeros, under a load as applied, by the load
+        that it was to be [m/m].
     """
 
     test: LoadTest
     strain: FloatArray
     weight: FloatArray
     zero: FloatArray
-    of_load: Callable[[Load], FloatArray]
+    of_load: Callable[[Load, Load], FloatArray]
 
     def noise(self, case: int, random: np.random.Generator) -> FloatArray:
         """Return noise (n_d,) of a reading of ``case`` [m/m]."""
@@ -71,7 +72,7 @@ def applied_by(model: ReadingsModel, vector: FloatArray) -> AppliedTest:
         strain=model.readings(vector) - zero,
         weight=weight,
         zero=zero,
-        of_load=lambda load: model.structure.response_strain(built, model.structure.response(load)),
+        of_load=lambda load, stated: model.structure.response_strain(built, model.structure.response(load)),
     )
 
 
@@ -100,8 +101,10 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
 
     def mislabelled(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
         a, b = two(random)
-        again = 1.0 + 0.01 * random.standard_normal()  # the load of the other case, applied again
-        reading[a] = again * applied.strain[b] + applied.zero[a] + applied.noise(a, random)
+        reading[a] = applied.zero[a] + applied.noise(a, random)
+        for known in test.cases[b].loads:  # applied once more, with errors of its own
+            again = as_applied(known, test.errors, CellErrors(), random)
+            reading[a] += applied.of_load(again, known.load)
         return {names[a]: "mislabelled"}
 
     def interchanged(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
@@ -115,7 +118,7 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
         assert isinstance(stated, Weight)
         turn = 0.5 * np.pi * float(random.choice([1, 2, 3]))
         turned = replace(stated, up_roll_angle=stated.up_roll_angle + turn)
-        reading[case] += applied.of_load(turned) - applied.of_load(stated)
+        reading[case] += applied.of_load(turned, turned) - applied.of_load(stated, stated)
         return {names[case]: "attitude"}
 
     def mass(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
@@ -127,7 +130,7 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
         ]
         case, pad = pads[int(random.integers(len(pads)))]
         weight = hanging(pad, test.cases[case], FORGOTTEN)
-        reading[case] += applied.of_load(weight)
+        reading[case] += applied.of_load(weight, weight)
         return {names[case]: "load" if is_along(pad, weight) else "mass"}
 
     def balance(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
