@@ -23,6 +23,7 @@ class Cause:
     entries : of the vector that are set free; empty where scatter is added.
     wide : (n,) their standard deviations.
     factor : of the noise.
+    together : whether the entries go together, as ``wide`` and its opposite: one quantity, not each on its own.
     """
 
     where: Where
@@ -31,3 +32,4 @@ class Cause:
     entries: IntArray
     wide: FloatArray
     factor: float = 1.0
+    together: bool = False

@@ -21,9 +21,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.calibration.estimate.cause import Cause, Where
-from builder.calibration.estimate.readings_model import DIRECTIONS, ReadingsModel
+from builder.calibration.estimate.readings_model import DIRECTIONS, PAD_STEPS, ReadingsModel
+from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.vehicle import slices
 from builder.structure.as_built_kinds import KINDS
+from builder.structure.loads.applied import PadForce, PointForce
 from strainfmu.arrays import BoolArray, FloatArray
 
 LEAST = 12.0
@@ -54,6 +56,9 @@ WIDE_DRIFT, WIDE_HYSTERESIS = 5e-6, 0.05
 WIDE_LOAD = 0.3
 """Of the relative error of one load."""
 
+WIDE_MASS = 10.0
+"""Of a mass that hangs on a load without being stated [kg]."""
+
 WIDE_GAUGE = 20.0
 """Of what is wrong with one gauge, over its standard deviation before the test."""
 
@@ -69,7 +74,7 @@ OF_GAUGE = ("gauge_gain", "orientation", "axial_shift", "circumferential_shift",
 def causes_of(model: ReadingsModel) -> list[Cause]:
     """Return every cause that sets entries of the vector free and does so by more than the model does already."""
     found = [*_of_vehicle(model), *_of_test(model), *_of_loads(model), *_of_gauges(model)]
-    return [one for one in found if len(one.entries) and np.any(one.wide > model.std[one.entries])]
+    return [one for one in found if one.together or np.any(one.wide > model.std[one.entries])]
 
 
 def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
@@ -108,6 +113,13 @@ def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
         if one.std > 0.0:
             entries = np.array([first + number])
             yield Cause(where="load", kind="load", number=number, entries=entries, wide=np.array([WIDE_LOAD]))
+    tilts = len(PAD_STEPS) - 2  # the last two of each load
+    for number, (case, one) in enumerate(model.loads):
+        if isinstance(one.load, PadForce | PointForce):
+            change = change_by(one.load, hanging(one.load, model.test.cases[case], WIDE_MASS))
+            turn = model.cell_entries.stop + len(PAD_STEPS) * number + tilts
+            entries = np.array([first + number, turn, turn + 1])
+            yield Cause(where="load", kind="mass", number=number, entries=entries, wide=change, together=True)
 
 
 def _of_gauges(model: ReadingsModel) -> Iterator[Cause]:
@@ -157,11 +169,14 @@ class Evidence:
         return cause if more > 0.0 else None
 
     def _of_terms(self, cause: Cause) -> float:
-        own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
-        columns = self._slope[:, cause.entries] * own
+        if cause.together:
+            columns = self._slope[:, cause.entries] @ cause.wide[:, None]
+        else:
+            own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
+            columns = self._slope[:, cause.entries] * own
         turned = self._axes.T @ columns
         b = turned.T @ (self._along / self._value)
-        a = np.eye(len(own)) + turned.T @ (turned / self._value[:, None])
+        a = np.eye(columns.shape[1]) + turned.T @ (turned / self._value[:, None])
         return 0.5 * float(b @ np.linalg.solve(a, b) - np.linalg.slogdet(a)[1])
 
     def _of_noise(self) -> tuple[Cause, float]:

@@ -45,7 +45,7 @@ FOLLOWS = 0.8
 UNNAMED = ("gauge", "load")
 """Kinds of faults of which no cause is known."""
 
-MOST_CAUSES = 8
+MOST_CAUSES = 6
 """Causes, gauges and loads among them, that are looked for before and after the estimate."""
 
 MOST_GAUGES = 0.34
@@ -107,24 +107,33 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
     first, if that makes the readings more probable than any gauge's, load's or case's own fault.
     """
     faults = named_faults(model, usable(model))
+    sure = [one for one in faults if one.kind not in UNNAMED]
     for _ in range(MOST_CAUSES):
-        sure = [one for one in faults if one.kind not in UNNAMED]
-        if len(sure) == len(faults):
-            return model, faults
-        cause = Evidence(model, _left(model, sure), np.zeros(len(model.std)), MODEL).best()
-        if cause is None or cause.where not in ("vehicle", "noise"):
-            return model, faults
-        model = freed(model, cause)
-        faults = named_faults(model, usable(model))
+        if all(one.kind not in UNNAMED for one in faults):
+            break
+        used = _left(model, sure)
+        cause = Evidence(model, used, np.zeros(len(model.std)), MODEL).best() if used.any() else None
+        if cause is None:
+            break
+        if cause.where in ("vehicle", "noise"):
+            model = freed(model, cause)
+            faults = named_faults(model, usable(model))
+            sure = [one for one in faults if one.kind not in UNNAMED]
+        else:  # left out while others are looked for
+            sure = [*sure, Fault(where=_place(model, cause), kind=cause.kind, line="")]
     return model, faults
 
 
 def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
-    """Return the estimate and its faults after all causes that make the readings more probable, the best first."""
+    """Return the estimate and its faults after all causes that make the readings more probable, the best first.
+
+    Readings that :data:`MOST_CAUSES` do not explain are no more than what they were before.
+    """
+    before, sure = found, faults
     for _ in range(MOST_CAUSES):
         cause = Evidence(found.model, found.used, found.vector).best()
         if cause is None:
-            break
+            return found, faults
         model = found.model
         if cause.where in ("vehicle", "noise"):
             model = freed(model, cause)
@@ -134,18 +143,24 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
         if not used.any():
             break
         found = estimate(model, used, start=found.vector)
-    return found, faults
+    return before, sure
+
+
+def _place(model: ReadingsModel, cause: Cause) -> str:
+    """Return the name of the gauge, or of the case, that a cause is of."""
+    if cause.where == "gauge":
+        return model.structure.gauges.names[cause.number]
+    return model.test.cases[model.loads[cause.number][0] if cause.where == "load" else cause.number].name
 
 
 def _fault_of(found: Estimate, cause: Cause) -> Fault:
     """Return the gauge, the load or the case of a cause as a fault."""
     model = found.model
+    name = _place(model, cause)
     if cause.where == "gauge":
-        name = model.structure.gauges.names[cause.number]
         return Fault(where=name, kind="gauge", line=f"gauge '{name}': its readings fit no cause that is known")
     case = model.loads[cause.number][0] if cause.where == "load" else cause.number
     fault = case_fault_after(found, case)
-    name = model.test.cases[case].name
     return Fault(where=name, kind=fault.kind, line=f"load case '{name}': {fault.text}")
 
 

@@ -99,6 +99,15 @@ def _across(force: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.svd(force[None] / np.linalg.norm(force))[2][1:])
 
 
+def change_by(load: applied.PadForce | applied.PointForce, more: Load) -> FloatArray:
+    """Return (3,) factor less 1 and both angles of :func:`tilted` that add the force of ``more`` to ``load``."""
+    if not isinstance(more, applied.PadForce | applied.PointForce) or not any(load.force):
+        return np.zeros(3)
+    force, added = np.asarray(load.force), np.asarray(more.force)
+    size = float(np.linalg.norm(force))
+    return np.array([force @ added / size**2, *(_across(force) @ added / size)])
+
+
 def hanging(load: applied.PadForce | applied.PointForce, case: LoadCase, mass: float) -> Load:
     """Return the weight of ``mass`` [kg] that hangs where ``load`` of a case acts, in the attitude of the case.
 
