@@ -14,6 +14,7 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.after_test.flown_after_test import allowed_vehicles
 from builder.calibration.after_test.left_by_test import Remaining
+from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
@@ -33,8 +34,8 @@ from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page.findings import CalibrationFindings
 from builder.reports.calibration_page.verdict import Verdict
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import prior_std, slices
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import TrueStructure
@@ -133,7 +134,7 @@ def run_calibrate(
     refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
     test, notes = load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as progress:
-        structure = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+        structure = structure_of_test(vehicle, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
     independent, missing = _independent_model(
@@ -215,7 +216,7 @@ def calibration_by(
         No error with a name explains the readings, and ``accept`` is false.
     """
     vehicle, structure = parts.vehicle, parts.structure
-    prior = prior_std(vehicle.calibration, structure.counts)
+    prior = prior_of_test(vehicle, structure)
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
         outside = outside_model(found)

@@ -39,7 +39,9 @@ def blank(as_built: AsBuiltStructure, prior: AsBuilt) -> ReadingsModel:
 def calibrated(blank: ReadingsModel, seed: int, noise: float = 1.0, **wall: FloatArray) -> Estimate:
     """Return the estimate of a vehicle drawn at random but for its ``wall``; ``noise`` is over what is stated."""
     random = np.random.default_rng(seed)
-    vector = blank.std * random.standard_normal(len(blank.std))
+    vector = np.zeros(len(blank.std))
+    own = slice(blank.common_entries.start)  # what all cases have in common is zero
+    vector[own] = blank.std[own] * random.standard_normal(own.stop)
     vector[: blank.n_built] = drawn(blank.prior, random).changed(**wall).vector
     reading = blank.readings(vector)
     found = blank.with_readings(reading + noise * STATED * random.standard_normal(reading.shape))

@@ -4,22 +4,26 @@ The readings of each case are predicted by all other cases together, of a model 
 case is wrong where the readings of an eighth of its gauges are off: a gauge at fault is off in all cases, but
 alone. The case that is off most is left out first, then the others are judged again. What would make its
 readings right is its name: a factor of a unit, another sign, the loads of another case, another attitude, a
-recorder balanced again; otherwise the factor that fits best. Source: leave-one-out residuals of a Gaussian
-model, Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section 5.4.2, block by block.
+recorder balanced again, a mass that hangs on a load; otherwise the factor that fits best. Source: leave-one-out
+residuals of a Gaussian model, Rasmussen & Williams, *Gaussian Processes for Machine Learning*, section 5.4.2,
+block by block.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtrc
 
-from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.load_changes import cell_force
-from builder.structure.loads.applied import STANDARD_GRAVITY, Weight
+from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel
+from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
+from builder.calibration.ground_test.load_test import LoadCase
+from builder.structure.as_built.structure import OF_MASS
+from builder.structure.loads.applied import STANDARD_GRAVITY, PadForce, PointForce, Weight
 from strainfmu.arrays import BoolArray, FloatArray
 
 OFF = 4.0
@@ -33,6 +37,9 @@ MOST_CASES = 0.34
 
 MODEL = 0.01
 """Part of the strain by which the linear model may err."""
+
+MASS, SIZE = 10.0, 0.3
+"""Standard deviations of a mass that hangs on a load [kg], and of a load's own error [1]."""
 
 FITS = 1e-3
 """Probability from which the readings of a case fit a cause."""
@@ -61,7 +68,8 @@ class CaseFault:
     Attributes
     ----------
     case : number of the load case.
-    kind : "unit", "sign", "no load", "duplicate", "interchanged", "mislabelled", "attitude", "balance" or "load".
+    kind : "unit", "sign", "no load", "duplicate", "interchanged", "mislabelled", "attitude", "balance", "mass" or
+        "load".
     text : what is wrong, for the user.
     """
 
@@ -72,12 +80,18 @@ class CaseFault:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Cause:
-    """Readings (n_d,) of a case by one cause, and derivatives (n_d, n) by the vector."""
+    """Readings (n_d,) of a case by one cause, and derivatives (n_d, n) by the vector.
+
+    ``more`` (n_d, k) is what quantities of its own add, of standard deviation 1 about 0; ``size`` says the first
+    one in words.
+    """
 
     kind: str
     text: str
     reading: FloatArray
     columns: FloatArray
+    more: FloatArray | None = None
+    size: Callable[[float], str] = lambda size: ""
 
 
 def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
@@ -88,6 +102,11 @@ def case_faults(model: ReadingsModel, used: BoolArray) -> list[CaseFault]:
     screen = _Screen(model, used)
     wrong = screen.wrong_cases()
     return [screen.named(case, wrong) for case in sorted(wrong)]
+
+
+def case_fault_after(found: Estimate, case: int) -> CaseFault:
+    """Return what is wrong with a case by the vehicle that the other cases of an estimate show."""
+    return _Screen(found.model, found.used).named(case, {case})
 
 
 class _Screen:
@@ -136,13 +155,13 @@ class _Screen:
     def named(self, case: int, wrong: set[int]) -> CaseFault:
         """Return what is wrong with a case, by the vehicle that the cases beside ``wrong`` show."""
         mean, root = self._after([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
-        best, most = None, -np.inf
+        best, most, text = None, -np.inf, ""
         for cause in self._causes(case, wrong):
-            chance, likelihood = self._fit(case, cause, mean, root)
+            chance, likelihood, size = self._fit(case, cause, mean, root)
             if chance > FITS and likelihood > most:
-                best, most = cause, likelihood
-        if best is not None:
-            return CaseFault(case=case, kind=best.kind, text=best.text)
+                best, most, text = cause, likelihood, cause.text + cause.size(size)
+        if best is not None and best.kind != "load":
+            return CaseFault(case=case, kind=best.kind, text=text)
         return CaseFault(case=case, kind="load", text=self._by_a_factor(case, mean))
 
     def _after(self, kept: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -156,33 +175,89 @@ class _Screen:
         root = vectors / np.sqrt(value)
         return root @ (root.T @ (scaled.T @ (weight * left))), root
 
-    def _fit(self, case: int, cause: _Cause, mean: FloatArray, root: FloatArray) -> tuple[float, float]:
-        """Return the probability of readings as far from a cause's, and the logarithm of their density."""
+    def _fit(self, case: int, cause: _Cause, mean: FloatArray, root: FloatArray) -> tuple[float, float, float]:
+        """Return the probability of readings as far from a cause's, the logarithm of their density, its size."""
         at = np.flatnonzero(self.used[case])
         spread = cause.columns[at] @ root
+        if cause.more is not None:
+            spread = np.column_stack([spread, cause.more[at]])
         noise = self.model.test.reading_stds[case, at] ** 2 + (MODEL * cause.reading[at]) ** 2
         covariance = spread @ spread.T + np.diag(noise)
         left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ mean
-        square = float(left @ np.linalg.solve(covariance, left))
-        return float(chdtrc(len(at), square)), -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
+        weighted = np.linalg.solve(covariance, left)
+        square = float(left @ weighted)
+        size = 0.0 if cause.more is None else float(cause.more[at, 0] @ weighted)
+        density = -0.5 * (square + float(np.linalg.slogdet(covariance)[1]))
+        return float(chdtrc(len(at), square)), density, size
 
     def _of_load(self, case: int) -> tuple[BoolArray, FloatArray]:
         """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
-        zeros = np.array([name.startswith("zero ") for name in self.model.names])
+        zeros = np.array([name.startswith(("zero ", f"{DRIFT} ")) for name in self.model.names])
         return zeros, np.where(zeros, 0.0, self.columns[case])
 
     def _causes(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
         """Yield what the readings of a case may be of."""
         zeros, of_load = self._of_load(case)
         own, load = np.where(zeros, self.columns[case], 0.0), self.predicted[case]
+        weight, of_weight = self._of_weight(case, zeros)
         for factor, text in FACTORS.items():
             kind = {-1.0: "sign", 0.0: "no load"}.get(factor, "unit")
-            if kind == "sign" and self._weighs(case):
-                continue  # the vehicle upside down, an attitude
-            yield _Cause(kind=kind, text=text, reading=factor * load, columns=own + factor * of_load)
+            if self._weighs(case):
+                continue  # no load cell reads it; the vehicle upside down is an attitude
+            yield _Cause(
+                kind=kind,
+                text=text,
+                reading=weight + factor * (load - weight),
+                columns=own + of_weight + factor * (of_load - of_weight),
+            )
         yield _Cause(kind="balance", text="the recorder was balanced again", reading=load, columns=of_load)
+        yield from self._of_masses(case)
         yield from self._of_other_cases(case, wrong)
         yield from self._of_attitudes(case, zeros, own)
+
+    def _of_masses(self, case: int) -> Iterator[_Cause]:
+        """Yield what hangs on a load without being stated, and a load of another size to compare it with."""
+        stated, structure = self.model.test.cases[case], self.model.structure
+        load, columns = self.predicted[case], self.columns[case]
+        for known in stated.loads:
+            one = known.load
+            if not isinstance(one, PadForce | PointForce):
+                continue
+            weight = hanging(one, stated, MASS)
+            per_mass, of_force = (
+                structure.response_strain(structure.exactly_built(), structure.nominal_response(load))
+                for load in (weight, one)
+            )
+            yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force[:, None])
+            if is_along(one, weight):
+                continue  # a load of another size
+            yield _Cause(
+                kind="mass",
+                text="its loads are as stated, and a mass hangs on them that is not: ",
+                reading=load,
+                columns=columns,
+                more=per_mass[:, None],
+                size=lambda size: f"{size * MASS:.2g} kg",
+            )
+
+    def _of_weight(self, case: int, zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return what own weight and inertia of a case strain (n_d,), and its columns (n_d, n)."""
+        stated = self.model.test.cases[case]
+        loads = tuple(one for one in stated.loads if isinstance(one.load, OF_MASS))
+        none = np.zeros_like(self.columns[case])
+        if not loads:
+            return np.zeros(len(none)), none
+        reading, of_vehicle = self._bare((replace(stated, loads=loads),), zeros)
+        none[:, : self.model.n_built] = of_vehicle[0]
+        return reading[0], none
+
+    def _bare(self, cases: tuple[LoadCase, ...], zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built) without those of zeros."""
+        model = ReadingsModel(self.model.structure, replace(self.model.test, cases=cases), self.model.prior)
+        reading, jacobian = model.at_drawing()
+        of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]
+        of_vehicle[..., zeros[: model.n_built]] = 0.0
+        return reading, of_vehicle
 
     def _of_other_cases(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
         names = [one.name for one in self.model.test.cases]
@@ -197,7 +272,12 @@ class _Screen:
                 kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
             elif other in wrong:
                 kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
-            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=self.columns[other])
+            columns, more = self.columns[other], None
+            if kind == "mislabelled":  # the loads were applied once more, with errors of their own
+                own = self.model.load_entries
+                columns, more = columns.copy(), columns[:, own]
+                columns[:, own] = 0.0
+            yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=columns, more=more)
 
     def _weighs(self, case: int) -> bool:
         """Return whether own weight is the only load of a case."""
@@ -216,13 +296,10 @@ class _Screen:
             )
             for turn, text in TURNS.items()
         )
-        model = ReadingsModel(self.model.structure, replace(self.model.test, cases=turned), self.model.prior)
-        reading, jacobian = model.at_drawing()
-        of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]
-        of_vehicle[..., zeros[: model.n_built]] = 0.0
+        reading, of_vehicle = self._bare(turned, zeros)
         for k, one in enumerate(turned):
             columns = own.copy()
-            columns[:, : model.n_built] += of_vehicle[k]
+            columns[:, : self.model.n_built] += of_vehicle[k]
             yield _Cause(kind="attitude", text=f"the vehicle is {one.name}", reading=reading[k], columns=columns)
 
     def _by_a_factor(self, case: int, mean: FloatArray) -> str:

@@ -3,18 +3,22 @@
 A gauge is judged by all its readings together, against what they should scatter by before the test: tolerances
 of the vehicle, of the loads and of the pads, noise (prior-predictive chi-square). What would make its readings
 right is its name: swapped with another one, of the wrong sign, in the wrong unit, dead. Gauges are judged without
-the cases in which half of them say that the load was another one. A load is judged after the estimate: by the
-factor that would make it right, in that factor's standard deviations.
+the cases in which half of them say that the load was another one. What they, the loads, the vehicle and the test
+may have in common compete for what still does not fit: :mod:`builder.calibration.estimate.causes`. Last, a load is
+judged by the factor that would make it right, in that factor's standard deviations.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtrc
 
-from builder.calibration.estimate.case_faults import case_faults
+from builder.calibration.estimate.case_faults import MODEL, case_fault_after, case_faults
+from builder.calibration.estimate.cause import Cause
+from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from strainfmu.arrays import BoolArray, FloatArray
@@ -40,6 +44,9 @@ FOLLOWS = 0.8
 
 UNNAMED = ("gauge", "load")
 """Kinds of faults of which no cause is known."""
+
+MOST_CAUSES = 6
+"""Causes, gauges and loads among them, that are looked for before and after the estimate."""
 
 MOST_GAUGES = 0.34
 """Part of the gauges that may be at fault; more, and it is rather the loads or the vehicle."""
@@ -79,22 +86,90 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
 
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     """Return :func:`calibrate_with_faults`, whether its steps ended near the readings or not."""
-    used = usable(model)
-    faults = named_faults(model, used)
-    blamed = {fault.where for fault in faults}
-    used[[case.name in blamed for case in model.test.cases]] = False
-    used[:, [name in blamed for name in model.structure.gauges.names]] = False
-    found = estimate(model, used)
+    model, faults = _before_the_estimate(model)
+    found = estimate(model, _left(model, faults))
+    found, faults = _with_causes(found, faults)
     while True:
         wrong = worst_load(found)
         if wrong is None:
             return found, tuple(faults)
         faults.append(wrong)
-        used = found.used.copy()
-        used[[case.name for case in model.test.cases].index(wrong.where)] = False
+        used = _left(found.model, faults)
         if not used.any():
             return found, tuple(faults)
+        found = estimate(found.model, used, start=found.vector)
+
+
+def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Fault]]:
+    """Return the gauges and load cases that do not fit, and the model in which they do not.
+
+    Where gauges or cases do not fit and no cause of their own is known, what they may have in common is set free
+    first, if that makes the readings more probable than any gauge's, load's or case's own fault.
+    """
+    faults = named_faults(model, usable(model))
+    sure = [one for one in faults if one.kind not in UNNAMED]
+    for _ in range(MOST_CAUSES):
+        if all(one.kind not in UNNAMED for one in faults):
+            break
+        used = _left(model, sure)
+        cause = Evidence(model, used, np.zeros(len(model.std)), MODEL).best() if used.any() else None
+        if cause is None:
+            break
+        if cause.where in ("vehicle", "noise"):
+            model = freed(model, cause)
+            faults = named_faults(model, usable(model))
+            sure = [one for one in faults if one.kind not in UNNAMED]
+        else:  # left out while others are looked for
+            sure = [*sure, Fault(where=_place(model, cause), kind=cause.kind, line="")]
+    return model, faults
+
+
+def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
+    """Return the estimate and its faults after all causes that make the readings more probable, the best first.
+
+    Readings that :data:`MOST_CAUSES` do not explain are no more than what they were before.
+    """
+    before, sure = found, faults
+    for _ in range(MOST_CAUSES):
+        cause = Evidence(found.model, found.used, found.vector).best()
+        if cause is None:
+            return found, faults
+        model = found.model
+        if cause.where in ("vehicle", "noise"):
+            model = freed(model, cause)
+        else:
+            faults = [*faults, _fault_of(found, cause)]
+        used = _left(model, faults)
+        if not used.any():
+            break
         found = estimate(model, used, start=found.vector)
+    return before, sure
+
+
+def _place(model: ReadingsModel, cause: Cause) -> str:
+    """Return the name of the gauge, or of the case, that a cause is of."""
+    if cause.where == "gauge":
+        return model.structure.gauges.names[cause.number]
+    return model.test.cases[model.loads[cause.number][0] if cause.where == "load" else cause.number].name
+
+
+def _fault_of(found: Estimate, cause: Cause) -> Fault:
+    """Return the gauge, the load or the case of a cause as a fault."""
+    model = found.model
+    name = _place(model, cause)
+    if cause.where == "gauge":
+        return Fault(where=name, kind="gauge", line=f"gauge '{name}': its readings fit no cause that is known")
+    case = model.loads[cause.number][0] if cause.where == "load" else cause.number
+    fault = case_fault_after(found, case)
+    return Fault(where=name, kind=fault.kind, line=f"load case '{name}': {fault.text}")
+
+
+def _left(model: ReadingsModel, faults: Sequence[Fault]) -> BoolArray:
+    """Return (n_cases, n_d) the readings without those of ``faults``."""
+    used, blamed = usable(model), {fault.where for fault in faults}
+    used[[case.name in blamed for case in model.test.cases]] = False
+    used[:, [name in blamed for name in model.structure.gauges.names]] = False
+    return used
 
 
 def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:

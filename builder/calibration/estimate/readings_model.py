@@ -1,9 +1,11 @@
 """What a ground test should read: the vehicle as built, and the errors of the loads that were applied.
 
-    reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + zero of the recorder.
+    reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + zero of the recorder
+              + drift of the zero + what the case before it leaves by hysteresis.
 
 The vector of a test is the vehicle's parameters, then the zeros of further groups of cases, the relative error of
-every load, gain and offset of every load cell, and place, roll, shape and direction of every load.
+every load, gain and offset of every load cell, place, roll, shape and direction of every load, the direction that
+all forces have in common, the drift of every gauge from the first case to the last, and the hysteresis.
 """
 
 from __future__ import annotations
@@ -11,10 +13,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from builder.calibration.ground_test.load_changes import PLACED, cell_force, moved, tilted
+from builder.calibration.estimate.cause import Cause
+from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.derivatives import (
     Key,
@@ -41,6 +45,13 @@ PAD_STEPS = {
 """Steps of the differences for the place of pads and points and the direction of forces [m, rad, 1]."""
 
 
+DIRECTIONS = ("towards the tail", "around the body")
+"""Turns of all forces alike: of each towards +x, and towards the axis' direction crossed with it."""
+
+DRIFT = "drift"
+HYSTERESIS = "hysteresis"
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StatedErrors:
     """Errors of one vector, by load.
@@ -49,12 +60,25 @@ class StatedErrors:
     ----------
     zero : (n_groups, n_d) [m/m].
     scale : (n_loads,) relative, own and of the load cell [1].
-    pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad].
+    pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad], that of all forces included.
+    drift : (n_d,) of the zeros, from the first case to the last [m/m].
+    hysteresis : part of a case's strain that the next case still reads [1].
     """
 
     zero: FloatArray
     scale: FloatArray
     pad: FloatArray
+    drift: FloatArray
+    hysteresis: float
+
+
+class _Kept(NamedTuple):
+    """Readings and derivatives at a vector, by the keys of what is not known exactly."""
+
+    vector: FloatArray
+    keys: set[Key]
+    readings: FloatArray
+    jacobian: FloatArray
 
 
 class ReadingsModel:
@@ -64,6 +88,8 @@ class ReadingsModel:
     ----------
     names : of the vector's entries.
     std : (n,) of the vector before the test.
+    causes : what the readings themselves have set free.
+    time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
 
     def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuilt) -> None:
@@ -72,27 +98,51 @@ class ReadingsModel:
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
         self.loads = [(k, one) for k, case in enumerate(test.cases) for one in case.loads]
         self.cells = list(dict.fromkeys(one.load_cell for _, one in self.loads if one.on_load_cell)) or ["1"]
+        self.causes: tuple[Cause, ...] = ()
         self._on_cell = self._load_cells()
+        self._turns = np.array([common_turns(one.load) for _, one in self.loads]).reshape(-1, 2, len(DIRECTIONS))
+        self.time = np.linspace(0.0, 1.0, len(test.cases))
         self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
         self._together: LoadResponse | None = None
-        self._at_drawing: tuple[FloatArray, FloatArray] | None = None
+        self._kept: dict[bool, _Kept] = {}
         built = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
         self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
 
-    def with_readings(self, readings: FloatArray) -> ReadingsModel:
-        """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared."""
-        pairs = zip(self.test.cases, readings, strict=True)
-        cases = tuple(replace(case, reading=row) for case, row in pairs)
+    def with_readings(self, readings: FloatArray, stds: FloatArray | None = None) -> ReadingsModel:
+        """Return the model of the same loads with other readings (n_cases, n_d) [m/m]; solved parts are shared.
+
+        ``stds`` (n_cases, n_d) are their standard deviations [m/m]; as they are by default.
+        """
+        own = self.test.reading_stds if stds is None else stds
+        cases = tuple(
+            replace(case, reading=row, reading_std=std)
+            for case, row, std in zip(self.test.cases, readings, own, strict=True)
+        )
         found = copy(self)
         found.test = replace(self.test, cases=cases)
         return found
 
+    @property
+    def noise_factor(self) -> float:
+        """The noise that counts over what the test states [1]."""
+        return float(np.prod([one.factor for one in self.causes]))
+
+    def with_std(self, std: FloatArray) -> ReadingsModel:
+        """Return the same model with other standard deviations (n,) of the vector before the test."""
+        found = copy(self)
+        found.std, found.prior = std, self.prior.of_vector(std[: self.n_built])
+        return found
+
+    def of_causes(self, *causes: Cause) -> ReadingsModel:
+        """Return the same model with more ``causes``."""
+        found = copy(self)
+        found.causes = (*self.causes, *causes)
+        return found
+
     def at_drawing(self) -> tuple[FloatArray, FloatArray]:
-        """Return :meth:`jacobian` of the vehicle and the loads as stated, kept for the next time."""
-        if self._at_drawing is None:
-            self._at_drawing = self.jacobian(np.zeros(len(self.std)))
-        return self._at_drawing
+        """Return :meth:`jacobian` of the vehicle and the loads as stated."""
+        return self.jacobian(np.zeros(len(self.std)))
 
     @property
     def case_of_load(self) -> IntArray:
@@ -107,12 +157,16 @@ class ReadingsModel:
         """Return the test's part of a vector."""
         n_d, n_l, n_g = self.structure.n_gauges, len(self.loads), len(self.groups)
         rest = vector[self.n_built :]
-        more, scale, cell, pad = np.split(rest, np.cumsum([(n_g - 1) * n_d, n_l, 2 * len(self.cells)]))
-        own = self.built(vector).zero
+        sizes = [(n_g - 1) * n_d, n_l, 2 * len(self.cells), n_l * len(PAD_STEPS), len(DIRECTIONS), n_d]
+        more, scale, cell, pad, turn, drift, left = np.split(rest, np.cumsum(sizes))
+        own, each = self.built(vector).zero, pad.reshape(n_l, len(PAD_STEPS)).copy()
+        each[:, -2:] += self._turns @ turn
         return StatedErrors(
             zero=np.vstack([own, more.reshape(-1, n_d)]),
             scale=scale + self._on_cell @ cell,
-            pad=pad.reshape(n_l, len(PAD_STEPS)),
+            pad=each,
+            drift=drift,
+            hysteresis=float(left[0]),
         )
 
     @property
@@ -120,6 +174,18 @@ class ReadingsModel:
         """Where gains, then offsets, of the load cells stand in the vector."""
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges + len(self.loads)
         return slice(first, first + 2 * len(self.cells))
+
+    @property
+    def load_entries(self) -> IntArray:
+        """(n,) where the own error, place, roll, shape and direction of every load stand in the vector."""
+        first, end = self.cell_entries.start - len(self.loads), self.common_entries.start
+        return np.r_[first : self.cell_entries.start, self.cell_entries.stop : end].astype(np.int64)
+
+    @property
+    def common_entries(self) -> slice:
+        """Where the direction of all forces, the drift of every gauge and the hysteresis stand in the vector."""
+        first = self.cell_entries.stop + len(PAD_STEPS) * len(self.loads)
+        return slice(first, first + len(DIRECTIONS) + self.structure.n_gauges + 1)
 
     def load_strains(self, built: AsBuilt) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
@@ -134,7 +200,29 @@ class ReadingsModel:
         return self._joined(self.load_strains(self.built(vector)), self.errors(vector))
 
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly."""
+        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly.
+
+        Those of the last vector are kept for the next time, and those of the drawing; readings and standard
+        deviations do not change them.
+        """
+        keys, at_drawing = set(uncertain_keys(self.prior)), not vector.any()
+        kept = self._kept.get(at_drawing)
+        if kept is None or not np.array_equal(kept.vector, vector) or not keys <= kept.keys:
+            kept = self._kept[at_drawing] = _Kept(vector.copy(), keys, *self._differences(vector))
+        if keys == kept.keys:
+            return kept.readings, kept.jacobian
+        found = kept.jacobian.copy()
+        for key in kept.keys - keys:
+            found[:, :, self._entries(key)] = 0.0
+        return kept.readings, found
+
+    def _entries(self, key: Key) -> slice:
+        """Return where the parameters of a key stand in the vector."""
+        at = slices(self.structure.counts)[key[0]]
+        return at if of_gauges(key) else slice(at.start + key[1], at.start + key[1] + 1)
+
+    def _differences(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return :meth:`jacobian`, solved."""
         built, errors = self.built(vector), self.errors(vector)
         strain = self.load_strains(built)
         n_c, n_d = len(self.test.cases), self.structure.n_gauges
@@ -152,22 +240,33 @@ class ReadingsModel:
                 found[:, :, start + key[1]] = rows
         self._zero_derivatives(found, where[ZERO].start)
         self._load_derivatives(found, strain)
-        return self._joined(strain, errors), found
+        readings = self._joined(strain, errors)
+        self._common_derivatives(found, readings - self._zeros(errors))
+        return readings, found
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
         """Return the derivatives (n_cases, n_d) of the readings by what is taken for zero but need not be."""
-        built, scale = self.built(vector), (1.0 + self.errors(vector).scale)[:, None]
         known = set(uncertain_keys(self.prior))
-        keys = [(kind, k) for kind in HELD_KINDS for k in range(built.n_regions) if (kind, k) not in known]
-        found = parameter_derivatives(lambda one: self.load_strains(one).T, built, keys)
-        return {key: self._summed(scale * one.T) for key, one in found.items()}
+        regions = range(self.structure.n_regions)
+        keys = [(kind, k) for kind in HELD_KINDS for k in regions if (kind, k) not in known]
+        std = self.std.copy()
+        for key in keys:
+            std[self._entries(key)] = 1.0
+        _, found = self.with_std(std).jacobian(vector)
+        return {key: found[:, :, self._entries(key).start] for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
         shape = strain.shape
         total = (1.0 + errors.scale)[:, None] * (strain + moved.reshape(shape))
+        strain = self._summed(total)
+        strain[1:] += errors.hysteresis * strain[:-1].copy()
+        return strain + self._zeros(errors)
+
+    def _zeros(self, errors: StatedErrors) -> FloatArray:
+        """Return what every case reads without load (n_cases, n_d)."""
         group = [self.groups.index(case.group) for case in self.test.cases]
-        return self._summed(total) + errors.zero[group]
+        return np.asarray(errors.zero[group] + self.time[:, None] * errors.drift)
 
     def _summed(self, by_load: FloatArray) -> FloatArray:
         """Return (n_cases, n_d) sums of (n_loads, n_d) over the loads of each case."""
@@ -190,6 +289,15 @@ class ReadingsModel:
             found[case, :, cells] += np.outer(strain[number], self._on_cell[number])
             pad = cells.stop + n_p * number
             found[case, :, pad : pad + n_p] += self._pads[number].T
+
+    def _common_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+        """Set the derivatives by :attr:`common_entries`; ``strain`` (n_cases, n_d) is without zeros."""
+        turn, gauge = self.common_entries.start, np.arange(self.structure.n_gauges)
+        for number, (case, _) in enumerate(self.loads):
+            by_turn = self._pads[number][-2:].T @ self._turns[number]
+            found[case, :, turn : turn + len(DIRECTIONS)] += by_turn
+        found[:, gauge, turn + len(DIRECTIONS) + gauge] = self.time[:, None]
+        found[1:, :, self.common_entries.stop - 1] = strain[:-1]
 
     def _load_cells(self) -> FloatArray:
         """Return (n_loads, 2 n_cells) relative change of every load by gain [1] and offset [N] of every cell."""
@@ -246,7 +354,9 @@ class ReadingsModel:
         cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]
         names += [f"load {label}" for label in labels]
         names += [f"load cell{cell}" for cell in cells] + [f"load cell offset{cell}" for cell in cells]
-        return names + [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
+        names += [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
+        names += [f"direction of all forces {way}" for way in DIRECTIONS]
+        return [*names, *(f"{DRIFT} {gauge}" for gauge in gauges), HYSTERESIS]
 
     def _extra_std(self) -> FloatArray:
         errors = self.test.errors
@@ -256,7 +366,7 @@ class ReadingsModel:
         of_pads = [pad * columns.any(axis=1) for columns in self._pads]
         n_k = len(self.cells)
         cells = np.repeat([errors.common, errors.cell_offset], n_k) * self._on_cell.any(axis=0)
-        return np.concatenate([zero, own, cells, *of_pads])
+        return np.concatenate([zero, own, cells, *of_pads, np.zeros(len(DIRECTIONS) + len(self.prior.zero) + 1)])
 
 
 def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:

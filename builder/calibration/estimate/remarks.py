@@ -1,9 +1,16 @@
-"""What a calibration says in plain words: a mass or a load cell that differs, a chi-square that does not fit."""
+"""What a calibration says in plain words: what is not as the files state, a chi-square that does not fit."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
+from builder.calibration.estimate.cause import Cause
+from builder.calibration.estimate.readings_model import DIRECTIONS
 from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.as_built.vehicle import slices
+from strainfmu.arrays import FloatArray
 
 NAMED = 3.0
 """Standard deviations after the test from which a difference is named."""
@@ -14,7 +21,8 @@ SMALLEST = 0.01
 
 def remarks(found: Estimate) -> tuple[str, ...]:
     """Return a line for each thing that the user should look at, none where all is as stated."""
-    lines = [_of_mass(found), *_of_load_cells(found), found.disagreement]
+    causes = [_of_cause(found, cause) for cause in found.model.causes if cause.where != "noise"]
+    lines = [_of_mass(found), *_of_load_cells(found), *causes, _of_noise(found), found.disagreement]
     return tuple(line for line in lines if line)
 
 
@@ -46,3 +54,87 @@ def _of_load_cells(found: Estimate) -> list[str]:
                 f"{'larger' if size > 0.0 else 'smaller'} than it reads; calibrate it"
             )
     return lines
+
+
+def _of_cause(found: Estimate, cause: Cause) -> str:
+    """Return what the readings have set free, its size, and where to state it."""
+    size, std = found.vector[cause.entries], found.std[cause.entries]
+    return f"{_SAID[cause.kind](found, cause, size, std)}; it is estimated"
+
+
+def _support(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    return (
+        f"clamp: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall's material along and across; state "
+        f"calibration.clamp_compliance_mm = {1e3 * float(np.abs(size).max()):.1g}"
+    )
+
+
+def _joint(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    station = found.model.structure.joint_stations[cause.number]
+    return (
+        f"joint at or near {station:.3g} m: it yields as {_pair(1e3 * size, 1e3 * std)} mm of the wall; state "
+        f"calibration.joint_stations_m and joint_softness_mm = {1e3 * abs(float(size[0])):.1g}"
+    )
+
+
+def _modulus(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    return (
+        f"modulus: Young's modulus of the regions of the wall differs by {_pair(100.0 * size, 100.0 * std)} %; "
+        f"state calibration.region_modulus_percent = {100.0 * float(np.abs(size).max()):.1g}"
+    )
+
+
+def _wall(entry: str) -> Callable[[Estimate, Cause, FloatArray, FloatArray], str]:
+    def said(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+        rms = 100.0 * float(np.sqrt(np.mean(size**2)))
+        sigma = 100.0 * float(np.sqrt(np.mean(std**2)))
+        size_of = f"{rms:.2g} +- {sigma:.1g} % rms by region"
+        return f"wall: {cause.kind} of {size_of}; state calibration.{entry} = {rms:.1g}"
+
+    return said
+
+
+def _direction(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    ways = " and ".join(DIRECTIONS)
+    return (
+        f"direction of all forces: turned by {_pair(np.rad2deg(size), np.rad2deg(std))} deg {ways}; check how "
+        "they are applied, and state their directions"
+    )
+
+
+def _drift(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    rms = 1e6 * float(np.sqrt(np.mean(size**2)))
+    return f"drift: zeros moved by {rms:.2g} um/m rms between the first and the last case; tare between the cases"
+
+
+def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    return (
+        f"hysteresis: a case reads {_pair(100.0 * size, 100.0 * std)} % of the strain of the case before it; "
+        "return to zero load between the cases"
+    )
+
+
+def _of_noise(found: Estimate) -> str:
+    factor = found.model.noise_factor
+    if np.isclose(factor, 1.0):
+        return ""
+    return (
+        f"noise: the readings scatter about {factor:.2g} times as much as stated, and count as such; state their "
+        "noise (readings.reading_std_um_per_m, or windows of more samples)"
+    )
+
+
+def _pair(size: FloatArray, std: FloatArray) -> str:
+    return ", ".join(f"{one:.2g} +- {sigma:.1g}" for one, sigma in zip(size, std, strict=True))
+
+
+_SAID: dict[str, Callable[[Estimate, Cause, FloatArray, FloatArray], str]] = {
+    "support": _support,
+    "joint": _joint,
+    "modulus": _modulus,
+    "taper": _wall("wall_taper_percent"),
+    "second harmonic": _wall("wall_second_harmonic_percent"),
+    "direction": _direction,
+    "drift": _drift,
+    "hysteresis": _hysteresis,
+}

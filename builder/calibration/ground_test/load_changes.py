@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors
 from builder.structure.loads import applied
 from builder.structure.loads.applied import Load, Vector
 from builder.structure.loads.temperature import TemperatureField
+from strainfmu.arrays import FloatArray
 
 DIRECTED = applied.PadForce | applied.PointForce | applied.SurfaceForce | applied.SectionLoad
 """Loads that are a force of a direction of their own."""
+
+ALONG = 1e-6
+"""Part of a force across the body below which it points along it."""
 
 PLACED = applied.PadForce | applied.PadPressure | applied.PointForce
 """Loads that have a place on the outer surface."""
@@ -70,10 +74,56 @@ def tilted(load: Load, first: float = 0.0, second: float = 0.0) -> Load:
         return load
     force = np.asarray(load.force)
     size = float(np.linalg.norm(force))
-    across = np.linalg.svd(force[None] / size)[2][1:]
+    across = _across(force)
     turned = force / size + first * across[0] + second * across[1]
     x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
     return replace(load, force=(x, y, z))
+
+
+def common_turns(load: Load) -> FloatArray:
+    """Return (2, 2) both angles of :func:`tilted` that turn a force towards +x, and across that and itself, by 1.
+
+    They are zero where a load has no direction of its own, or its force points along x.
+    """
+    if not isinstance(load, DIRECTED) or not any(load.force):
+        return np.zeros((2, 2))
+    force = np.asarray(load.force)
+    around = np.cross([1.0, 0.0, 0.0], force / np.linalg.norm(force))
+    if np.linalg.norm(around) < ALONG:
+        return np.zeros((2, 2))
+    return np.asarray(_across(force) @ np.array([[1.0, 0.0, 0.0], around]).T)
+
+
+def _across(force: FloatArray) -> FloatArray:
+    """Return (2, 3) the axes across a force that it is tilted towards."""
+    return np.asarray(np.linalg.svd(force[None] / np.linalg.norm(force))[2][1:])
+
+
+def change_by(load: applied.PadForce | applied.PointForce, more: Load) -> FloatArray:
+    """Return (3,) factor less 1 and both angles of :func:`tilted` that add the force of ``more`` to ``load``."""
+    if not isinstance(more, applied.PadForce | applied.PointForce) or not any(load.force):
+        return np.zeros(3)
+    force, added = np.asarray(load.force), np.asarray(more.force)
+    size = float(np.linalg.norm(force))
+    return np.array([force @ added / size**2, *(_across(force) @ added / size)])
+
+
+def hanging(load: applied.PadForce | applied.PointForce, case: LoadCase, mass: float) -> Load:
+    """Return the weight of ``mass`` [kg] that hangs where ``load`` of a case acts, in the attitude of the case.
+
+    The vehicle lies with +z up where the case states no weight.
+    """
+    weights = [one.load for one in case.loads if isinstance(one.load, applied.Weight)]
+    x, y, z = (mass * (weights[0] if weights else applied.Weight()).acceleration).tolist()
+    return replace(load, force=(x, y, z))
+
+
+def is_along(one: Load, other: Load) -> bool:
+    """Return whether the forces of two loads have one direction or opposite ones."""
+    if not isinstance(one, DIRECTED) or not isinstance(other, DIRECTED):
+        return False
+    a, b = np.asarray(one.force), np.asarray(other.force)
+    return bool(np.linalg.norm(np.cross(a, b)) <= ALONG * np.linalg.norm(a) * np.linalg.norm(b))
 
 
 def cell_force(load: Load) -> float:

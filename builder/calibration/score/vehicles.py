@@ -31,19 +31,16 @@ from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import WINDOW, TestedStructure, ground_test
+from builder.calibration.score.flown import flown_errors
 from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.vehicle import AsBuilt, drawn
-from builder.trial.readings import Readings, navigation_at
-from builder.trial.run import estimates
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.files import write_bytes_atomically
 
@@ -164,17 +161,8 @@ class Score:
 
     def _flown(self, inverse_map: InverseMap, kind: str, strain: FloatArray, seed: int) -> dict[str, Any]:
         """Return the errors of a map in the flights, each with several draws of noise."""
-        setup, random = self.setup, np.random.default_rng(seed)
-        read = np.repeat(strain, setup.draws, axis=0)
-        read = read + inverse_map.noise_std * random.standard_normal(read.shape)
-        estimator = Estimator(inverse_map if kind == "nonlinear" else inverse_map.without_tables())
-        conditions = setup.flights.conditions
-        known = navigation_at(conditions, estimator.is_nonlinear)
-        known[DYNAMIC_PRESSURE] = np.array([one.dynamic_pressure for one in conditions])
-        every = {name: np.repeat(value, setup.draws) for name, value in known.items()}
-        found = estimates(estimator, Readings(strain=read, known=every))
-        truth = np.repeat(setup.flights.coefficients, setup.draws, axis=0)
-        return errors_of(found.coefficients - truth, found.std, found.health)
+        flown = inverse_map if kind == "nonlinear" else inverse_map.without_tables()
+        return flown_errors(flown, self.setup.flights, strain, self.setup.draws, np.random.default_rng(seed))
 
     def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:
         """Return the errors of regression load equations in the flights; their sigma is that of the regression."""

@@ -79,6 +79,7 @@ class AsBuiltStructure:
     on_wall : the gauges on the inner surface.
     solved : the vehicle whose wall was solved for, without other errors; others are taken from there.
     states : adjoint solutions.
+    joint_stations : where the wall may be softer [m].
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
     mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
     """
@@ -90,6 +91,7 @@ class AsBuiltStructure:
     solved: AsBuilt
     states: WallStates
     pressure: ResponseTable
+    joint_stations: tuple[float, ...]
     _mesh_error: Callable[[], FloatArray | None]
     _responses: dict[Load, LoadResponse] = field(default_factory=dict)
 
@@ -113,6 +115,11 @@ class AsBuiltStructure:
     def counts(self) -> Counts:
         """Numbers of what has parameters of its own."""
         return self.solved.counts
+
+    @property
+    def has_moduli(self) -> bool:
+        """Whether Young's modulus may differ between regions."""
+        return len(self.states.soft) > 2 + self.counts.joint
 
     @property
     def outer_span(self) -> tuple[float, float]:
@@ -235,7 +242,7 @@ class AsBuiltStructure:
         )
         if not len(self.states.thin) and np.abs(one - other).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
-        if len(self.states.soft) == 2 + self.counts.joint and parameters.region_modulus.any():
+        if not self.has_moduli and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
         return np.asarray(one - other)
 
@@ -301,7 +308,6 @@ def as_built_structure(
         with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
         progress=progress,
     )
-    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
     return AsBuiltStructure(
         surface=grid,
         regions=regions,
@@ -311,8 +317,19 @@ def as_built_structure(
         ),
         solved=built,
         states=states,
-        pressure=_pressure_table(states, load.reshape(-1, load.shape[-1]), resolution.harmonics + 1),
+        pressure=_pressure_table(states, grid, resolution.harmonics + 1),
+        joint_stations=vehicle.calibration.joint_stations_m,
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
+    )
+
+
+def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsBuiltStructure:
+    """Return ``structure`` with pressure nodes, harmonics of the pressure and mesh error of ``other``."""
+    return replace(
+        structure,
+        surface=other.surface,
+        pressure=_pressure_table(structure.states, other.surface, other.pressure.nominal.shape[-3]),
+        _mesh_error=other._mesh_error,
     )
 
 
@@ -351,8 +368,11 @@ def _table(
     )
 
 
-def _pressure_table(states: WallStates, load: FloatArray, n_m: int) -> ResponseTable:
-    """Return the table per pressure; ``load`` (3 n_out, n_x) holds nodal forces on the outer surface [m2]."""
+def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int) -> ResponseTable:
+    """Return the table per pressure at the stations of ``grid``, by the nodal forces on the outer surface [m2]."""
+    mesh = states.forces[0].mesh
+    load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
+    load = load.reshape(-1, load.shape[-1])
 
     def of(state: Adjoint) -> FloatArray:
         outer = state.outer[..., :n_m, :, :, :]

@@ -1,0 +1,66 @@
+"""The structure that a ground test is compared with: what the vehicle file states, and what else may be.
+
+Joints that the file does not name, and Young's modulus by regions, are taken for zero, but have tables, so that
+the readings can set them free.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from builder.reporting import Progress
+from builder.structure.as_built.structure import MAX_HARMONIC, AsBuiltStructure, as_built_structure
+from builder.structure.as_built.vehicle import AsBuilt, prior_std
+from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.loads.loaded_structure import LoadProperties
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+
+APART = 0.05
+"""Least distance of two candidates for a joint, over the length of the wall."""
+
+UNKNOWN = 1.0
+"""Error of the modulus that makes the structure solve for it [%]; its size does not count."""
+
+
+def structure_of_test(
+    vehicle: Vehicle,
+    properties: LoadProperties | None = None,
+    max_harmonic: int = MAX_HARMONIC,
+    progress: Progress | None = None,
+) -> AsBuiltStructure:
+    """Solve the structure of the map of ``vehicle`` for its layout; errors as :func:`as_built_structure`."""
+    entry = vehicle.calibration
+    more = entry.model_copy(
+        update={
+            "joint_stations_m": entry.joint_stations_m or joint_candidates(vehicle),
+            "region_modulus_percent": entry.region_modulus_percent or UNKNOWN,
+        }
+    )
+    return as_built_structure(
+        vehicle.model_copy(update={"calibration": more}),
+        vehicle.gauges.layout,
+        properties=properties,
+        max_harmonic=max_harmonic,
+        progress=progress,
+    )
+
+
+def prior_of_test(vehicle: Vehicle, structure: AsBuiltStructure) -> AsBuilt:
+    """Return the prior of the parameters of :func:`structure_of_test`, by the vehicle file."""
+    found = prior_std(vehicle.calibration, structure.counts)
+    if vehicle.calibration.joint_stations_m:
+        return found
+    return found.changed(joint_softness=np.zeros(structure.counts.joint))
+
+
+def joint_candidates(vehicle: Vehicle) -> tuple[float, ...]:
+    """Return stations where a wall may have a joint [m]: breaks of its profile, then ends of its regions."""
+    end = wall_regions(vehicle).end
+    first, last = wall_of(vehicle).solid_tip_length, vehicle.body().length
+    apart = APART * (last - first)
+    found: list[float] = []
+    for station in (*vehicle.body().slope_breaks.tolist(), *end[1:-1].tolist()):
+        if first + apart < station < last - apart and all(abs(station - one) > apart for one in found):
+            found.append(station)
+    return tuple(sorted(found))

@@ -1,0 +1,35 @@
+"""One cause of readings that do not fit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from strainfmu.arrays import FloatArray, IntArray
+
+Where = Literal["vehicle", "noise", "load", "gauge", "case"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cause:
+    """One cause.
+
+    Attributes
+    ----------
+    where : what differs: the vehicle or the whole test, the noise, a load, a gauge or a case.
+    kind : of the vehicle or the test "direction", "support", "joint", "modulus", "taper", "second harmonic",
+        "drift" or "hysteresis"; that of ``where`` otherwise.
+    number : of the joint, load, gauge or case.
+    entries : of the vector that are set free; empty where scatter is added.
+    wide : (n,) their standard deviations.
+    factor : of the noise.
+    together : whether the entries go together, as ``wide`` and its opposite: one quantity, not each on its own.
+    """
+
+    where: Where
+    kind: str
+    number: int = 0
+    entries: IntArray
+    wide: FloatArray
+    factor: float = 1.0
+    together: bool = False

@@ -1,0 +1,224 @@
+"""What readings that do not fit may be of, scored against each other: vehicle, test, load or gauge.
+
+A soft support, a joint, forces that are all turned, zeros that drift or noise larger than stated make several
+gauges look at fault, and one gauge at fault makes the vehicle look different. So all causes compete: of the model
+that is linear about a vector, each adds some covariance to the readings, and the one that makes them most probable
+counts.
+With the residual r of the model without errors, its covariance S and P = S^-1, columns C of terms set free add
+
+    ln p(C) - ln p = (b' A^-1 b - ln det A) / 2,  b = C' P r,  A = 1 + C' P C;
+
+a gauge or a case whose cause is not known adds scatter of its own to what the other readings predict of it. Wide
+priors pay for their freedom, so that the simpler cause wins where both fit.
+
+Source: Rasmussen & Williams, *Gaussian Processes for Machine Learning*, sections 5.2 and 5.4.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from builder.calibration.estimate.cause import Cause, Where
+from builder.calibration.estimate.readings_model import DIRECTIONS, PAD_STEPS, ReadingsModel
+from builder.calibration.ground_test.load_changes import change_by, hanging
+from builder.structure.as_built.vehicle import slices
+from builder.structure.as_built_kinds import KINDS
+from builder.structure.loads.applied import PadForce, PointForce
+from strainfmu.arrays import BoolArray, FloatArray
+
+LEAST = 12.0
+"""Logarithm of how much more probable the readings must be: odds of 160,000 to 1, for one of about 150 causes."""
+
+LEAST_OF_WALLS = 4.0
+"""The same for taper and second harmonic: few walls have neither, and to estimate one for nothing costs little."""
+
+OF_WALLS = ("taper", "second harmonic")
+
+WIDE = {
+    "clamp_axial": 0.05,
+    "clamp_transverse": 0.05,
+    "joint_softness": 0.05,
+    "region_modulus": 0.1,
+    "wall_taper": 0.03,
+    "wall_second_cosine": 0.03,
+    "wall_second_sine": 0.03,
+}
+"""Standard deviations of what is set free [m, m, m, 1, 1, 1, 1]."""
+
+WIDE_TURN = float(np.deg2rad(10.0))
+"""Of the direction that all forces have in common [rad]."""
+
+WIDE_DRIFT, WIDE_HYSTERESIS = 5e-6, 0.05
+"""Of the drift of each gauge [m/m], and of the hysteresis [1]."""
+
+WIDE_LOAD = 0.3
+"""Of the relative error of one load."""
+
+WIDE_MASS = 10.0
+"""Of a mass that hangs on a load without being stated [kg]."""
+
+WIDE_GAUGE = 20.0
+"""Of what is wrong with one gauge, over its standard deviation before the test."""
+
+NOISES = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
+"""Noise over what is stated. Beyond, the readings are of another test."""
+
+SCATTERS = (3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
+"""Scatter of one gauge or case whose cause is not known, in standard deviations of its noise."""
+
+OF_GAUGE = ("gauge_gain", "orientation", "axial_shift", "circumferential_shift", "transverse_sensitivity")
+
+
+def causes_of(model: ReadingsModel) -> list[Cause]:
+    """Return every cause that sets entries of the vector free and does so by more than the model does already."""
+    found = [*_of_vehicle(model), *_of_test(model), *_of_loads(model), *_of_gauges(model)]
+    return [one for one in found if one.together or np.any(one.wide > model.std[one.entries])]
+
+
+def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
+    where, counts = slices(model.structure.counts), model.structure.counts
+    kinds: dict[str, tuple[str, ...]] = {
+        "support": ("clamp_axial", "clamp_transverse"),
+        "taper": ("wall_taper",),
+        "second harmonic": ("wall_second_cosine", "wall_second_sine"),
+    }
+    if model.structure.has_moduli:
+        kinds["modulus"] = ("region_modulus",)
+    for kind, names in kinds.items():
+        entries = np.concatenate([np.arange(where[name].start, where[name].stop) for name in names])
+        wide = np.concatenate([np.full(counts.of(KINDS[name]), WIDE[name]) for name in names])
+        yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
+    for number in range(counts.joint):
+        entries = np.array([where["joint_softness"].start + number])
+        wide = np.array([WIDE["joint_softness"]])
+        yield Cause(where="vehicle", kind="joint", number=number, entries=entries, wide=wide)
+
+
+def _of_test(model: ReadingsModel) -> Iterator[Cause]:
+    first, end, n_t = model.common_entries.start, model.common_entries.stop, len(DIRECTIONS)
+    for kind, at, wide in (
+        ("direction", slice(first, first + n_t), WIDE_TURN),
+        ("drift", slice(first + n_t, end - 1), WIDE_DRIFT),
+        ("hysteresis", slice(end - 1, end), WIDE_HYSTERESIS),
+    ):
+        entries = np.arange(at.start, at.stop)
+        yield Cause(where="vehicle", kind=kind, entries=entries, wide=np.full(len(entries), wide))
+
+
+def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
+    first = model.cell_entries.start - len(model.loads)
+    for number, (_, one) in enumerate(model.loads):
+        if one.std > 0.0:
+            entries = np.array([first + number])
+            yield Cause(where="load", kind="load", number=number, entries=entries, wide=np.array([WIDE_LOAD]))
+    tilts = len(PAD_STEPS) - 2  # the last two of each load
+    for number, (case, one) in enumerate(model.loads):
+        if isinstance(one.load, PadForce | PointForce):
+            change = change_by(one.load, hanging(one.load, model.test.cases[case], WIDE_MASS))
+            turn = model.cell_entries.stop + len(PAD_STEPS) * number + tilts
+            entries = np.array([first + number, turn, turn + 1])
+            yield Cause(where="load", kind="mass", number=number, entries=entries, wide=change, together=True)
+
+
+def _of_gauges(model: ReadingsModel) -> Iterator[Cause]:
+    where = slices(model.structure.counts)
+    for gauge in range(model.structure.n_gauges):
+        entries = np.array([where[kind].start + gauge for kind in OF_GAUGE])
+        yield Cause(
+            where="gauge",
+            kind="gauge",
+            number=gauge,
+            entries=entries,
+            wide=WIDE_GAUGE * model.std[entries],
+        )
+
+
+class Evidence:
+    """How probable the readings ``used`` (n_cases, n_d) are by each cause, linear about ``vector`` (n,).
+
+    ``model_error`` is the part of the strain by which the linear model may err, as noise.
+    """
+
+    def __init__(
+        self, model: ReadingsModel, used: BoolArray, vector: FloatArray, model_error: float = 0.0
+    ) -> None:
+        self.model, self.used, self.causes = model, used, causes_of(model)
+        wide = model.std.copy()
+        for one in self.causes:
+            wide[one.entries] = np.maximum(wide[one.entries], one.wide)
+        predicted, jacobian = model.with_std(wide).jacobian(vector)
+        noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
+        self._slope = jacobian[used] / noise[:, None]
+        left = (model.test.readings - predicted)[used] / noise + self._slope @ vector
+        rows = self._slope[:, model.std > 0.0] * model.std[model.std > 0.0]
+        self._value, self._axes = np.linalg.eigh(rows @ rows.T)
+        self._value = np.maximum(self._value, 0.0) + 1.0
+        self._along = self._axes.T @ left
+        self._scaled = self._axes / self._value
+        self._weighted = self._scaled @ self._along
+
+    def best(self) -> Cause | None:
+        """Return the cause that makes the readings most probable; None where none does so by enough."""
+        every = [(one, self._of_terms(one)) for one in self.causes]
+        cause, more = max(
+            ((one, gain - least_of(one)) for one, gain in (*every, *self._of_scatter(), self._of_noise())),
+            key=lambda pair: pair[1],
+        )
+        return cause if more > 0.0 else None
+
+    def _of_terms(self, cause: Cause) -> float:
+        if cause.together:
+            columns = self._slope[:, cause.entries] @ cause.wide[:, None]
+        else:
+            own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
+            columns = self._slope[:, cause.entries] * own
+        turned = self._axes.T @ columns
+        b = turned.T @ (self._along / self._value)
+        a = np.eye(columns.shape[1]) + turned.T @ (turned / self._value[:, None])
+        return 0.5 * float(b @ np.linalg.solve(a, b) - np.linalg.slogdet(a)[1])
+
+    def _of_noise(self) -> tuple[Cause, float]:
+        def likelihood(factor: float) -> float:
+            value = self._value + factor**2 - 1.0
+            return -0.5 * float(np.sum(np.log(value) + self._along**2 / value))
+
+        before = self.model.noise_factor  # noise that was taken for larger before another cause was found
+        factor = max((one / before for one in (1.0, *NOISES) if not np.isclose(one, before)), key=likelihood)
+        none = np.zeros(0)
+        cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
+        return cause, likelihood(factor) - likelihood(1.0)
+
+    def _of_scatter(self) -> Iterator[tuple[Cause, float]]:
+        """Yield gauges and cases whose readings are not what the others predict of them, of no known cause."""
+        places = np.argwhere(self.used)
+        none = np.zeros(0)
+        for where, axis in (("gauge", 1), ("case", 0)):
+            for number in np.unique(places[:, axis]).tolist():
+                rows = np.flatnonzero(places[:, axis] == number)
+                precision = self._scaled[rows] @ self._axes[rows].T
+                value, axes = np.linalg.eigh(precision)
+                spread = 1.0 / np.maximum(value, 1e-300)
+                along = spread * (axes.T @ self._weighted[rows])
+                gain = [
+                    0.5 * float(np.sum(along**2 * (1.0 / spread - 1.0 / wider) - np.log(wider / spread)))
+                    for wider in (spread + scatter**2 for scatter in SCATTERS)
+                ]
+                kind: Where = "gauge" if where == "gauge" else "case"
+                cause = Cause(where=kind, kind=kind, number=number, entries=none.astype(np.int64), wide=none)
+                yield cause, max(gain)
+
+
+def least_of(cause: Cause) -> float:
+    """Return the logarithm of how much more probable ``cause`` must make the readings."""
+    return LEAST_OF_WALLS if cause.kind in OF_WALLS else LEAST
+
+
+def freed(model: ReadingsModel, cause: Cause) -> ReadingsModel:
+    """Return ``model`` with what ``cause`` of the vehicle, the test or the noise sets free; it is noted there."""
+    if cause.where == "noise":
+        return model.of_causes(cause).with_readings(model.test.readings, cause.factor * model.test.reading_stds)
+    std = model.std.copy()
+    std[cause.entries] = np.maximum(std[cause.entries], cause.wide)
+    return model.with_std(std).of_causes(cause)

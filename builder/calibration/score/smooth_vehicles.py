@@ -1,0 +1,148 @@
+"""Vehicles of an independent truth for ground tests: a mesh of its own, and a wall that varies smoothly along it.
+
+The calibration knows a wall of few regions, each of one thickness. Here thickness, its first harmonic round the
+body and Young's modulus are smooth random functions of the station, of the standard deviations that the section
+[calibration] states. They are taken piece by piece over other, shorter regions on a finer mesh: thickness
+linearly and without steps, the others by the mean of each piece. The tables of the structure are solved once; all
+vehicles share them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from builder.calibration.score.setup import HARMONICS, properties_of
+from builder.structure.as_built.response_tables import LoadResponse, together
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
+from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
+from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.loads.applied import NO_VECTOR, Load, PadForce, Vector
+from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolution
+from strainfmu.arrays import FloatArray
+
+PIECES = 7
+"""Regions of the wall of the truth; none of their ends is one of the default regions'."""
+
+SMOOTH = 0.75
+"""Length over which a smooth variation forgets itself, over the length of the wall [1]."""
+
+JOINT = 0.47
+"""Station of the joint, over the length of the wall from the solid tip: at the break of the shipped profile."""
+
+UNITS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Forces that all others are sums of [N]."""
+
+ELEMENT, LAYERS = 0.75, 2
+"""Element length over the map's, and elements through the wall."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SmoothVehicles:
+    """What all vehicles share.
+
+    Attributes
+    ----------
+    structure : of the truth, pressure nodes of its own.
+    on_map : the same structure with the pressure nodes and the mesh error of the map.
+    std : what all but the wall is drawn from.
+    """
+
+    structure: AsBuiltStructure
+    on_map: AsBuiltStructure
+    std: AsBuilt
+
+    def drawn(self, random: np.random.Generator) -> AsBuilt:
+        """Return one vehicle; its joint is as stiff as the wall."""
+        found = drawn(self.std, random)
+        edge = self.structure.regions.end
+        at_ends = smooth(edge, random) * self.std.wall_thickness[0]
+        middle = 0.5 * (edge[1:] + edge[:-1])
+        cosine, sine = (smooth(middle, random) * self.std.wall_cosine[0] for _ in range(2))
+        return found.changed(
+            wall_thickness=0.5 * (at_ends[1:] + at_ends[:-1]),
+            wall_taper=0.5 * (at_ends[1:] - at_ends[:-1]),
+            wall_cosine=cosine,
+            wall_sine=sine,
+            region_modulus=np.zeros(len(middle)),
+            joint_softness=np.zeros(self.structure.counts.joint),
+        )
+
+
+def smooth(station: FloatArray, random: np.random.Generator) -> FloatArray:
+    """Return (n,) values of a Gaussian process of standard deviation 1 at increasing stations (n,) [m].
+
+    Its covariance is exp(-s^2 / 2) with the distance s over :data:`SMOOTH` times the span of the stations.
+    """
+    apart = (station[:, None] - station) / (SMOOTH * np.ptp(station))
+    value, vector = np.linalg.eigh(np.exp(-0.5 * apart**2))
+    return np.asarray(vector @ (np.sqrt(np.maximum(value, 0.0)) * random.standard_normal(len(value))))
+
+
+def smooth_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure) -> SmoothVehicles:
+    """Solve the structure of the truth; ``of_map`` is the structure of the map."""
+    own = independent_vehicle(vehicle)
+    coarse, of_truth = vehicle.resolution.map, vehicle.resolution.truth
+    resolution = Resolution(
+        **of_truth.model_dump(exclude={"element_length_mm", "wall_layers", "harmonics"}),
+        element_length_mm=ELEMENT * coarse.element_length_mm,
+        wall_layers=LAYERS,
+        harmonics=min(of_truth.harmonics, max(coarse.harmonics, HARMONICS)),
+    )
+    structure = as_built_structure(
+        own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS
+    )
+    return SmoothVehicles(
+        structure=structure,
+        on_map=with_surface_of(structure, of_map),
+        std=prior_std(vehicle.calibration, structure.counts),
+    )
+
+
+def independent_vehicle(vehicle: Vehicle) -> Vehicle:
+    """Return ``vehicle`` with the regions, the joint and the moduli of the truth."""
+    end = wall_regions(vehicle).end
+    first, last = float(end[0]), float(end[-1])
+    entry = vehicle.calibration.model_copy(
+        update={
+            "wall_region_ends_m": np.linspace(first, last, PIECES + 1)[1:-1].tolist(),
+            "region_modulus_percent": max(vehicle.calibration.region_modulus_percent, 3.0),
+            "joint_stations_m": (first + JOINT * (last - first),),
+        }
+    )
+    return vehicle.model_copy(update={"calibration": entry})
+
+
+class LoadTables:
+    """What the loads of a test strain, for any vehicle of one structure: solved once for each pad and attitude.
+
+    Forces are sums of their three components, which is exact. Where a pad stands elsewhere than stated, or is of
+    another shape, the change is that of the wall of the drawing under the gauges as built.
+    """
+
+    def __init__(self, structure: AsBuiltStructure) -> None:
+        self.structure = structure
+        self._of_place: dict[Load, tuple[LoadResponse, LoadResponse]] = {}
+
+    def strain(self, built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
+        """Return what the gauges read (n_d,) under ``applied``, stated as ``stated``, without zeros [m/m]."""
+        if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):
+            return self.structure.load_strain(built, [applied])
+        if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
+            return np.zeros(self.structure.n_gauges)
+        place = replace(stated, force=NO_VECTOR)
+        if place not in self._of_place:
+            units = [replace(stated, force=unit) for unit in UNITS]
+            self._of_place[place] = (
+                together([self.structure.response(one) for one in units]),
+                together([self.structure.nominal_response(one) for one in units]),
+            )
+        found, here = (
+            np.asarray(applied.force) @ self.structure.response_strain(built, one) for one in self._of_place[place]
+        )
+        if replace(stated, force=applied.force) == applied:
+            return np.asarray(found)
+        there = self.structure.response_strain(built, self.structure.nominal_response(applied))
+        return np.asarray(found + there - here)

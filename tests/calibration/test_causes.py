@@ -1,0 +1,199 @@
+"""What gauges have in common when they do not fit: it is named and estimated, and nothing sound is blamed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from as_built_case import TITANIUM
+
+from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
+from builder.calibration.estimate.cause import Cause
+from builder.calibration.estimate.causes import Evidence, causes_of
+from builder.calibration.estimate.faults import calibrate_with_faults
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.remarks import remarks
+from builder.calibration.estimate.vehicle import usable
+from builder.calibration.ground_test.load_changes import common_turns, tilted
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.score.faults import drawn_readings
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.as_built.vehicle import slices
+from builder.structure.loads.applied import PadForce
+from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
+
+NOISE = 0.05e-6
+
+
+@pytest.fixture(scope="module")
+def structure(vehicle: Vehicle) -> AsBuiltStructure:
+    return structure_of_test(vehicle, TITANIUM, 12)
+
+
+@pytest.fixture(scope="module")
+def model(vehicle: Vehicle, structure: AsBuiltStructure) -> ReadingsModel:
+    """A test of ten pads and four attitudes; the vehicle file names no joint and one modulus."""
+    n_d, errors = structure.n_gauges, LoadErrors()
+    blank = tuple(
+        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
+        for name, loads in standard_cases(10, 3.6, errors)
+    )
+    test = LoadTest(gauge_names=structure.gauges.names, cases=blank, errors=errors)
+    return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
+
+
+def change_of(model: ReadingsModel, kind: str) -> FloatArray:
+    """Return (n,) what a kind of cause changes of the vector, far beyond what the files state."""
+    (cause, *_) = [one for one in causes_of(model) if one.kind == kind and one.number in (0, 1)][::-1]
+    random = np.random.default_rng(5)
+    size = {
+        "support": np.array([0.03, 0.03]),
+        "joint": np.array([0.03]),
+        "modulus": np.array([0.03, -0.03, 0.03, -0.03]),
+        "taper": np.array([0.02, -0.02, 0.02, 0.02]),
+        "direction": np.deg2rad([5.0, 0.0]),
+        "drift": 1e-6 * random.standard_normal(len(cause.entries)),
+        "hysteresis": np.array([0.01]),
+    }[kind]
+    found = np.zeros(len(model.std))
+    found[cause.entries] = size
+    return found
+
+
+def test_a_vehicle_file_without_joints_has_candidates_that_are_taken_for_zero(
+    vehicle: Vehicle, structure: AsBuiltStructure
+) -> None:
+    assert joint_candidates(vehicle) == structure.joint_stations == pytest.approx((0.975, 1.75, 2.725))
+    prior = prior_of_test(vehicle, structure)
+    assert not prior.joint_softness.any()
+    assert not prior.region_modulus.any()
+    assert structure.has_moduli
+
+
+def test_common_turns_are_those_of_a_tilted_force() -> None:
+    pad = PadForce(station=1.0, roll_angle=0.5, half_length=0.05, half_angle=0.5, force=(0.0, -300.0, -400.0))
+    for way, towards in enumerate(np.array([[1.0, 0.0, 0.0], [0.0, 0.8, -0.6]])):
+        first, second = 1e-4 * common_turns(pad)[:, way]
+        turned = tilted(pad, first, second)
+        assert isinstance(turned, PadForce)
+        np.testing.assert_allclose((np.array(turned.force) - pad.force) / 500.0, 1e-4 * towards, atol=1e-8)
+
+
+def test_derivatives_by_what_all_cases_have_in_common(model: ReadingsModel) -> None:
+    random = np.random.default_rng(2)
+    vector = np.zeros(len(model.std))
+    vector[: model.n_built] = (model.std * random.standard_normal(len(model.std)))[: model.n_built]
+    _, jacobian = model.jacobian(vector)
+    for entry in (model.common_entries.start, model.common_entries.start + 1, model.common_entries.stop - 1):
+        step = 1e-4 * np.eye(len(vector))[entry]
+        change = (model.readings(vector + step) - model.readings(vector - step)) / 2e-4
+        np.testing.assert_allclose(jacobian[:, :, entry], change, atol=1e-6 * np.abs(change).max())
+
+
+def test_derivatives_are_kept_for_the_last_vector_and_what_is_not_known(model: ReadingsModel) -> None:
+    vector = 0.1 * model.std
+    readings, jacobian = model.jacobian(vector)
+    wide = model.with_std(np.maximum(model.std, 1e-3))
+    more = wide.jacobian(vector)[1]
+    modulus = slices(model.structure.counts)["region_modulus"]
+    assert more[:, :, modulus].any()
+    again = model.jacobian(vector)
+    np.testing.assert_array_equal(again[0], readings)
+    np.testing.assert_array_equal(again[1], jacobian)
+    assert not again[1][:, :, modulus].any()
+
+
+def test_sound_tests_have_no_cause(model: ReadingsModel) -> None:
+    for draw in range(4):
+        reading, _ = drawn_readings(model, np.random.default_rng([draw, 8]))
+        found, faults = calibrate_with_faults(model.with_readings(reading))
+        assert found.model.causes == ()
+        assert faults == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("support", "clamp: it yields as "),
+        ("joint", "joint at or near 1.75 m"),
+        ("modulus", "modulus: Young's modulus of the regions"),
+        ("taper", "wall: taper of "),
+        ("direction", "direction of all forces: turned by "),
+        ("drift", "drift: zeros moved by "),
+        ("hysteresis", "hysteresis: a case reads "),
+    ],
+)
+def test_what_gauges_have_in_common_is_named_and_estimated(model: ReadingsModel, kind: str, said: str) -> None:
+    change = change_of(model, kind)
+    for draw in range(2):
+        reading, vector = drawn_readings(model, np.random.default_rng([draw, 9]), change)
+        found, faults = calibrate_with_faults(model.with_readings(reading))
+        assert faults == ()
+        assert [one.kind for one in found.model.causes] == [kind]
+        assert any(line.startswith(said) for line in remarks(found))
+        assert 0.85 < found.per_reading < 1.15
+        known = found.std[: model.n_built] > 0.0
+        pull = (found.vector - vector)[: model.n_built][known] / found.std[: model.n_built][known]
+        assert np.sqrt(np.mean(pull**2)) < 1.25
+        at = change != 0.0
+        error = (found.vector - vector)[at] / found.std[at]
+        assert np.sqrt(np.mean(error**2)) < 2.0
+
+
+def test_noise_larger_than_stated_blames_nobody(model: ReadingsModel) -> None:
+    for draw in range(2):
+        random = np.random.default_rng([draw, 10])
+        reading, _ = drawn_readings(model, random)
+        reading += np.sqrt(8.0) * NOISE * random.standard_normal(reading.shape)
+        found, faults = calibrate_with_faults(model.with_readings(reading))
+        assert faults == ()
+        assert {one.kind for one in found.model.causes} == {"noise"}
+        assert any("scatter about 3 times as much as stated" in line for line in remarks(found))
+        assert 0.85 < found.per_reading < 1.15
+
+
+@pytest.mark.parametrize("swapped", [True, False])
+def test_a_gauge_or_a_case_at_fault_is_named_on_a_soft_support(model: ReadingsModel, swapped: bool) -> None:
+    names = model.structure.gauges.names
+    reading, _ = drawn_readings(model, np.random.default_rng(11), change_of(model, "support"))
+    if swapped:
+        reading[:, [3, 30]] = reading[:, [30, 3]]
+        expected = {names[3]: "swapped", names[30]: "swapped"}
+    else:
+        reading[2] = reading[5]
+        expected = {model.test.cases[2].name: "duplicate"}
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert {one.where: one.kind for one in faults} == expected
+    assert [one.kind for one in found.model.causes] == ["support"]
+
+
+def test_one_gauge_that_differs_is_no_common_cause(model: ReadingsModel) -> None:
+    """A gauge whose gain is 20 % off, and one whose readings are of nothing that is known."""
+    reading, vector = drawn_readings(model, np.random.default_rng(12))
+    off = reading.copy()
+    off[:, 7] += 0.2 * (reading[:, 7] - vector[slices(model.structure.counts)["zero"]][7])
+    off[:, 20] += 3e-6 * np.random.default_rng(13).standard_normal(len(off))
+    spoiled = model.with_readings(off)
+    found, faults = calibrate_with_faults(spoiled)
+    assert {one.where for one in faults} == {model.structure.gauges.names[k] for k in (7, 20)}
+    assert found.model.causes == ()
+
+
+def test_evidence_of_a_term_is_the_ratio_of_both_densities(model: ReadingsModel) -> None:
+    reading, _ = drawn_readings(model, np.random.default_rng(14))
+    of_readings = model.with_readings(reading)
+    used = usable(of_readings)
+    used[3:] = False
+    evidence = Evidence(of_readings, used, np.zeros(len(model.std)))
+    support: Cause = next(one for one in evidence.causes if one.kind == "support")
+    std = model.std.copy()
+    std[support.entries] = support.wide
+    density = []
+    for one in (of_readings, of_readings.with_std(std)):
+        predicted, jacobian = one.at_drawing()
+        rows = (jacobian * one.std)[used]
+        covariance = rows @ rows.T + np.diag(one.test.reading_stds[used] ** 2)
+        left = (reading - predicted)[used]
+        density.append(-0.5 * (left @ np.linalg.solve(covariance, left) + np.linalg.slogdet(covariance)[1]))
+    assert evidence._of_terms(support) == pytest.approx(density[1] - density[0], rel=1e-6)
