@@ -280,14 +280,14 @@ class Scenario:
         if bus.is_on:
             bus.release = arrival + 1e-4
             bus.recorded.append(sent)
-            arrived = self.altered(number, sent)
+            arrived = self.altered(number, sent, max(counter, 0), clock)
             is_torn = any(self.active(number, kind) for kind in ("reorder", *(row[0] for row in FOREIGN)))
             if not is_torn and [frame for _, frame in arrived] == [frame for _, frame in sent]:
                 self.shown.add(own.tobytes())
             self.put(arrived)
         self.put(self.added(number, arrival, own, counter, clock))
 
-    def altered(self, number: int, sent: Frames) -> Frames:
+    def altered(self, number: int, sent: Frames, counter: int, clock: float) -> Frames:
         """Return the frames of the sender as faults on the way leave them."""
         random = self.random
         if self.active(number, "silence"):
@@ -298,12 +298,12 @@ class Scenario:
             sent = sent[1:]
         if self.active(number, "data id"):
             own = self.bus.sender.cycle(
-                codes_of(number, self.seed) + 99, 1e4, counter=number, clock=0.0, data_id_shift=7
+                codes_of(number, self.seed) + 99, 1e4, counter=counter, clock=0.0, data_id_shift=7
             )
             sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
         if self.active(number, "configuration"):
             own = self.bus.sender.cycle(
-                codes_of(number, self.seed)[::-1], 1e4, counter=number, clock=number * PERIOD, configured=77
+                codes_of(number, self.seed)[::-1], 1e4, counter=counter, clock=clock, configured=77
             )
             sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
         if self.active(number, "length"):

@@ -174,8 +174,10 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         if (!present[i]) {
             continue;
         }
-        /* By the clock, which lost cycles do not shorten, or by the number of cycles, which those held back do not. */
-        const double since = larger(*now - c->changed[i], (double)c->repeats[i] * c->period[i]);
+        /* By our clock, which lost cycles do not shorten; of cycles without sample time also by their number, which those
+           held back do not shorten. */
+        const double counted = c->is_dated ? 0.0 : (double)c->repeats[i] * c->period[i];
+        const double since = larger(*now - c->changed[i], counted);
         const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
         known = repeated < known ? repeated : known;
         possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;

@@ -170,6 +170,8 @@ static void learn_rate(SbClock *c) {
     if (!(above - below <= c->straight) || fabs(pace - c->stated) > c->tolerance) {
         return;
     }
+    SbModel *m = &c->known;
+    const double age = m->local - m->source - m->floor;
     c->pace = pace;
     c->is_learned = 1;
     c->jumped.is_set = 0;
@@ -177,12 +179,11 @@ static void learn_rate(SbClock *c) {
     turn_minima(&c->rate, line[1]);
     turn_model(&c->known, line[1]);
     turn_model(&c->before, line[1]);
-    SbModel *m = &c->known;
     const double delay = m->local - m->source, floor = line[0] + below;
     m->floor = m->lowest = delay < floor ? delay : floor;
     m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
     m->start = m->local;
-    c->count.is_set = 0;
+    count_turn(&c->count, age, m, delay - m->floor);
 }
 
 /* --- restarts --------------------------------------------------------------------------------------------------------- */

@@ -140,10 +140,10 @@ class _Count(ctypes.Structure):
     _fields_ = (
         ("modulus", INTEGER),
         ("period", NUMBER),
-        *((name, INTEGER) for name in ("is_set", "last", "is_measured")),
-        *((name, NUMBER) for name in ("source", "local", "counted", "floor")),
-        *((name, INTEGER) for name in ("n", "n_odd", "steps", "regular_steps")),
-        *((name, NUMBER) for name in ("begin", "regular", "doubt")),
+        *((name, INTEGER) for name in ("is_set", "last", "is_measured", "is_irregular")),
+        *((name, NUMBER) for name in ("source", "local", "earliest", "latest")),
+        *((name, INTEGER) for name in ("n", "n_odd", "steps", "regular_steps", "early_steps", "late_steps")),
+        *((name, NUMBER) for name in ("begin", "regular", "kept", "doubt")),
     )
 
 
