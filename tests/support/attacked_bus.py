@@ -153,6 +153,7 @@ class Scenario:
         layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
         step = Projection(N_GAUGES)
         self.core: BridgeCore = bridge_core(layout, step, settings, start=0.0)
+        self.is_fd = profile != "classic-le"
         self.random = np.random.default_rng(seed)
         self.bus = Bus(self.random, DocumentedSender(profile, NAMES, PERIOD))
         self.foreign = DocumentedSender(profile, NAMES, PERIOD, key=bytes(16))  # it does not know the key
@@ -281,7 +282,8 @@ class Scenario:
             bus.release = arrival + 1e-4
             bus.recorded.append(sent)
             arrived = self.altered(number, sent, max(counter, 0), clock)
-            is_torn = any(self.active(number, kind) for kind in ("reorder", *(row[0] for row in FOREIGN)))
+            torn = ["reorder", *(row[0] for row in FOREIGN), *(() if self.is_fd else ("babbling",))]
+            is_torn = any(self.active(number, kind) for kind in torn)
             if not is_torn and [frame for _, frame in arrived] == [frame for _, frame in sent]:
                 self.shown.add(own.tobytes())
             self.put(arrived)
@@ -307,7 +309,7 @@ class Scenario:
             )
             sent = [(time, frame) for (time, _), frame in zip(sent, own, strict=False)]
         if self.active(number, "length"):
-            sent = [(time, Sent(frame.identifier, frame.data[:48])) for time, frame in sent]
+            sent = [(time, Sent(frame.identifier, frame.data[: len(frame.data) * 3 // 4])) for time, frame in sent]
         for kind, width in (("bit flips", 512), ("burst", 8)):
             if self.active(number, kind):
                 sent = [(time, _flipped(frame, random, width)) for time, frame in sent]
@@ -340,12 +342,12 @@ class Scenario:
                 self.foreign_payloads.add(other.tobytes())
                 more += [(arrival + lead + 1e-5 * k, frame) for k, frame in enumerate(frames)]
         if self.active(number, "babbling"):
-            more += [(arrival + 1e-5 * k, Sent(0x301, random.bytes(64))) for k in range(20)]
+            more += [(arrival + 1e-5 * k, Sent(0x301, random.bytes(64 if self.is_fd else 8))) for k in range(20)]
         return more
 
     def put(self, frames: Frames) -> None:
         for time, frame in frames:
-            made = Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=True, bitrate_switch=True)
+            made = Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=self.is_fd, bitrate_switch=self.is_fd)
             heappush(self.wire, (time, next(self.order), made))
 
     # --- the bridge's side

@@ -5,6 +5,7 @@
 #include "rounding.h"
 
 enum { FIRST_INTERVALS = 16, INTERVALS = 64 };
+enum { NOT_MEASURED, DOUBTFUL, MEASURED };
 
 /* Part of a period within which an interval is regular, and for each of its cycles; part of a measurement that counts; part
    of a period within which arrivals confirm the counter. */
@@ -43,26 +44,28 @@ static int64_t steps_since(const SbCount *c, double passed, int64_t counter) {
 }
 
 /* End a measurement of the period. A sender most of whose intervals are regular has a period; single steps of its clock do
-   not count in it. Without regular intervals the counter shows no time: it is compared again from here on, and what a
-   sender with a period left in doubt before stays so. */
+   not count in it. Without regular intervals, in two measurements of a sender that had a period, the counter shows no time:
+   it is compared again from here on, and what was in doubt before stays so. */
 static void measure(SbCount *c, double age) {
-    if (4 * c->n_odd > c->n) {
-        c->kept = c->is_measured ? c->doubt : c->kept;
-        c->period = (c->source - c->begin) / (double)c->steps;
-        c->is_measured = 0;
-        c->is_irregular = 1;
-        c->earliest = c->latest = c->local - age;
-    } else {
-        const double period = c->regular / (double)c->regular_steps;
-        if (!c->is_measured) {
+    const double period = c->regular_steps > 0 ? c->regular / (double)c->regular_steps : c->period;
+    if (4 * c->n_odd <= c->n) {
+        if (c->is_measured == NOT_MEASURED) {
             c->earliest += (double)c->early_steps * (period - c->period);
             c->latest += (double)c->late_steps * (period - c->period);
             c->period = period;
         } else {
             c->period += GAIN * (period - c->period);
         }
-        c->is_measured = 1;
+        c->is_measured = MEASURED;
         c->is_irregular = 0;
+    } else if (c->is_measured == MEASURED) {
+        c->is_measured = DOUBTFUL;
+    } else {
+        c->kept = c->is_measured == DOUBTFUL ? c->doubt : c->kept;
+        c->period = (c->source - c->begin) / (double)c->steps;
+        c->is_measured = NOT_MEASURED;
+        c->is_irregular = 1;
+        c->earliest = c->latest = c->local - age;
     }
     begin_measurement(c);
 }
@@ -118,7 +121,7 @@ void count_take(SbCount *count, double tick, const SbModel *m, double age, doubl
         c->regular += passed;
         c->regular_steps += steps;
     }
-    if (c->n >= (c->is_measured ? INTERVALS : FIRST_INTERVALS) && c->steps > 0 && c->source > c->begin) {
+    if (c->n >= (c->is_measured == MEASURED ? INTERVALS : FIRST_INTERVALS) && c->steps > 0 && c->source > c->begin) {
         measure(c, age);
     }
     /* What the clock is allowed to lag counts for both; no strains come before they are sampled. */

@@ -171,6 +171,7 @@ static void add_frozen(SbJudge *j, const SbParts *p, int is_dated) {
         j->age[0] += j->changed_age - j->clock->age;
         j->age[1] = j->changed_doubt > j->age[1] ? j->changed_doubt : j->age[1];
     }
+    j->age[1] += j->checks->frozen_for[2]; /* NaN stays NaN */
     const double room = j->max_age - j->age[0];
     if (j->checks->may_be_chance && frozen > room && room > 0.0) {
         j->age[0] = j->max_age;

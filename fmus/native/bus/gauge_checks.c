@@ -168,7 +168,7 @@ static int may_be_chance(const SbChecks *c, const SbCycle *cycle, int64_t run) {
 void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now) {
     SbChecks *c = checks;
     const uint8_t *present = cycle->present;
-    double known = INFINITY, possible = INFINITY, fast = INFINITY;
+    double known = INFINITY, possible = INFINITY, fast = INFINITY, youngest = INFINITY;
     int64_t run = INT64_MAX, shortest = INT64_MAX;
     for (int64_t i = 0; i < c->n; i++) {
         if (!present[i]) {
@@ -180,6 +180,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         const double since = larger(*now - c->changed[i], counted);
         const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
         known = repeated < known ? repeated : known;
+        youngest = since < youngest ? since : youngest;
         possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;
         shortest = c->repeats[i] < shortest ? c->repeats[i] : shortest;
         if (c->is_fast[i]) {
@@ -188,7 +189,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         }
     }
     if (known == INFINITY) {
-        c->frozen_for[0] = c->frozen_for[1] = 0.0;
+        c->frozen_for[0] = c->frozen_for[1] = c->frozen_for[2] = 0.0;
         c->may_be_chance = 1;
         return;
     }
@@ -203,4 +204,5 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     }
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);
+    c->frozen_for[2] = larger(known - youngest, 0.0);
 }

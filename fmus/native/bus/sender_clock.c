@@ -92,7 +92,8 @@ static int64_t reading_of(SbClock *c, double floor, int64_t counter) {
     const double raised = m->floor - floor;
     c->age = m->local - m->source - m->floor;
     count_take(&c->count, c->tick, m, c->age, raised > 0.0 ? raised : 0.0, counter);
-    c->uncertainty = m->floor - m->fastest + tolerance_of(c) * (m->local - m->start) + m->doubt + c->count.doubt;
+    c->uncertainty = m->floor - m->fastest + tolerance_of(c) * (m->local - m->start) + m->doubt +
+                     m->either + c->count.doubt;
     return m->floor - m->lowest >= c->hidden - c->round_off ? SB_HIDES_DELAY : 0;
 }
 
@@ -192,7 +193,7 @@ static void learn_rate(SbClock *c) {
 static void replace(SbClock *c, const SbModel *old, SbModel made, double local) {
     /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
     made.lowest -= old->floor - old->lowest;
-    made.doubt = old->floor - old->fastest + tolerance_of(c) * (local - old->start) + old->doubt;
+    made.doubt = old->floor - old->fastest + tolerance_of(c) * (local - old->start) + old->doubt + old->either;
     c->known = made;
     c->before = *old;
     c->jumped.is_set = 0;
@@ -235,7 +236,7 @@ void clock_bound_restart(SbClock *c, int evidence, int64_t counter) {
     if (!old->is_set || c->is_synchronised) {
         return;
     }
-    const double hidden = tolerance_of(c) * (old->local - old->start) + old->doubt;
+    const double hidden = tolerance_of(c) * (old->local - old->start) + old->doubt + old->either;
     const double earliest = old->source + old->fastest - hidden;
     double passed = m->source - m->begin; /* since the first reading */
     if (c->count.modulus > 0 && m->counter >= 0 && counter >= 0) {
@@ -279,6 +280,10 @@ int64_t clock_read(SbClock *c, double local, int64_t ticks, int64_t counter) {
         return reading_of(c, c->known.floor, counter);
     }
     if (follow(c, &c->known, now, ticks, 1.0, &offset)) {
+        double steady; /* the reading may be of the clock that has jumped, too: then it has no age */
+        if (c->jumped.is_set && follow(c, &c->jumped, now, ticks, c->steady, &steady)) {
+            c->known.either += now - c->known.source - c->known.floor;
+        }
         c->jumped.is_set = 0;
         const int64_t flags = reading_of(c, floor, counter);
         keep_minimum(&c->drift, now, offset);

@@ -238,7 +238,7 @@ typedef struct {
     int64_t modulus;                   /* of the counter, 0 without */
     double period;                     /* of its steps by the sender's clock: stated, then measured [s] */
     int64_t is_set, last;              /* state */
-    int64_t is_measured, is_irregular; /* the sender has a period; it has been found to have none */
+    int64_t is_measured, is_irregular; /* the sender has a period: 0 no, 1 in doubt, 2 yes; it has been found to have none */
     double source, local;              /* last sample time, its arrival [s] */
     double earliest, latest;           /* when the last strains were sampled, by our clock [s] */
     int64_t n, n_odd, steps, regular_steps, early_steps, late_steps;
@@ -256,6 +256,7 @@ typedef struct {
     double start;         /* our time of the first reading [s] */
     double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
     double doubt;         /* delay that may have been there when the clock was first read [s] */
+    double either;        /* age of readings that may be of another clock, without age [s] */
     double begin;         /* first sample time [s] */
     int64_t counter;      /* of the first reading, of a clock before a restart of the last one; -1 without */
 } SbModel;
@@ -355,7 +356,7 @@ typedef struct {
     uint8_t *seen, *stuck;
     uint8_t *fault;                             /* (SB_N_FAULTS, n) */
     uint8_t *valid;                             /* (n) */
-    double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    double *frozen_for;                         /* (3) result of sb_checks_frozen [s] */
     int64_t may_be_chance;                      /* so many repetitions are no sign that anything is frozen */
     double rare;                                /* square of the probability of what is none */
     double unchanged, memory, memory_length;    /* part of the cycles in which no gauge changed, and their number */
@@ -370,7 +371,7 @@ SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const doubl
 /* Remember the frames of a cycle that is not judged. */
 SB_API void sb_repeats_remember(SbRepeats *repeats, const SbChecks *checks, const SbCycle *cycle);
 
-/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. The noise of
+/* For how long none of the cycle's gauges has changed, and for how much longer or shorter that may be: frozen_for. The noise of
    quiet gauges may give that by chance: may_be_chance. */
 SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
 

@@ -211,6 +211,12 @@ class BridgeCore:
             else:
                 return results
 
+    def pass_gap(self, end: float) -> CycleResult:
+        """Return the last result of a silence up to ``end`` [s]; the next status is due a cycle later."""
+        result = self.advance(end)[-1]
+        self._times[1] = end + self.layout.cycle_time
+        return result
+
     @property
     def next_event(self) -> float:
         """Latest time at which :meth:`advance` has something to do [s]."""

@@ -391,7 +391,7 @@ class CycleJudge:
         result.mach_number, result.altitude = flow.mach_number, flow.altitude
         result.other_inputs = flow.other_inputs.copy()  # the state is used again
         result.age, result.age_uncertainty = self._ages
-        result.held = 0.0
+        result.held, result.gap = 0.0, nan
         result.sample_time = found[_SAMPLE_TIME] if self._is_timed[named] else None
         result.counter = found[_COUNTER] if found[_COUNTER] >= 0 else None
         if step is None:

@@ -88,7 +88,7 @@ class GaugeChecks:
         self._watch = self.new_watch(noise or like_gauges(n))
         self._stuck_cycles, self._zero_cycles = np.zeros(n), np.zeros(n, dtype=np.int64)
         self._good, self._valid = np.full(n, settings.heal_cycles, dtype=np.int64), np.zeros(n, dtype=bool)
-        self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(2)
+        self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(3)
         self.record = _Checks(
             n=n,
             heal_cycles=settings.heal_cycles,
