@@ -332,7 +332,7 @@ class Scenario:
         if self.active(number, "one cycle again") and len(recorded) > 40:
             old = recorded[int(random.integers(len(recorded) - 1))]
             more += [(arrival + 4e-3 + 1e-5 * k, frame) for k, (_, frame) in enumerate(old)]
-        other = own + random.integers(-200, 200, size=own.shape)
+        other = codes_of(number, self.seed) + random.integers(-200, 200, size=own.shape)
         for kind, lead, every in FOREIGN:
             for act in self.active(number, kind):
                 if (number - act.start) % every:

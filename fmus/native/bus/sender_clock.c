@@ -150,23 +150,23 @@ static void turn_minima(SbMinima *m, double slope) {
 }
 
 static void turn_model(SbModel *m, double slope) {
-    const double shift = slope * m->local;
-    m->floor -= shift;
-    m->lowest -= shift;
-    m->fastest -= shift;
+    m->floor -= slope * m->local;
+    m->lowest -= slope * m->local;
+    m->fastest -= slope * m->start; /* the fastest clock is as fast as before, by the tolerance from the new pace */
     m->local *= 1.0 - slope;
     m->start *= 1.0 - slope;
 }
 
 /* Take the slope of the smallest delays for the rate of the clock: if they lie on a line, over all windows that are kept,
-   and the rate is one that is tolerated. A delay that grows steadily for so long counts as rate. From then on the clock
-   may differ from that rate by what oscillators wander, and hidden delay is counted from here. */
-static void learn_rate(SbClock *c) {
+   and the rate is one that is tolerated. At first the rate is only followed: it removes the growth from the age, and what
+   a queue may have hidden stays in the uncertainty. A delay that grows steadily over the windows of the measurement counts
+   as rate. From then on the clock may differ from it by what oscillators wander, and hidden delay is counted from here. */
+static void follow_rate(SbClock *c, const SbMinima *minima, int is_measured) {
     double line[2], below, above;
-    if (c->rate.n < SB_MINIMA) {
+    if (minima->n < SB_MINIMA) {
         return;
     }
-    fit_line(c->rate.minimum, line, &below, &above);
+    fit_line(minima->minimum, line, &below, &above);
     const double pace = c->pace * (1.0 - line[1]);
     if (!(above - below <= c->straight) || fabs(pace - c->stated) > c->tolerance) {
         return;
@@ -174,16 +174,18 @@ static void learn_rate(SbClock *c) {
     SbModel *m = &c->known;
     const double age = m->local - m->source - m->floor;
     c->pace = pace;
-    c->is_learned = 1;
     c->jumped.is_set = 0;
     turn_minima(&c->drift, line[1]);
     turn_minima(&c->rate, line[1]);
-    turn_model(&c->known, line[1]);
+    turn_model(m, line[1]);
     turn_model(&c->before, line[1]);
     const double delay = m->local - m->source, floor = line[0] + below;
     m->floor = m->lowest = delay < floor ? delay : floor;
-    m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
-    m->start = m->local;
+    if (is_measured) {
+        c->is_learned = 1;
+        m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
+        m->start = m->local;
+    }
     count_turn(&c->count, age, m, delay - m->floor);
 }
 
@@ -286,9 +288,12 @@ int64_t clock_read(SbClock *c, double local, int64_t ticks, int64_t counter) {
         }
         c->jumped.is_set = 0;
         const int64_t flags = reading_of(c, floor, counter);
-        keep_minimum(&c->drift, now, offset);
+        const int has_drift = keep_minimum(&c->drift, now, offset);
         if (keep_minimum(&c->rate, now, offset)) {
-            learn_rate(c);
+            follow_rate(c, &c->rate, 1);
+        }
+        if (has_drift && c->rate.length > 0.0 && !c->is_learned) {
+            follow_rate(c, &c->drift, 0);
         }
         return flags;
     }
