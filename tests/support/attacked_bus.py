@@ -347,7 +347,13 @@ class Scenario:
 
     def put(self, frames: Frames) -> None:
         for time, frame in frames:
-            made = Frame(identifier=frame.identifier, data=frame.data, time=time, is_fd=self.is_fd, bitrate_switch=self.is_fd)
+            made = Frame(
+                identifier=frame.identifier,
+                data=frame.data,
+                time=time,
+                is_fd=self.is_fd,
+                bitrate_switch=self.is_fd,
+            )
             heappush(self.wire, (time, next(self.order), made))
 
     # --- the bridge's side

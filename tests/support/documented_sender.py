@@ -1,4 +1,4 @@
-"""A sender of profiles fd64, fd64-sec and classic-le, written from docs/reference/can.md alone: no code of the product.
+"""A sender of fd64, fd64-sec and classic-le, written from docs/reference/can.md, with no code of the product.
 
 What it sends is dated by a true time, which the bridge never sees.
 """

@@ -569,4 +569,7 @@ def bus_template(gauge_names: Sequence[str]) -> str:
         if table == MAPPING_TABLE:
             lines += ["", "# [input.strain]                            # with dbc: Message.Signal of each gauge"]
             lines += [f'# "{name}" = "Message.Signal"' for name in gauge_names]
+            lines += [
+                '# "*" = "*.*"                              # all others: the signal with the name of the gauge'
+            ]
     return "\n".join(lines) + "\n"

@@ -123,7 +123,10 @@ class SenderClock(Protocol):
 class _Model(ctypes.Structure):
     _fields_ = (
         *((name, INTEGER) for name in ("is_set", "ticks", "readings")),
-        *((name, NUMBER) for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "either")),
+        *(
+            (name, NUMBER)
+            for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "either")
+        ),
         ("begin", NUMBER),
         ("counter", INTEGER),
     )

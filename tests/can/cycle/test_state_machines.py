@@ -204,7 +204,7 @@ def test_the_rate_of_a_clock_is_measured_and_its_age_stays_bounded(rate: float) 
 @pytest.mark.parametrize("rate", [-100e-6, -50e-6, 50e-6, 95e-6])
 @pytest.mark.parametrize("seconds_per_cycle", [0.01, 0.1])
 def test_a_slow_clock_is_followed_before_its_rate_is_measured(rate: float, seconds_per_cycle: float) -> None:
-    """Within the tolerance of 100 ppm no result waits for the measurement, and the true age, 0, is within bounds."""
+    """Within the tolerance of 100 ppm no result waits for the measurement; the true age, 0, is within bounds."""
     clock = SampleClock(1e-6, 32, LEARNING)
     for k in range(int(900 / seconds_per_cycle)):
         t = k * seconds_per_cycle

@@ -120,8 +120,8 @@ def case_of(kind: str, synthetic: SyntheticFiles, folder: Path) -> tuple[bytes, 
 def changed(kind: str, content: bytes, seed: int) -> bytes:
     """Return a mutation.
 
-    Of every second FMU one of its members is changed, which no CRC of the archive shows; of every second text the new
-    bytes are some of its own, so that it stays a text.
+    Of every second FMU one of its members is changed, which no CRC of the archive shows; of every second text the
+    new bytes are some of its own, so that it stays a text.
     """
     if seed % 2 or kind not in ("fmu", "dbc", "asc"):
         return mutated(content, seed)

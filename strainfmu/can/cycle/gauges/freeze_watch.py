@@ -198,7 +198,7 @@ class FreezeWatch:
         return self._ratio
 
     def log_repeated(self) -> FloatArray:
-        """Return the logarithms of the probabilities that stated noise repeats a cycle: of each frame, then of all."""
+        """Return the logarithms of the probabilities that stated noise repeats readings: by frame, then of all."""
         of_gauge = self._table.log_repeated[self._table.row(self._noise.ratio), 1]
         return np.array([of_gauge[group].sum() for group in self._groups])
 
