@@ -413,8 +413,7 @@ class Scenario:
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
                 f"{1e3 * result.age_uncertainty:.2f} ms"
             )
-        late = 0.004 if any(act.kind == "jitter" for act in self.acts) else 0.0
-        if age < result.age - result.age_uncertainty - JITTER - late:
+        if age < result.age - result.age_uncertainty - JITTER:
             found.too_young.append(
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
                 f"{1e3 * result.age_uncertainty:.2f} ms"

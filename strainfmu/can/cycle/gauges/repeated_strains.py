@@ -3,8 +3,8 @@
 The readings of each frame and of each cycle are kept as a hash of 64 bits, at most PLACES of them; also those of
 frames that were refused by counter or time. The noise of the gauges gives the probability that two frames have
 the same readings (:mod:`~strainfmu.can.cycle.gauges.quantised_noise`). Times the number of hashes, it bounds
-the probability that chance repeats any of them. Below FALSE_ALARM the strains are old. Frames of few gauges, or on rigs
-so quiet that chance repeats them, are not kept.
+the probability that chance repeats any of them. Below FALSE_ALARM the strains are old. Frames of few gauges, or on
+rigs so quiet that chance repeats them, are not kept.
 """
 
 from __future__ import annotations
