@@ -165,8 +165,10 @@ static int has_changed_since_passed(const SbJudge *j, const SbParts *p) {
 static void add_frozen(SbJudge *j, const SbParts *p, int is_dated) {
     const double frozen = j->checks->frozen_for[0], unheard = j->checks->frozen_for[1];
     if (!(frozen > 0.0)) {
-        j->changed_age = is_dated ? j->clock->age : NAN;
-        j->changed_doubt = j->age[1];
+        if (is_readable(j)) { /* a cycle that is not read shows no change */
+            j->changed_age = is_dated ? j->clock->age : NAN;
+            j->changed_doubt = j->age[1];
+        }
     } else if (is_dated && !isnan(j->changed_age)) {
         j->age[0] += j->changed_age - j->clock->age;
         j->age[1] = j->changed_doubt > j->age[1] ? j->changed_doubt : j->age[1];

@@ -34,6 +34,7 @@ FOUND = (
     ("fd64", 10160, "a frozen sender behind a torn cycle"),
     ("fd64", 10372, "so many steps of the clock that the sender seems to have no period"),
     ("classic-le", 10491, "a restart that meets the clock of a recording"),
+    ("classic-le", 30074, "a frozen sender, among cycles that come again"),
     ("fd64-sec", 3165, "the clock goes back while an old recording is let in"),
     ("fd64-sec", 3590, "the first frames of a restarted sender come together"),
     ("fd64-sec", 3652, "the clock goes back to its first second, under jitter"),
