@@ -7,6 +7,7 @@ Programs take names, positions and limits from here: descriptions are for people
 from __future__ import annotations
 
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import atan2, degrees, isfinite
@@ -92,13 +93,18 @@ def estimator_contents(inverse_map: InverseMap) -> dict[str, Any]:
     }
 
 
+_LARGEST = 50_000_000
+"""Bytes of the entry; what is larger is not read."""
+
+
 def stated_contents(path: Path) -> FmuContents:
     """Return what the FMU at ``path`` states; nothing of one of another program, or that cannot be read."""
     try:
-        with ZipFile(path) as archive:
-            return contents_from(archive.read(CONTENTS))
-    except (OSError, BadZipFile, KeyError, RuntimeError):
+        with ZipFile(path) as archive, archive.open(CONTENTS) as entry:
+            text = entry.read(_LARGEST + 1)
+    except (OSError, BadZipFile, KeyError, RuntimeError, EOFError, zlib.error):
         return FmuContents()
+    return contents_from(text) if len(text) <= _LARGEST else FmuContents()
 
 
 def contents_from(text: bytes) -> FmuContents:

@@ -1,4 +1,4 @@
-"""A sender of profiles fd64 and fd64-sec, written from docs/reference/can.md alone: no code of the product.
+"""A sender of fd64, fd64-sec and classic-le, written from docs/reference/can.md, with no code of the product.
 
 What it sends is dated by a true time, which the bridge never sees.
 """
@@ -18,7 +18,7 @@ BASE = 0x300
 PRESSURE_ID, FIRST_STRAIN_ID = 0x5300, 0x5301
 """DataIDs."""
 
-PER_FRAME = {"fd64": 27, "fd64-sec": 20}
+PER_FRAME = {"fd64": 27, "fd64-sec": 20, "classic-le": 4}
 CODE = 0.25
 """um/m per bit."""
 
@@ -65,6 +65,8 @@ class DocumentedSender:
         """Return the frames of a cycle: dynamic pressure, then strains as (n,) int16 ``codes``; ``clock`` in s."""
         ticks = round(clock * 1e6) % (1 << 32)
         number = self.configured if configured is None else configured
+        if self.profile == "classic-le":
+            return _classic(codes, pressure, counter, ticks, data_id_shift, number, status)
         head = struct.pack("<BBI", counter % 256, status, ticks)
         size, n_plain = PER_FRAME[self.profile], 16 if self.profile == "fd64" else 18
         body = head + struct.pack("<fH", pressure, number)
@@ -88,3 +90,29 @@ class DocumentedSender:
             mac.update(data_id.to_bytes(2, "big") + data + freshness.to_bytes(8, "big"))
             data += (freshness % (1 << 48)).to_bytes(6, "little") + mac.finalize()[:8]
         return Sent(identifier, data)
+
+
+def _classic(
+    codes: np.ndarray, pressure: float, counter: int, ticks: int, data_id_shift: int, configured: int, status: int
+) -> list[Sent]:
+    """Return dynamic pressure, strains and the trailer, whose CRC covers them all."""
+    body = struct.pack("<BfH", counter % 15 | status << 4, pressure, ticks // 100 % (1 << 16))
+    data_id = (PRESSURE_ID + data_id_shift).to_bytes(2, "little")
+    frames = [Sent(BASE, bytes([_crc_8(data_id + body)]) + body)]
+    strains = np.full(-(-len(codes) // 4) * 4, -32768, dtype="<i2")
+    strains[: len(codes)] = codes
+    covered = strains.tobytes()
+    frames += [Sent(BASE + 1 + k, covered[8 * k : 8 * k + 8]) for k in range(len(covered) // 8)]
+    head = struct.pack("<BBI", counter % 256, status, ticks)
+    crc = crc_hqx(head + covered + (configured + data_id_shift).to_bytes(2, "little"), 0xFFFF)
+    return [*frames, Sent(BASE + len(frames), struct.pack("<H", crc) + head)]
+
+
+def _crc_8(data: bytes) -> int:
+    """CRC-8/SAE-J1850 with start and final value 0, as E2E profile 1 has it."""
+    crc = 0
+    for byte in data:
+        crc ^= byte
+        for _ in range(8):
+            crc = (crc << 1 ^ (0x1D if crc & 0x80 else 0)) & 0xFF
+    return crc

@@ -101,10 +101,10 @@ void sb_judge_decode(SbJudge *judge, const SbParts *parts) {
 /* What shows where the clock of a restarted sender stands: that it began behind the last strains, or the counter. */
 static int evidence_of(const SbJudge *j, const SbParts *p) {
     if (j->proof != NULL) {
-        return j->proof->begins ? CLOCK_BEGAN : CLOCK_COUNTER_CONTINUES;
+        return j->proof->has_begun ? CLOCK_BEGAN : CLOCK_COUNTER_CONTINUES;
     }
     const SbModel *old = &j->clock->before;
-    return j->clock->known.begin <= p->first_time * j->clock->pace - old->local ? CLOCK_BEGAN : CLOCK_CONTINUES;
+    return j->clock->known.source <= p->first_time * j->clock->pace - old->local ? CLOCK_BEGAN : CLOCK_CONTINUES;
 }
 
 /* Date a cycle by its sample time; 1 if its sender has been proven with it. */
@@ -135,10 +135,6 @@ static int date(SbJudge *j, const SbParts *p, int is_new) {
         j->strain_time->local = p->first_time;
         j->strain_time->seconds = (double)ticks * j->clock->tick;
     }
-    /* An authenticated sender that was switched on may send its stimulus again. */
-    if (reading & SB_RESTARTED && j->proof == NULL && j->repeats != NULL && evidence_of(j, p) == CLOCK_BEGAN) {
-        sb_repeats_forget(j->repeats);
-    }
     const int was_proven = j->proof != NULL && j->proof->is_proven;
     const int is_proven =
         j->proof == NULL ? (reading & SB_RESTARTED) != 0
@@ -163,10 +159,21 @@ static int has_changed_since_passed(const SbJudge *j, const SbParts *p) {
     return 0;
 }
 
-/* Strains that the sender repeats have the age of their first occurrence. Where the readings of quiet gauges may repeat
-   themselves so often by chance, what makes them too old is doubt instead. */
-static void add_frozen(SbJudge *j, const SbParts *p) {
+/* Strains that the sender repeats have the age of their first occurrence, and the time since; the clock shows no more about
+   them. Where the readings of quiet gauges may repeat themselves so often by chance, what makes them too old is doubt
+   instead. `is_dated`: the clock has shown an age. */
+static void add_frozen(SbJudge *j, const SbParts *p, int is_dated) {
     const double frozen = j->checks->frozen_for[0], unheard = j->checks->frozen_for[1];
+    if (!(frozen > 0.0)) {
+        if (is_readable(j)) { /* a cycle that is not read shows no change */
+            j->changed_age = is_dated ? j->clock->age : NAN;
+            j->changed_doubt = j->age[1];
+        }
+    } else if (is_dated && !isnan(j->changed_age)) {
+        j->age[0] += j->changed_age - j->clock->age;
+        j->age[1] = j->changed_doubt > j->age[1] ? j->changed_doubt : j->age[1];
+    }
+    j->age[1] += j->checks->frozen_for[2]; /* NaN stays NaN */
     const double room = j->max_age - j->age[0];
     if (j->checks->may_be_chance && frozen > room && room > 0.0) {
         j->age[0] = j->max_age;
@@ -193,7 +200,8 @@ static void find_age(SbJudge *j, const SbParts *p, double now) {
     const int is_timed = j->slot[j->found[SB_FOUND_NAMED]]->place[SB_NUMBER_SAMPLE_TIME] >= 0;
     j->age[0] = now - p->first_time;
     j->age[1] = NAN;
-    if (j->clock != NULL && readable && is_timed) {
+    const int has_date = j->clock != NULL && readable && is_timed;
+    if (has_date) {
         if (date(j, p, is_new)) {
             j->clock->before.is_set = 0;
             /* The clock of q_inf may be so short that a restart looks like a delay. */
@@ -211,10 +219,13 @@ static void find_age(SbJudge *j, const SbParts *p, double now) {
         j->found[SB_FOUND_CAUSES] |= SB_OLD;
     }
     if (j->checks->looks_for_frozen) {
-        add_frozen(j, p);
+        add_frozen(j, p, has_date && !(j->found[SB_FOUND_CAUSES] & SB_CLOCK_JUMP));
     }
     if (j->repeats != NULL && readable && repeats_take(j->repeats, j->checks, j->cycle, j->plausible)) {
         j->found[SB_FOUND_CAUSES] |= SB_CAUSE_REPEATS;
+    } else if (j->repeats != NULL && !readable && j->found[SB_FOUND_REFUSED] != SB_REFUSED_UNVERIFIED) {
+        sb_decode(j->decoder, p->data, p->here, 0, j->passed);
+        sb_repeats_remember(j->repeats, j->checks, j->passed);
     }
     j->has_passed = 0;
 }
@@ -300,6 +311,9 @@ int64_t sb_judge_pass_over(SbJudge *judge, const SbParts *parts) {
     if (j->has_passed) {
         j->passed_time = parts->first_time;
         sb_decode(j->decoder, parts->data, parts->here, 0, j->passed);
+        if (j->repeats != NULL) {
+            sb_repeats_remember(j->repeats, j->checks, j->passed);
+        }
     }
     return j->found[SB_FOUND_REFUSED];
 }

@@ -168,16 +168,19 @@ static int may_be_chance(const SbChecks *c, const SbCycle *cycle, int64_t run) {
 void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now) {
     SbChecks *c = checks;
     const uint8_t *present = cycle->present;
-    double known = INFINITY, possible = INFINITY, fast = INFINITY;
+    double known = INFINITY, possible = INFINITY, fast = INFINITY, youngest = INFINITY;
     int64_t run = INT64_MAX, shortest = INT64_MAX;
     for (int64_t i = 0; i < c->n; i++) {
         if (!present[i]) {
             continue;
         }
-        /* By the clock, which lost cycles do not shorten, or by the number of cycles, which those held back do not. */
-        const double since = larger(*now - c->changed[i], (double)c->repeats[i] * c->period[i]);
+        /* By our clock, which lost cycles do not shorten; of cycles without sample time also by their number, which those
+           held back do not shorten. */
+        const double counted = c->is_dated ? 0.0 : (double)c->repeats[i] * c->period[i];
+        const double since = larger(*now - c->changed[i], counted);
         const double repeated = since + (c->repeats[i] > 0 ? c->unheard[i] : 0.0);
         known = repeated < known ? repeated : known;
+        youngest = since < youngest ? since : youngest;
         possible = since + c->unheard[i] < possible ? since + c->unheard[i] : possible;
         shortest = c->repeats[i] < shortest ? c->repeats[i] : shortest;
         if (c->is_fast[i]) {
@@ -186,7 +189,7 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
         }
     }
     if (known == INFINITY) {
-        c->frozen_for[0] = c->frozen_for[1] = 0.0;
+        c->frozen_for[0] = c->frozen_for[1] = c->frozen_for[2] = 0.0;
         c->may_be_chance = 1;
         return;
     }
@@ -201,4 +204,5 @@ void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now)
     }
     c->frozen_for[0] = known;
     c->frozen_for[1] = larger(possible - known, 0.0);
+    c->frozen_for[2] = larger(known - youngest, 0.0);
 }

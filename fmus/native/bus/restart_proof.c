@@ -49,8 +49,9 @@ int proof_take(SbProof *p, const SbClock *clock, int64_t reading, double local, 
     if (jumped && !(reading & SB_RESTARTED)) {
         return 0;
     }
+    p->has_begun = has_begun(p, seconds, counter);
     p->is_proven = p->n_new >= p->new_frames &&
-                   (p->accepts || has_begun(p, seconds, counter) || was_set_ahead(p, clock, local, ticks, counter));
+                   (p->accepts || p->has_begun || was_set_ahead(p, clock, local, ticks, counter));
     if (p->is_proven) {
         keep(p, local, counter);
     }

@@ -92,7 +92,8 @@ static int64_t reading_of(SbClock *c, double floor, int64_t counter) {
     const double raised = m->floor - floor;
     c->age = m->local - m->source - m->floor;
     count_take(&c->count, c->tick, m, c->age, raised > 0.0 ? raised : 0.0, counter);
-    c->uncertainty = m->floor - m->fastest + tolerance_of(c) * (m->local - m->start) + m->doubt + c->count.doubt;
+    c->uncertainty = m->floor - m->fastest + tolerance_of(c) * (m->local - m->start) + m->doubt +
+                     m->either + c->count.doubt;
     return m->floor - m->lowest >= c->hidden - c->round_off ? SB_HIDES_DELAY : 0;
 }
 
@@ -149,40 +150,43 @@ static void turn_minima(SbMinima *m, double slope) {
 }
 
 static void turn_model(SbModel *m, double slope) {
-    const double shift = slope * m->local;
-    m->floor -= shift;
-    m->lowest -= shift;
-    m->fastest -= shift;
+    m->floor -= slope * m->local;
+    m->lowest -= slope * m->local;
+    m->fastest -= slope * m->start; /* the fastest clock is as fast as before, by the tolerance from the new pace */
     m->local *= 1.0 - slope;
     m->start *= 1.0 - slope;
 }
 
 /* Take the slope of the smallest delays for the rate of the clock: if they lie on a line, over all windows that are kept,
-   and the rate is one that is tolerated. A delay that grows steadily for so long counts as rate. From then on the clock
-   may differ from that rate by what oscillators wander, and hidden delay is counted from here. */
-static void learn_rate(SbClock *c) {
+   and the rate is one that is tolerated. At first the rate is only followed: it removes the growth from the age, and what
+   a queue may have hidden stays in the uncertainty. A delay that grows steadily over the windows of the measurement counts
+   as rate. From then on the clock may differ from it by what oscillators wander, and hidden delay is counted from here. */
+static void follow_rate(SbClock *c, const SbMinima *minima, int is_measured) {
     double line[2], below, above;
-    if (c->rate.n < SB_MINIMA) {
+    if (minima->n < SB_MINIMA) {
         return;
     }
-    fit_line(c->rate.minimum, line, &below, &above);
+    fit_line(minima->minimum, line, &below, &above);
     const double pace = c->pace * (1.0 - line[1]);
     if (!(above - below <= c->straight) || fabs(pace - c->stated) > c->tolerance) {
         return;
     }
+    SbModel *m = &c->known;
+    const double age = m->local - m->source - m->floor;
     c->pace = pace;
-    c->is_learned = 1;
     c->jumped.is_set = 0;
     turn_minima(&c->drift, line[1]);
     turn_minima(&c->rate, line[1]);
-    turn_model(&c->known, line[1]);
+    turn_model(m, line[1]);
     turn_model(&c->before, line[1]);
-    SbModel *m = &c->known;
     const double delay = m->local - m->source, floor = line[0] + below;
     m->floor = m->lowest = delay < floor ? delay : floor;
-    m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
-    m->start = m->local;
-    c->count.is_set = 0;
+    if (is_measured) {
+        c->is_learned = 1;
+        m->fastest = m->floor - 4.0 * (above - below); /* a bend that stays within this may hide as much */
+        m->start = m->local;
+    }
+    count_turn(&c->count, age, m, delay - m->floor);
 }
 
 /* --- restarts --------------------------------------------------------------------------------------------------------- */
@@ -191,7 +195,7 @@ static void learn_rate(SbClock *c) {
 static void replace(SbClock *c, const SbModel *old, SbModel made, double local) {
     /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
     made.lowest -= old->floor - old->lowest;
-    made.doubt = old->floor - old->fastest + tolerance_of(c) * (local - old->start) + old->doubt;
+    made.doubt = old->floor - old->fastest + tolerance_of(c) * (local - old->start) + old->doubt + old->either;
     c->known = made;
     c->before = *old;
     c->jumped.is_set = 0;
@@ -234,7 +238,7 @@ void clock_bound_restart(SbClock *c, int evidence, int64_t counter) {
     if (!old->is_set || c->is_synchronised) {
         return;
     }
-    const double hidden = tolerance_of(c) * (old->local - old->start) + old->doubt;
+    const double hidden = tolerance_of(c) * (old->local - old->start) + old->doubt + old->either;
     const double earliest = old->source + old->fastest - hidden;
     double passed = m->source - m->begin; /* since the first reading */
     if (c->count.modulus > 0 && m->counter >= 0 && counter >= 0) {
@@ -278,11 +282,18 @@ int64_t clock_read(SbClock *c, double local, int64_t ticks, int64_t counter) {
         return reading_of(c, c->known.floor, counter);
     }
     if (follow(c, &c->known, now, ticks, 1.0, &offset)) {
+        double steady; /* the reading may be of the clock that has jumped, too: then it has no age */
+        if (c->jumped.is_set && follow(c, &c->jumped, now, ticks, c->steady, &steady)) {
+            c->known.either += now - c->known.source - c->known.floor;
+        }
         c->jumped.is_set = 0;
         const int64_t flags = reading_of(c, floor, counter);
-        keep_minimum(&c->drift, now, offset);
+        const int has_drift = keep_minimum(&c->drift, now, offset);
         if (keep_minimum(&c->rate, now, offset)) {
-            learn_rate(c);
+            follow_rate(c, &c->rate, 1);
+        }
+        if (has_drift && c->rate.length > 0.0 && !c->is_learned) {
+            follow_rate(c, &c->drift, 0);
         }
         return flags;
     }

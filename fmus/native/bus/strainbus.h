@@ -196,18 +196,20 @@ SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t
 
 /* --- strains that repeat those of an earlier cycle ---------------------------------------------------------------- */
 
-#define SB_REPEATS_PLACES (1 << 16)
+#define SB_REPEATS_PLACES (1 << 18)
 
-/* Hashes of the readings of cycles, each in the place that its low bits state; a later one takes the place. */
+/* Hashes of the readings of frames and of whole cycles, each in the place that its low bits state; a later one takes the
+   place. */
 typedef struct {
     uint64_t *hash;                             /* (SB_REPEATS_PLACES), 0 for none */
-    int64_t n;                                  /* hashes in it, at most */
-    uint64_t last;                              /* of the last cycle */
+    uint64_t *last;                             /* (n_groups) of the last cycle: of each frame, then of all */
+    const uint8_t *is_kept;                     /* (n_groups) whether noise lets repetitions be found */
+    int64_t n_groups, n;                        /* hashes in it, at most */
     int64_t counts, alarm;                      /* cycles for which a repetition counts, and for how many */
     double limit;                               /* logarithm of the largest probability of a repetition that is none */
 } SbRepeats;
 
-/* Forget all cycles. A cycle with lost frames is not looked at. */
+/* Forget all cycles. */
 SB_API void sb_repeats_forget(SbRepeats *repeats);
 
 /* --- frames that have been received before ------------------------------------------------------------------------ */
@@ -235,12 +237,14 @@ typedef struct {
 typedef struct {
     int64_t modulus;                   /* of the counter, 0 without */
     double period;                     /* of its steps by the sender's clock: stated, then measured [s] */
-    int64_t is_set, last, is_measured; /* state */
-    double source, local, counted;     /* last sample time, its arrival, and the time that the counter gives [s] */
-    double floor;                      /* smallest delay by the counter [s] */
-    int64_t n, n_odd, steps, regular_steps;
+    int64_t is_set, last;              /* state */
+    int64_t is_measured, is_irregular; /* the sender has a period: 0 no, 1 in doubt, 2 yes; it has been found to have none */
+    double source, local;              /* last sample time, its arrival [s] */
+    double earliest, latest;           /* when the last strains were sampled, by our clock [s] */
+    int64_t n, n_odd, steps, regular_steps, early_steps, late_steps;
     double begin, regular;             /* sample time at the start of the measurement; sum of regular intervals [s] */
-    double doubt;                      /* difference of the ages by both clocks at the last reading [s] */
+    double kept;                       /* doubt from before the counter last showed no time [s] */
+    double doubt;                      /* by how much the age may differ from that by the clock [s] */
 } SbCount;
 
 /* One clock that the readings may be of. */
@@ -252,6 +256,7 @@ typedef struct {
     double start;         /* our time of the first reading [s] */
     double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
     double doubt;         /* delay that may have been there when the clock was first read [s] */
+    double either;        /* age of readings that may be of another clock, without age [s] */
     double begin;         /* first sample time [s] */
     int64_t counter;      /* of the first reading, of a clock before a restart of the last one; -1 without */
 } SbModel;
@@ -280,7 +285,7 @@ typedef struct {
     int64_t new_frames, max_delta, modulus;     /* modulus of the counter, 0 without */
     int64_t accepts;                            /* a confirmed jump is a restart, without more proof */
     double period, startup_time, pause;
-    int64_t is_proven, n_new, begins, has_last, last_counter; /* state; a counter of -1 is none */
+    int64_t is_proven, n_new, begins, has_begun, has_last, last_counter; /* state; a counter of -1 is none */
     double last_local, heard;                   /* [s]; never heard: NaN */
 } SbProof;
 
@@ -341,6 +346,7 @@ enum { SB_OUT_OF_RANGE, SB_JUMPS, SB_FROZEN, SB_ZERO, SB_N_FAULTS };
 /* See strainfmu/can/cycle/gauges/plausibility.py. */
 typedef struct {
     int64_t n, heal_cycles, looks_for_frozen;
+    int64_t is_dated;                           /* cycles have a sample time, which shows that they were held back */
     double cycle_time, sensor_range, rate_limit, zero_jump, round_off, pace_factor, fading;
     const double *period, *cycles_apart, *stuck_cycles;
     const int64_t *zero_cycles;
@@ -350,7 +356,7 @@ typedef struct {
     uint8_t *seen, *stuck;
     uint8_t *fault;                             /* (SB_N_FAULTS, n) */
     uint8_t *valid;                             /* (n) */
-    double *frozen_for;                         /* (2) result of sb_checks_frozen [s] */
+    double *frozen_for;                         /* (3) result of sb_checks_frozen [s] */
     int64_t may_be_chance;                      /* so many repetitions are no sign that anything is frozen */
     double rare;                                /* square of the probability of what is none */
     double unchanged, memory, memory_length;    /* part of the cycles in which no gauge changed, and their number */
@@ -362,7 +368,10 @@ typedef struct {
 SB_API int64_t sb_checks_update(SbChecks *checks, const SbCycle *cycle, const double *now);
 SB_API int64_t sb_checks_end(SbChecks *checks, const SbCycle *cycle, const double *now);
 
-/* For how long none of the cycle's gauges has changed, and for how much longer that may be: frozen_for. The noise of
+/* Remember the frames of a cycle that is not judged. */
+SB_API void sb_repeats_remember(SbRepeats *repeats, const SbChecks *checks, const SbCycle *cycle);
+
+/* For how long none of the cycle's gauges has changed, and for how much longer or shorter that may be: frozen_for. The noise of
    quiet gauges may give that by chance: may_be_chance. */
 SB_API void sb_checks_frozen(SbChecks *checks, const SbCycle *cycle, const double *now);
 
@@ -463,6 +472,7 @@ typedef struct {
     SbCycle *passed;                            /* the last cycle that was passed over */
     int64_t has_passed, may_be_held_back;       /* state; by the pace of cycles without sample time */
     double passed_time;
+    double changed_age, changed_doubt;          /* of the last cycle in which a gauge changed, NaN if not known [s] */
     uint64_t trailer_status;                    /* of the cycle, 0 without */
     int64_t has_frozen;                         /* gauges of the cycle are frozen together */
     const uint8_t *nothing;                     /* zeros, as many as a cycle's bytes */

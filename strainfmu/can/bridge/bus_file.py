@@ -567,6 +567,9 @@ def bus_template(gauge_names: Sequence[str]) -> str:
             allowed = f": {', '.join(entry.choices)}" if entry.choices else ""
             lines.append(f"{f'{mark}{name} = {entry.example}':<44}  # {entry.text}{unit}{allowed}")
         if table == MAPPING_TABLE:
-            lines += ["", "# [input.strain]                            # with dbc: Message.Signal of each gauge"]
+            lines += ["", "# [input.strain]                            # with dbc: Message.Signal of each gauge;"]
+            lines += [
+                "#                                           # * stands for all others: the signals of their names"
+            ]
             lines += [f'# "{name}" = "Message.Signal"' for name in gauge_names]
     return "\n".join(lines) + "\n"

@@ -164,10 +164,10 @@ class BridgeCore:
         elif event == _USED:
             account.settle(FrameClass.USED, time)
         elif event >= _REFUSED:
-            account.settle(self._reception.refused(frame, event - _REFUSED), time)
+            account.settle(self._refused(frame, self._reception.refused(frame, event - _REFUSED)), time)
         elif event > _PENDING:
             verdict, closed = self._assembler.outcome(event - _PENDING)
-            results += self._offered(verdict, closed, time, is_answered)
+            results += self._offered(frame, verdict, closed, is_answered)
         else:
             account.settle(_CLASSES[event], time)
             if event == _SHED:
@@ -183,8 +183,8 @@ class BridgeCore:
         if refused is None:
             arrival = self._reception.take(frame)
             if type(arrival) is Arrival and arrival.slot in self._cycle_slots:
-                return results + self._offered(*self._assembler.offer(arrival), time, is_answered)
-            self._hold(arrival, time)
+                return results + self._offered(frame, *self._assembler.offer(arrival), is_answered)
+            self._hold(self._refused(frame, arrival) if isinstance(arrival, FrameClass) else arrival, time)
             return results
         self.account.refuse(refused, frame.key, time)
         if refused is FrameClass.ERROR_FRAME:
@@ -210,6 +210,12 @@ class BridgeCore:
                 results += self._be_silent(now)
             else:
                 return results
+
+    def pass_gap(self, end: float) -> CycleResult:
+        """Return the last result of a silence up to ``end`` [s]; the next status is due a cycle later."""
+        result = self.advance(end)[-1]
+        self._times[1] = end + self.layout.cycle_time
+        return result
 
     @property
     def next_event(self) -> float:
@@ -278,10 +284,21 @@ class BridgeCore:
             kind = self._judge.take_flow(arrival)
         self.account.settle(kind, time)
 
-    def _offered(self, verdict: Verdict, closed: list[Cycle], time: float, is_answered: bool) -> list[CycleResult]:
+    def _refused(self, frame: Frame, kind: FrameClass) -> FrameClass:
+        """Remember the strains of a refused frame, if it is one of the sender; return its class ``kind``."""
+        if kind is FrameClass.WRONG_SEQUENCE:
+            self._judge.remember(frame)
+        return kind
+
+    def _offered(
+        self, frame: Frame, verdict: Verdict, closed: list[Cycle], is_answered: bool
+    ) -> list[CycleResult]:
         """Note what became of a frame of a cycle; return the results of the cycles that it ends."""
+        time = frame.time
         if verdict is not _ACCEPTED:
             if verdict is Verdict.LATE or verdict is Verdict.REPEATED:
+                if verdict is Verdict.LATE:
+                    self._judge.remember(frame)
                 self.account.settle(FrameClass.LATE if verdict is Verdict.LATE else FrameClass.REPEATED, time)
                 return []
             self._judge.forget_sender()

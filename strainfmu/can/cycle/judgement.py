@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, address, function, pointer
 from strainfmu.can.wire.cycle_plan import DecodedCycle
+from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.estimator.signal_names import STRAIN, VALID
@@ -67,7 +68,7 @@ class JudgeRecord(Record):
         *((name, INTEGER) for name in ("n_late", "longest_late", "worst_status", "unusable")),
         ("passed", ARRAY),
         *((name, INTEGER) for name in ("has_passed", "may_be_held_back")),
-        ("passed_time", NUMBER),
+        *((name, NUMBER) for name in ("passed_time", "changed_age", "changed_doubt")),
         *((name, INTEGER) for name in ("trailer_status", "has_frozen")),
         *((name, ARRAY) for name in ("nothing", "plausible", "trusted", VALID, STRAIN, "known", "age", "found")),
     )
@@ -154,6 +155,8 @@ class CycleJudge:
             has_passed=0,
             may_be_held_back=0,
             passed_time=0.0,
+            changed_age=nan,
+            changed_doubt=nan,
             trailer_status=0,
             has_frozen=0,
             nothing=np.zeros(sum(frame.layout.length for frame in layout.frames), dtype=np.uint8),
@@ -214,9 +217,15 @@ class CycleJudge:
         self._held.take(arrival)
         if not self._reception.is_trusted(arrival.slot):
             return FrameClass.NOT_TRUSTED
-        own = self._decoder.decode([arrival], arrival.status, self._beside)
+        own = self._decoder.decode({arrival.slot: arrival.frame.data}, arrival.status, self._beside)
         usable = own.present & ~own.refused & np.isfinite(own.strain)
         return FrameClass.USED if usable.any() else FrameClass.NOT_USABLE
+
+    def remember(self, frame: Frame) -> None:
+        """Remember the strains of a frame with a correct CRC that was refused by its counter or time."""
+        slot = self._reception.protected_strains.get(frame.key)
+        if self._repeats is not None and slot is not None:
+            self._repeats.remember(self._gauges, self._decoder.decode({slot: frame.data}, 0, self._beside))
 
     def take_command(self, arrival: Arrival) -> FrameClass:
         """Take in a command of the sender; return its frame's class. One of another time than now is none."""
@@ -382,7 +391,7 @@ class CycleJudge:
         result.mach_number, result.altitude = flow.mach_number, flow.altitude
         result.other_inputs = flow.other_inputs.copy()  # the state is used again
         result.age, result.age_uncertainty = self._ages
-        result.held = 0.0
+        result.held, result.gap = 0.0, nan
         result.sample_time = found[_SAMPLE_TIME] if self._is_timed[named] else None
         result.counter = found[_COUNTER] if found[_COUNTER] >= 0 else None
         if step is None:

@@ -103,8 +103,17 @@ def cycle_parts(
         gauges=gauge_checks(layout, settings, noise_std),
         flow=HeldFlow(held_values(layout, settings), dynamic_pressure, seen, strain_time, layout.constants),
         held=held_strains(layout),
-        repeats=None if settings.accepts_restart or settings.stuck_cycles == 0 else RepeatedStrains(),
+        repeats=repeated_strains(layout, settings, noise_std),
     )
+
+
+def repeated_strains(
+    layout: InputLayout, settings: BridgeSettings, noise_std: ArrayLike | None
+) -> RepeatedStrains | None:
+    """Return what remembers strains; None where a sender may repeat a stimulus, or strains may be constant."""
+    if settings.accepts_restart or settings.stuck_cycles == 0:
+        return None
+    return RepeatedStrains(gauge_noise(layout, noise_std))
 
 
 def gauge_checks(
@@ -115,7 +124,15 @@ def gauge_checks(
 ) -> GaugeChecks:
     """Return the ``checks`` of the gauges of ``layout``; ``noise_std`` as of :func:`cycle_parts`."""
     noise = gauge_noise(layout, noise_std)
-    return checks(layout.n_gauges, layout.cycle_time, settings, noise, periods=gauge_periods(layout))
+    frame = _dated(layout)
+    return checks(
+        layout.n_gauges,
+        layout.cycle_time,
+        settings,
+        noise,
+        periods=gauge_periods(layout),
+        is_dated=frame is not None and frame.sample_time is not None,
+    )
 
 
 def cycle_limits(layout: InputLayout, settings: BridgeSettings) -> Limits:

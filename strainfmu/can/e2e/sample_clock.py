@@ -123,7 +123,11 @@ class SenderClock(Protocol):
 class _Model(ctypes.Structure):
     _fields_ = (
         *((name, INTEGER) for name in ("is_set", "ticks", "readings")),
-        *((name, NUMBER) for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "begin")),
+        *(
+            (name, NUMBER)
+            for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "either")
+        ),
+        ("begin", NUMBER),
         ("counter", INTEGER),
     )
 
@@ -140,10 +144,10 @@ class _Count(ctypes.Structure):
     _fields_ = (
         ("modulus", INTEGER),
         ("period", NUMBER),
-        *((name, INTEGER) for name in ("is_set", "last", "is_measured")),
-        *((name, NUMBER) for name in ("source", "local", "counted", "floor")),
-        *((name, INTEGER) for name in ("n", "n_odd", "steps", "regular_steps")),
-        *((name, NUMBER) for name in ("begin", "regular", "doubt")),
+        *((name, INTEGER) for name in ("is_set", "last", "is_measured", "is_irregular")),
+        *((name, NUMBER) for name in ("source", "local", "earliest", "latest")),
+        *((name, INTEGER) for name in ("n", "n_odd", "steps", "regular_steps", "early_steps", "late_steps")),
+        *((name, NUMBER) for name in ("begin", "regular", "kept", "doubt")),
     )
 
 
@@ -242,7 +246,7 @@ class SampleClock:
         """Take the delay of the last reading for the smallest one: somebody has checked it."""
         known = self.record.known
         known.lowest = known.fastest = known.floor = known.local - known.source
-        known.start, known.doubt = known.local, 0.0
+        known.start, known.doubt, known.either = known.local, 0.0, 0.0
         self.record.count.is_set, self.record.count.doubt = 0, 0.0
 
     def seconds(self, ticks: int) -> float:

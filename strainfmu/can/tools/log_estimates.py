@@ -36,6 +36,7 @@ LOG_COLUMNS = (
     (ENVELOPE_SCORE, "1"),
     ("age_uncertainty", "s"),
     (USABLE, "1"),
+    ("gap", "s"),
 )
 """Columns of a replay's output; loads behind the five follow where the estimator gives them."""
 
@@ -121,6 +122,7 @@ def _row(result: CycleResult) -> list[float]:
         ENVELOPE_SCORE: result.envelope_score,
         "age_uncertainty": result.age_uncertainty,
         USABLE: None if result.health is None else float(result.usable),
+        "gap": result.gap,
     }
     found = (values[name] for name, _ in LOG_COLUMNS)
     return [float("nan") if value is None else value for value in found]

@@ -35,7 +35,7 @@ _AHEAD = 64
 """Frames of a log that are read ahead: a sent frame is logged after it has been sent."""
 
 _LONGEST_GAP = 1000
-"""Cycles without any frame in a log beyond which their status results are left out, but for the first and last."""
+"""Cycles without any frame in a log beyond which they have one result."""
 
 _UNMATCHED = 10_000
 """Maximum number of result frames kept without a counterpart: a log without sent frames has none."""
@@ -162,22 +162,30 @@ def _advanced(core: BridgeCore, time: float, skips: dict[float, float]) -> list[
 
 
 class _Gaps:
-    """Times without any frame, sent or received: what a live bridge says then every cycle is said a few times."""
+    """Times without any frame, sent or received: what a live bridge says then every cycle is said once."""
 
     def __init__(self, core: BridgeCore) -> None:
         self._core, self._begin = core, float("nan")
         self._longest, self._number = 0.0, 0
 
     def passed(self, begin: float, end: float, skips: dict[float, float]) -> list[CycleResult]:
-        """Return the results from ``begin`` to ``end`` [s], of successive frames, if it is a gap; else none."""
+        """Return the results from ``begin`` to ``end`` [s], of successive frames, if it is a gap; else none.
+
+        They are those of the cycles before it, and one of the gap, with its length.
+        """
         core, period = self._core, self._core.layout.cycle_time
         if end - begin <= _LONGEST_GAP * period:
             return []
         self._number += 1
         if end - begin > self._longest:
             self._begin, self._longest = begin, end - begin
-        silence = core.settings.timeout + core.settings.invalid_after
-        return [*_advanced(core, begin + (silence + 1.0) * period, skips), *core.advance(end)]
+        results: list[CycleResult] = []
+        while not (results and results[-1].causes & Cause.SILENT):
+            results += _advanced(core, core.next_event, skips)
+        row = core.pass_gap(end)
+        row.time, row.gap = results[-1].time, end - begin
+        row.causes |= results[-1].causes
+        return [*results[:-1], row]
 
     def notes(self, log: Path, start: float) -> list[str]:
         """Return a line on the gaps; ``start`` is that of the log [s]."""
@@ -185,7 +193,7 @@ class _Gaps:
             return []
         return [
             f"{log}: {self._number} gaps without a frame, the longest of {self._longest:.6g} s, "
-            f"{self._begin - start:.6g} s behind the start: results INVALID, written at its begin and end alone"
+            f"{self._begin - start:.6g} s behind the start: each has one row, with its length in column gap"
         ]
 
 

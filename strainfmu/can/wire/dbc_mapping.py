@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from typing import Any, TypeVar
 
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
@@ -27,6 +28,7 @@ from strainfmu.can.wire.frame_layout import (
     temperature_name,
 )
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
+from strainfmu.can.wire.profiles import signal_names
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
@@ -90,6 +92,10 @@ def mapped_layout(
     return mapper.layout()
 
 
+_OTHERS = "*"
+"""In place of a gauge: all that are not listed."""
+
+
 class _Mapper:
     """Makes the layout of one mapping."""
 
@@ -125,7 +131,7 @@ class _Mapper:
     def layout(self) -> InputLayout:
         """Return the whole input."""
         by_message: dict[tuple[str, int | None], list[tuple[int, Any]]] = {}
-        for gauge, path in self._file.table(STRAIN).items():
+        for gauge, path in self._strain_table().items():
             message, signal = self._file.signal(path, f"strain, '{gauge}'")
             by_message.setdefault((message.name, selector_value(signal, self._name)), []).append(
                 (self._gauge(gauge), signal)
@@ -371,6 +377,31 @@ class _Mapper:
             indices[role] = first + len(signals)
             signals.append(signal)
         return signals, indices
+
+    def _strain_table(self) -> dict[str, Any]:
+        """Return the path of each gauge's signal; "*" stands for all others, whose signals have their names."""
+        table = dict(self._file.table(STRAIN))
+        pattern = table.pop(_OTHERS, None)
+        if pattern is None:
+            return table
+        stated = {self._gauge(gauge) for gauge in table}
+        for index, signal_name in enumerate(signal_names(self._names)):
+            if index not in stated:
+                table[self._names[index]] = self._signal_of_name(signal_name, str(pattern), self._names[index])
+        return table
+
+    def _signal_of_name(self, signal_name: str, pattern: str, gauge: str) -> str:
+        """Return the one "Message.Signal" of a name that fits a pattern such as "Rack*.*"."""
+        paths = [f"{message.name}.{signal_name}" for message in self._database.messages]
+        known = {f"{m.name}.{signal.name}" for m in self._database.messages for signal in m.signals}
+        found = [path for path in paths if path in known and fnmatchcase(path, pattern)]
+        if len(found) != 1:
+            what = "none" if not found else ", ".join(found)
+            raise InputError(
+                f"{self._name}: strain, '{_OTHERS}': expected one signal {pattern} of the name {signal_name} "
+                f"for gauge '{gauge}', got {what}"
+            )
+        return found[0]
 
     def _tick(self, message: Any, extra: list[Any], indices: dict[str, int], first: int) -> float:
         """Return the unit of the sample time [s]."""

@@ -201,6 +201,31 @@ def test_the_rate_of_a_clock_is_measured_and_its_age_stays_bounded(rate: float) 
     assert clock.drift_ppm == pytest.approx(1e6 * rate, abs=0.5)
 
 
+@pytest.mark.parametrize("rate", [-100e-6, -50e-6, 50e-6, 95e-6])
+@pytest.mark.parametrize("seconds_per_cycle", [0.01, 0.1])
+def test_a_slow_clock_is_followed_before_its_rate_is_measured(rate: float, seconds_per_cycle: float) -> None:
+    """Within the tolerance of 100 ppm no result waits for the measurement; the true age, 0, is within bounds."""
+    clock = SampleClock(1e-6, 32, LEARNING)
+    for k in range(int(900 / seconds_per_cycle)):
+        t = k * seconds_per_cycle
+        reading = clock.read(t, round(t * (1.0 - rate) * 1e6) % 2**32)
+        assert not reading.hides_delay, t
+        assert reading.age - reading.uncertainty < 1e-5
+        assert reading.age < 6.5e-3
+    assert reading.uncertainty < 1e-3
+
+
+@pytest.mark.parametrize("growth", [-30e-6, 60e-6, 95e-6])
+@pytest.mark.parametrize("rate", [-60e-6, 0.0])
+def test_a_queue_that_grows_like_a_slow_clock_is_in_the_uncertainty_until_then(growth: float, rate: float) -> None:
+    clock, true = SampleClock(1e-6, 32, LEARNING), 0.0
+    for k in range(5990):
+        t = 0.1 * k
+        true = growth * t if growth > 0.0 else max(-growth * (300.0 - t), 0.0)
+        reading = clock.read(t + true, round(t * (1.0 - rate) * 1e6) % 2**32)
+        assert true - reading.age - reading.uncertainty < 1e-5 + (9e-3 if growth < 0.0 else 0.0)
+
+
 def test_a_delay_that_begins_to_grow_behind_the_measurement_is_age() -> None:
     """A queue that grows by 60 ppm looks like a slow clock at the start, and does not where the rate is known."""
     clock = SampleClock(1e-6, 32, LEARNING)

@@ -16,6 +16,7 @@ from mutations import ends_in_one_line, limited, mutated
 from recorded_case import NAMES, read_csv
 from synthetic_vehicle import SyntheticFiles
 
+from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
@@ -37,9 +38,9 @@ def write_log(
     with can.BLFWriter(str(path), compression_level=0) as log:
         for k, sample in enumerate(flight(n_cycles)):
             late += (gaps or {}).get(k, 0.0)
-            for frame in sender.cycle(k, k * CYCLE, sample.strain, sample.dynamic_pressure):
+            for frame in sender.cycle(k, k * CYCLE + late, sample.strain, sample.dynamic_pressure):
                 message = to_message(frame)
-                message.timestamp = START + frame.time + late
+                message.timestamp = START + frame.time
                 log.on_message_received(message)
     return path
 
@@ -53,18 +54,25 @@ def replayed(run: Run, log: Path, fmu: Path) -> tuple[int, str, dict[str, np.nda
     return code, printed + errors, read_csv(out)
 
 
-def test_an_hour_without_frames_is_a_few_rows(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:
-    """The bridge would say every cycle that nothing came: 360,000 times. Its first and last words are enough."""
-    log = write_log(tmp_path / "run.blf", 80, gaps={40: 3600.0})
+@pytest.mark.parametrize("hours", [1, 24])
+def test_a_long_gap_is_one_row_with_its_length(
+    hours: int, synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    """The bridge would say every cycle that nothing came: 360,000 times in an hour."""
+    log = write_log(tmp_path / "run.blf", 80, gaps={40: 3600.0 * hours})
     code, printed, found = replayed(run, log, synthetic.map_1)
     assert code == 0
-    time, usable = found["time [s]"], np.isfinite(found["C_N [1]"])
-    assert 100 < len(time) < 160
-    assert time[-1] - time[0] == pytest.approx(3600.0 + 80 * CYCLE, abs=3 * CYCLE)
+    time, usable, gap = found["time [s]"], np.isfinite(found["C_N [1]"]), found["gap [s]"]
+    assert len(time) <= 81
+    assert gap[np.isfinite(gap)] == pytest.approx([3600.0 * hours + CYCLE], abs=1e-3)
+    row = int(np.flatnonzero(np.isfinite(gap))[0])
+    assert found["quality [1]"][row] == Quality.INVALID
+    assert int(found["causes [1]"][row]) & Cause.SILENT
+    assert time[-1] - time[0] == pytest.approx(3600.0 * hours + 80 * CYCLE, abs=3 * CYCLE)
     assert usable[:39].sum() > 30
     assert usable[-20:].all()
-    assert not usable[45:-40].any()
-    assert f"{log}: 1 gaps without a frame, the longest of 3600.01 s, 0.39" in printed
+    assert not usable[row]
+    assert f"{log}: 1 gaps without a frame, the longest of {3600.0 * hours + CYCLE:.6g} s, 0.39" in printed
 
 
 def test_a_shorter_silence_is_answered_every_cycle(synthetic: SyntheticFiles, tmp_path: Path, run: Run) -> None:

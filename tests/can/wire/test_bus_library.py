@@ -36,7 +36,7 @@ def test_frames_of_another_length_are_read_by_no_part(profile: str) -> None:
     short = Frame(identifier=1, data=b"")
     arrival = Arrival(slot=0, frame=short, plan=SignalPlan(layout.strain_frames[0].layout))
     with pytest.raises(ValueError, match="bytes, got"):
-        decoder.decode([arrival], 0, decoder.new_cycle())
+        decoder.decode({arrival.slot: arrival.frame.data}, 0, decoder.new_cycle())
 
 
 def test_arrays_in_pieces_have_no_address() -> None:

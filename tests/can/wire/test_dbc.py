@@ -216,6 +216,25 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
     assert run.results[-1].quality is Quality.VALID
 
 
+def test_all_other_gauges_are_the_signals_of_their_names() -> None:
+    names = gauge_names(30)
+    text = dbc_text([frame.layout for frame in layout_of("fd64", 30).frames], "x")
+    paths = {name: f"Strain{1 + i // 27}.gauge_{i}" for i, name in enumerate(names)}
+    mapping = {
+        "strain": {names[2]: paths.pop(names[2]), **paths},
+        "dynamic_pressure": {"signal": "DynamicPressure.DynamicPressure"},
+    }
+    short = {**mapping, "strain": {names[2]: "Strain1.gauge_2", "*": "Strain*.*"}}
+    one, other = (mapped_layout(database_of(text, "own"), m, names, name="map") for m in (mapping, short))
+    assert one == other
+    for pattern, found in (("Rack*.*", "none"), ("*.*", "Strain1.gauge_0, Copy.gauge_0")):
+        twice = text + 'BO_ 999 Copy: 8 x\n SG_ gauge_0 : 0|16@1- (1,0) [0|0] "um/m" x\n'
+        with pytest.raises(InputError, match=rf"for gauge 'gauge 0', got {found}$"):
+            mapped_layout(
+                database_of(twice, "own"), {**mapping, "strain": {"*": pattern}}, gauge_names=names, name="map"
+            )
+
+
 def change(path: str, value: object) -> Callable[[], dict]:
     """Return a maker of the big-endian mapping with one entry changed; None takes it away."""
 

@@ -204,7 +204,7 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     arrivals = [one for one in taken if isinstance(one, Arrival)]
     assert len(arrivals) == len(layout.strain_frames)
     decoder = StrainDecoder(layout)
-    cycle = decoder.decode(arrivals, 0, decoder.new_cycle())
+    cycle = decoder.decode({one.slot: one.frame.data for one in arrivals}, 0, decoder.new_cycle())
     assert cycle.present.all()
     assert np.flatnonzero(cycle.refused).tolist() == [5]
     # 0.125 um/m of 16 bits; float32 keeps 24 bits of 8191 um/m.

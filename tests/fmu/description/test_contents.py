@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import pytest
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.interface.contents import (
+    CONTENTS,
     FmuContents,
     Position,
     contents_from,
@@ -60,3 +62,18 @@ def test_what_has_another_form_is_not_stated() -> None:
 def test_another_file_states_nothing(tmp_path: Path) -> None:
     (tmp_path / "no.fmu").write_text("no archive")
     assert stated_contents(tmp_path / "no.fmu") == stated_contents(tmp_path / "none.fmu") == FmuContents()
+
+
+def test_an_entry_that_cannot_be_unpacked_or_is_huge_states_nothing(tmp_path: Path) -> None:
+    """Damages of every byte of the compressed entry; then one that unpacks to 60 MB."""
+    text = json.dumps({"noise": [f"gauge {k % 7}" for k in range(400)]}).encode()
+    path = tmp_path / "a.fmu"
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        archive.writestr(CONTENTS, text)
+    content = path.read_bytes()
+    for place in range(len(content)):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0x2A]) + content[place + 1 :])
+        stated_contents(path)
+    with ZipFile(path, "w", ZIP_DEFLATED) as archive:
+        archive.writestr(CONTENTS, b" " * 60_000_000)
+    assert stated_contents(path) == FmuContents()

@@ -43,6 +43,7 @@ class CycleResult:
     envelope_score : standard deviations by which the coefficients leave what the map covers [1]; NaN if not known.
     arrival : of the last frame of the cycle [s], None of a status without frames.
     verdicts : what was found of each gauge; None if all are used, and of a status without frames.
+    gap : how long nothing came, of the one result of a gap in a log [s]; NaN of all others.
     other_outputs : other outputs of the estimator that were asked for, by name; none without an estimate.
     """
 
@@ -66,6 +67,7 @@ class CycleResult:
     envelope_score: float = np.nan
     arrival: float | None = None
     verdicts: GaugeVerdicts | None = None
+    gap: float = np.nan
     other_outputs: Mapping[str, float] = field(default_factory=dict)
     other_inputs: Mapping[str, float] = field(default_factory=dict)
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from strainfmu.can.cycle.frames.assembler import Arrival
 from strainfmu.can.wire.compiled import function, pointer
 from strainfmu.can.wire.cycle_plan import CyclePlan, DecodedCycle
 from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
@@ -49,12 +48,10 @@ class StrainDecoder:
         """Return a cycle without frames, for :meth:`decode` to write into."""
         return DecodedCycle(self._n_gauges)
 
-    def decode(self, arrivals: Sequence[Arrival], status: int, cycle: DecodedCycle) -> DecodedCycle:
-        """Decode the ``arrivals`` of a cycle into ``cycle``; ``status`` is the worst one of the sender."""
-        data, slots = self._nothing.copy(), {arrival.slot for arrival in arrivals}
-        for arrival in arrivals:
-            data[arrival.slot] = arrival.frame.data
-        joined, here = b"".join(data), bytes([slot in slots for slot in range(self._n_frames)])
+    def decode(self, frames: Mapping[int, bytes], status: int, cycle: DecodedCycle) -> DecodedCycle:
+        """Decode the ``frames`` of some slots into ``cycle``; ``status`` is the worst one of the sender."""
+        data = [frames.get(slot, nothing) for slot, nothing in enumerate(self._nothing)]
+        joined, here = b"".join(data), bytes([slot in frames for slot in range(self._n_frames)])
         if len(joined) != self.plan.size:
             raise ValueError(f"expected {self.plan.size} bytes, got {len(joined)}")
         self._decode(self._at, joined, here, status > STATUS_DEGRADED, cycle.address)

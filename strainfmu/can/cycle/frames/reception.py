@@ -134,6 +134,12 @@ class Reception:
             self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
         # Of frames that their identifier alone tells.
         self._single = {key: own[0] for key, own in self._by_key.items() if own[0].selector is None}
+        self.protected_strains = {
+            key: slot.index
+            for key, slot in self._single.items()
+            if slot.index < self.n_strain and slot.check is not None and slot.index not in self._held
+        }
+        """Slots of strain frames with a CRC of their own, by key."""
         self.slots = [slot.record for slot in slots]
         """Of every frame for compiled code."""
         self.authentication = _authentication(layout)

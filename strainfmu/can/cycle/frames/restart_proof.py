@@ -75,7 +75,7 @@ class ProofRecord(Record):
     _fields_ = (
         *((name, INTEGER) for name in ("new_frames", "max_delta", "modulus", "accepts")),
         *((name, NUMBER) for name in ("period", "startup_time", "pause")),
-        *((name, INTEGER) for name in ("is_proven", "n_new", "begins", "has_last", "last_counter")),
+        *((name, INTEGER) for name in ("is_proven", "n_new", "begins", "has_begun", "has_last", "last_counter")),
         ("last_local", NUMBER),
         ("heard", NUMBER),
     )
@@ -97,6 +97,7 @@ class RestartProof:
             is_proven=1,
             n_new=0,
             begins=0,
+            has_begun=0,
             has_last=0,
             last_counter=-1,
             last_local=0.0,

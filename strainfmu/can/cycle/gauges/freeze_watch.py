@@ -197,6 +197,11 @@ class FreezeWatch:
         """(n_d,) noise in quantisation steps that is counted on: stated, or less where less has been seen."""
         return self._ratio
 
+    def log_repeated(self) -> FloatArray:
+        """Return the logarithms of the probabilities that stated noise repeats readings: by frame, then of all."""
+        of_gauge = self._table.log_repeated[self._table.row(self._noise.ratio), 1]
+        return np.array([of_gauge[group].sum() for group in self._groups])
+
     def _means(self, values: FloatArray) -> FloatArray:
         """Return the means of (n_d,) ``values`` over each frame, and over all gauges."""
         sums = [values[group].sum() for group in self._groups[:-1]]

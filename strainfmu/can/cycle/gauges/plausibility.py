@@ -47,7 +47,7 @@ _FAULTS = (OUT_OF_RANGE, JUMPS, FROZEN, ZERO)
 class _Checks(Record):
     position = 6
     _fields_ = (
-        *((name, INTEGER) for name in ("n", "heal_cycles", "looks_for_frozen")),
+        *((name, INTEGER) for name in ("n", "heal_cycles", "looks_for_frozen", "is_dated")),
         *((name, NUMBER) for name in ("cycle_time", OF_READINGS, "rate_limit", "zero_jump", "round_off")),
         *((name, NUMBER) for name in ("pace_factor", "fading")),
         *((name, ARRAY) for name in ("period", "cycles_apart", "stuck_cycles", "zero_cycles", "is_fast")),
@@ -65,6 +65,7 @@ class GaugeChecks:
     """Checks n_d gauges over successive cycles, in compiled code.
 
     ``periods`` (n_d,) [s] are those of gauges that come more slowly than cycles; None if none does.
+    Cycles that are ``is_dated`` have a sample time.
     A bad gauge is used again after ``heal_cycles`` good values in a row. A gauge whose frame is missing keeps its
     state.
     """
@@ -77,6 +78,7 @@ class GaugeChecks:
         noise: GaugeNoise | None = None,
         *,
         periods: FloatArray | None = None,
+        is_dated: bool = False,
     ) -> None:
         n = n_gauges
         self._settings = settings
@@ -86,11 +88,12 @@ class GaugeChecks:
         self._watch = self.new_watch(noise or like_gauges(n))
         self._stuck_cycles, self._zero_cycles = np.zeros(n), np.zeros(n, dtype=np.int64)
         self._good, self._valid = np.full(n, settings.heal_cycles, dtype=np.int64), np.zeros(n, dtype=bool)
-        self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(2)
+        self._fault, self._frozen_for = np.zeros((len(_FAULTS), n), dtype=bool), np.zeros(3)
         self.record = _Checks(
             n=n,
             heal_cycles=settings.heal_cycles,
             looks_for_frozen=settings.stuck_cycles != 0,
+            is_dated=is_dated,
             cycle_time=cycle_time,
             **self.limits(),
             round_off=ROUND_OFF,

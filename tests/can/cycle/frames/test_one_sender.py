@@ -111,6 +111,16 @@ def test_a_creeping_delay_of_190_ppm_does_not_stay_valid() -> None:
     assert found[-1][1].age > 0.09
 
 
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+@pytest.mark.parametrize("rate", [50e-6, -50e-6])
+def test_a_sender_50_ppm_slow_or_fast_stays_valid_and_its_age_bounded(profile: str, rate: float) -> None:
+    found = creep(Bench(profile, cycle_time=0.1), 0.0, 700.0, rate)
+    assert {result.quality for _, result in found[10:]} == {Quality.VALID}
+    assert all(abs(true - r.age) <= r.age_uncertainty + 1e-4 for true, r in found[10:])
+    assert 0.01 < max(r.age_uncertainty for _, r in found) < 0.1
+    assert found[-1][1].age_uncertainty < 1e-3, "its rate is measured"
+
+
 # --- a recording taken for a restart
 
 

@@ -82,3 +82,40 @@ def test_a_stand_that_repeats_its_stimulus_says_so() -> None:
 def test_what_somebody_has_confirmed_may_repeat_what_was_before() -> None:
     results = results_of([*range(100), *range(100)], confirmed_at=100)
     assert not any(result.causes & Cause.REPEATS for result in results)
+
+
+def test_a_buffer_of_cycles_that_were_refused_is_known() -> None:
+    """Their counters were wrong, but their strains came."""
+    layout = layout_of("fd64", N_GAUGES)
+    step, encoder = Projection(N_GAUGES), StrainEncoder(layout)
+    step.noise_std = np.full(N_GAUGES, NOISE)
+    core = bridge_core(layout, step, BridgeSettings(), start=0.0)
+
+    def sent(k: int, number: int, counter: int) -> list[CycleResult]:
+        random = np.random.default_rng((7, number))
+        strain = 4e-4 + 1e-5 * np.arange(N_GAUGES) + NOISE * random.normal(size=N_GAUGES)
+        frames = encoder.encode(strain, 9e4, cycle=counter, sample_time=k * CYCLE)
+        return [r for i, f in enumerate(frames) for r in core.receive(replace(f, time=k * CYCLE + 1e-6 * i))]
+
+    for k in range(40):
+        sent(k, k, k)
+    sent(40, 40, 100)  # refused: out of sequence
+    for k in range(41, 60):
+        sent(k, k, k + 60)
+    assert sent(60, 40, 120)[-1].causes & Cause.REPEATS
+
+
+def test_one_frame_of_a_buffer_beside_a_lost_one_is_known() -> None:
+    layout = layout_of("fd64", N_GAUGES)
+    step, encoder = Projection(N_GAUGES), StrainEncoder(layout)
+    step.noise_std = np.full(N_GAUGES, NOISE)
+    core = bridge_core(layout, step, BridgeSettings(), start=0.0)
+    results: list[CycleResult] = []
+    for k in range(80):
+        random = np.random.default_rng((7, k - 30 if k >= 50 else k))
+        strain = 4e-4 + 1e-5 * np.arange(N_GAUGES) + NOISE * random.normal(size=N_GAUGES)
+        frames = list(encoder.encode(strain, 9e4, cycle=k, sample_time=k * CYCLE))
+        for index, frame in enumerate(frames[:-1] if k >= 50 else frames):
+            results += core.receive(replace(frame, time=k * CYCLE + 1e-6 * index))
+        results += core.advance(k * CYCLE + 0.6 * CYCLE)
+    assert all(result.causes & Cause.REPEATS for result in results[-25:])
