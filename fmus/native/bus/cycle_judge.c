@@ -135,11 +135,17 @@ static int date(SbJudge *j, const SbParts *p, int is_new) {
         j->strain_time->local = p->first_time;
         j->strain_time->seconds = (double)ticks * j->clock->tick;
     }
+    clock_note_new(j->clock, reading, j->found[SB_FOUND_COUNTER], is_new);
     const int was_proven = j->proof != NULL && j->proof->is_proven;
     const int is_proven =
         j->proof == NULL ? (reading & SB_RESTARTED) != 0
                          : proof_take(j->proof, j->clock, reading, p->first_time, ticks, j->found[SB_FOUND_COUNTER], is_new);
     if (!(j->proof != NULL && j->proof->accepts) && (reading & SB_RESTARTED || (is_proven && !was_proven))) {
+        if (is_proven) {
+            const double age = j->clock->age;
+            clock_leave_repeated(j->clock, j->found[SB_FOUND_COUNTER]);
+            j->age[0] += j->clock->age - age;
+        }
         clock_bound_restart(j->clock, evidence_of(j, p), j->found[SB_FOUND_COUNTER]);
         j->age[1] = j->clock->uncertainty + j->clock->known.doubt;
     }

@@ -229,6 +229,36 @@ void clock_begin(SbClock *c, const SbModel *old, double local, int64_t ticks) {
     replace(c, old, new_model(c, local * c->pace, ticks, -1), local * c->pace);
 }
 
+void clock_note_new(SbClock *c, int64_t reading, int64_t counter, int is_new) {
+    SbModel *m = reading & SB_JUMPED && !(reading & SB_RESTARTED) ? &c->jumped : &c->known;
+    const double age = m->local - m->source - m->floor;
+    if (is_new && !m->is_new) {
+        m->new_counter = counter;
+        m->new_begin = m->source;
+    }
+    m->least_age = is_new && m->is_new && m->least_age < age ? m->least_age : age;
+    m->is_new = is_new;
+}
+
+/* A recording may have shown a clock that is ahead of the sender's own: the sender's readings fit it, with an age. What they
+   hide is found by the time since the last strains before the restart. */
+void clock_leave_repeated(SbClock *c, int64_t counter) {
+    SbModel *m = &c->known;
+    if (!c->before.is_set || c->is_synchronised || !m->is_new || !(m->least_age > 0.0)) {
+        return;
+    }
+    m->floor += m->least_age;
+    m->lowest += m->least_age;
+    m->fastest += m->least_age;
+    m->either = m->either > m->least_age ? m->either - m->least_age : 0.0;
+    m->begin = m->new_begin;
+    m->counter = m->new_counter;
+    m->least_age = 0.0;
+    c->age = m->local - m->source - m->floor;
+    begin_drift(c, m->local, m->floor);
+    count_take(&c->count, c->tick, m, c->age, 0.0, counter);
+}
+
 /* The last strains before the restart were sampled at `earliest` or later, those behind it after them. A clock that began
    after them shows how long after; where the counter continues, its steps do. From the first reading behind the restart to
    this one the counter shows the time too. */

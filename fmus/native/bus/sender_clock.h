@@ -8,6 +8,12 @@
 /* Take in a sample time that arrived at `local` [s] with a counter, -1 without; the flags of sb_clock_read. */
 int64_t clock_read(SbClock *clock, double local, int64_t ticks, int64_t counter);
 
+/* Note whether the frames of the last reading, whose flags and counter these are, had been received before. */
+void clock_note_new(SbClock *clock, int64_t reading, int64_t counter, int is_new);
+
+/* Leave the readings of frames that had been received before: the age counts from the new ones behind them. */
+void clock_leave_repeated(SbClock *clock, int64_t counter);
+
 /* What shows that a restarted clock is that of the sender. */
 enum { CLOCK_CONTINUES, CLOCK_BEGAN, CLOCK_COUNTER_CONTINUES };
 

@@ -259,6 +259,8 @@ typedef struct {
     double either;        /* age of readings that may be of another clock, without age [s] */
     double begin;         /* first sample time [s] */
     int64_t counter;      /* of the first reading, of a clock before a restart of the last one; -1 without */
+    int64_t is_new, new_counter; /* the last reading was of new frames; counter of the first of them in a row */
+    double least_age, new_begin; /* of these: smallest age; first sample time [s] */
 } SbModel;
 
 /* See strainfmu/can/e2e/sample_clock.py and synchronised_clock.py. */

@@ -128,7 +128,8 @@ class _Model(ctypes.Structure):
             for name in ("source", "local", "floor", "lowest", "start", "fastest", "doubt", "either")
         ),
         ("begin", NUMBER),
-        ("counter", INTEGER),
+        *((name, INTEGER) for name in ("counter", "is_new", "new_counter")),
+        *((name, NUMBER) for name in ("least_age", "new_begin")),
     )
 
 

@@ -35,6 +35,7 @@ FOUND = (
     ("fd64", 10372, "so many steps of the clock that the sender seems to have no period"),
     ("classic-le", 10491, "a restart that meets the clock of a recording"),
     ("classic-le", 30074, "a frozen sender, among cycles that come again"),
+    ("classic-le", 40047, "a restart that meets the clock of a recording of the start before, 40 ms late"),
     ("fd64-sec", 3165, "the clock goes back while an old recording is let in"),
     ("fd64-sec", 3590, "the first frames of a restarted sender come together"),
     ("fd64-sec", 3652, "the clock goes back to its first second, under jitter"),
