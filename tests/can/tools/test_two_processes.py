@@ -18,7 +18,7 @@ from state_estimates import state_gain
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.cycle.states.quality import MORE_CAUSES, Cause, Quality
 from strainfmu.can.wire.profiles import Identifiers
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.cosim.estimators.description import gauge_names_of
@@ -131,7 +131,10 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
         assert valid.sum() >= (1 if run.host.is_busy else 0.8 * n_cycles), f"held up {run.host.share:.1%} of it"
         causes = run.column("Causes")[answers].astype(int)
         assert (causes[~valid] != 0).all()
-        assert ((causes[~valid] & ~int(OF_LATENESS)) == 0).all()
+        # Behind lost or late cycles delay may hide: cause 16, which the frame of results only says to be above 15.
+        hides = np.where(is_behind_pause(run, cycle_time), MORE_CAUSES, 0)
+        explained = int(OF_LATENESS) | hides[answers]
+        assert ((causes[~valid] & ~explained[~valid]) == 0).all()
     found = np.column_stack([run.column(name) for name in COEFFICIENT_NAMES])[answers]
     largest = largest_error(vehicle[0], n_cycles, cycles[valid], found[valid])
     print(f"{valid.sum()} of {n_cycles} cycles VALID; largest error {largest:.3f} of the bound by quantisation")
@@ -141,6 +144,13 @@ def check(run: Run, vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycle
     foreign = run.number("frames: own frame") + run.number("frames: unknown identifier")
     taken = run.number("frames: received") - foreign
     assert taken <= 3 * n_cycles <= taken + dropped
+
+
+def is_behind_pause(run: Run, cycle_time: float) -> np.ndarray:
+    """Return for each result (n,) whether no answer is before it, or cycles are missing there, or it is late."""
+    time = np.where(run.column("SampleTime") == 2**32 - 1, -1e9, 1e-6 * run.column("SampleTime"))
+    before = np.concatenate([[-1e9], time[:-1]])
+    return (time - before > 1.5 * cycle_time) | (run.column("Age") > 1e3 * cycle_time)
 
 
 def largest_error(inverse_map: InverseMap, n_cycles: int, cycles: np.ndarray, found: np.ndarray) -> float:
