@@ -43,7 +43,7 @@ typedef struct {
     double real[N_FLIGHT_REALS];
     unsigned char flag[N_FLIGHT_FLAGS];
     int fits;                  /* whether strain and navigation fit the tables, */
-    double degrees_of_freedom; /* and the degrees of chi-square */
+    double degrees_of_freedom; /* and the degrees of freedom of chi-square */
 } Flight;
 
 #endif

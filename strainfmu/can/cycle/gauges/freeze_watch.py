@@ -8,7 +8,7 @@ Scatter: a sender that repeats old strains and changes their last bit never repe
 differences of the readings, in which load hardly appears, then have less variance than noise gives them. A CUSUM
 test of the variance, one for each frame and one for all gauges, has the log-likelihood ratio of LOW_VARIANCE
 times the usual variance against the usual one as its increment (E. S. Page, Biometrika 41, 1954). Gauges that were
-found by their repeated readings do not count in it: healthy ones in the same frame stay in use.
+found by their repeated readings do not count in it: healthy ones next to them stay in use.
 
 The usual variance is the variance of the stated noise, or what has been seen in this run where that is less.
 """
