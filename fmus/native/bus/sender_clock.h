@@ -14,7 +14,7 @@ void clock_note_new(SbClock *clock, int64_t reading, int64_t counter, int is_new
 /* Leave the readings of frames that had been received before: the age counts from the new ones behind them. */
 void clock_leave_repeated(SbClock *clock, int64_t counter);
 
-/* What shows that a restarted clock is that of the sender. */
+/* What shows that a restarted clock is the sender's. */
 enum { CLOCK_CONTINUES, CLOCK_BEGAN, CLOCK_COUNTER_CONTINUES };
 
 /* Bound the delay that a clock which has been taken for restarted may hide, by the last reading before it; `counter` is the
