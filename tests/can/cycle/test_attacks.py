@@ -10,7 +10,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from attacked_bus import KINDS, Act, Found, campaign, drawn, run_scenario
+from attacked_bus import KINDS, PERIOD, Act, Found, campaign, drawn, run_scenario
 
 FOREIGN = frozenset({"foreign first", "foreign behind", "second sender"})
 
@@ -96,3 +96,16 @@ def test_a_restart_while_a_gateway_delays_is_as_old_as_it_may_be(profile: str) -
     found = run_scenario(profile, 0, [Act("restart under delay", 60, 65, 1.0)])
     assert_nothing_false(found)
     assert 5.0 < found.largest_uncertainty < 5.1
+
+
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+@pytest.mark.parametrize("n_recorded", [4, 8, 20])
+def test_a_recorded_start_does_not_make_the_sender_behind_it_old(profile: str, n_recorded: int) -> None:
+    """The recording comes while the sender is off. Both clocks begin at 0, so the sender's fits the recorded one."""
+    end = 82 + n_recorded
+    acts = [Act("same stimulus again", 82, end, 0.5), Act("silence", end, end + 20, 0.5)]
+    found = run_scenario(profile, 1, acts)
+    assert_nothing_false(found)
+    assert found.last.startswith("VALID")
+    unheard = (n_recorded + 1) * PERIOD
+    assert unheard <= found.largest_uncertainty < unheard + 1e-3, "the time since the sender was last heard"
