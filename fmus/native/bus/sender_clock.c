@@ -255,8 +255,10 @@ void clock_leave_repeated(SbClock *c, int64_t counter) {
     m->counter = m->new_counter;
     m->least_age = 0.0;
     c->age = m->local - m->source - m->floor;
+    const double doubt = c->count.doubt; /* where the counter contradicts the clock, it still does */
     begin_drift(c, m->local, m->floor);
     count_take(&c->count, c->tick, m, c->age, 0.0, counter);
+    c->count.kept = c->count.doubt = doubt;
 }
 
 /* The last strains before the restart were sampled at `earliest` or later, those behind it after them. A clock that began

@@ -101,7 +101,7 @@ def test_a_restart_while_a_gateway_delays_is_as_old_as_it_may_be(profile: str) -
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
 @pytest.mark.parametrize("n_recorded", [4, 8, 20])
 def test_a_recorded_start_does_not_make_the_sender_behind_it_old(profile: str, n_recorded: int) -> None:
-    """The recording comes while the sender is off. Both clocks begin at 0, so the sender's fits the recorded one."""
+    """The recording comes while the sender is off. Both clocks begin at 0, so the sender fits the recorded one."""
     end = 82 + n_recorded
     acts = [Act("same stimulus again", 82, end, 0.5), Act("silence", end, end + 20, 0.5)]
     found = run_scenario(profile, 1, acts)
