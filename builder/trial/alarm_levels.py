@@ -25,6 +25,9 @@ LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the
 theory's."""
 
+RATE = 0.8 * FALSE_ALARM_PROBABILITY
+"""Rate that levels are set for: on flows that they were not set on, the rate is 1.1 to 1.5 times as large."""
+
 PARTS, RATE_OF_PARTS = 10, 2e-3
 """Parts of the samples by incidence, and the rate of the alarms that are compared between them."""
 
@@ -85,14 +88,14 @@ def with_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> InverseM
 
 
 def alarm_scales(ratios: FloatArray) -> FloatArray:
-    """Return factors (t,) on the levels of t tests that together meet the stated rate, each a like part of it.
+    """Return factors (t,) on the levels of t tests that together meet :data:`RATE`, each an equal part of it.
 
     ``ratios`` (t, n) are the tests of n samples, each over its present level.
     """
-    each = FALSE_ALARM_PROBABILITY / len(ratios)
+    each = RATE / len(ratios)
     scales = np.array([tail_quantile(ratio, each) for ratio in ratios])
     largest = np.max(ratios / scales[:, None], axis=0)
-    return np.asarray(scales * tail_quantile(largest, FALSE_ALARM_PROBABILITY))
+    return np.asarray(scales * tail_quantile(largest, RATE))
 
 
 def alarm_levels(
