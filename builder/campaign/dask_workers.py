@@ -1,4 +1,4 @@
-"""Work done by Dask workers: processes on this machine, or those of a scheduler elsewhere."""
+"""Work done by Dask workers: processes on this machine, or the workers of a scheduler elsewhere."""
 
 from __future__ import annotations
 

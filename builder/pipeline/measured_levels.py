@@ -152,6 +152,6 @@ def _flight_levels_line(facts: Mapping[str, Any]) -> str:
             f"differ, {facts['rate_before']:.2g} of its flights raise an alarm"
         )
     factors = dict(zip(("chi-square", "largest |z|", "chi-square of the shapes"), facts["scales"], strict=False))
-    factors["largest |z|"] **= 0.5  # its factor is that of the square
+    factors["largest |z|"] **= 0.5  # its factor is the factor of the square
     text = ", ".join(f"{name} times {value:.3g}" for name, value in factors.items())
     return f"nonlinear estimator: {text} ({facts['samples']} samples)"

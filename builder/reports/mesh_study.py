@@ -90,7 +90,7 @@ STUDY_MESHES = (
 
 
 def study_meshes(note: Callable[[str], None]) -> list[StudyMesh]:
-    """Return :data:`STUDY_MESHES`, without those of Gmsh where it is missing; ``note`` gets the reason."""
+    """Return :data:`STUDY_MESHES`, without the meshes of Gmsh where it is missing; ``note`` gets the reason."""
     try:
         load_gmsh()
     except StrainfmuError as error:

@@ -38,7 +38,7 @@ CLOCKING_DEG = 5.0
 class GivenAirData:
     """Air data of which q_inf is computed, or angles in addition to independent air data.
 
-    Mach number and static pressure err by the sizes of the vehicle file, each drawn for itself.
+    Mach number and static pressure have errors of the sizes of the vehicle file, each drawn for itself.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class GivenAirData:
     mach_off : error of the Mach number in all inputs [1].
     altitude_off : error of the altitude in all inputs [m].
     day : the day's pressure over the pressure of the standard atmosphere [1].
-    angles : whether angle of attack and sideslip are given, with errors of the default deviation.
+    angles : whether angle of attack and sideslip are given, with errors of the default standard deviation.
     """
 
     source: Literal["pressure", "altitude"] | None = None
@@ -97,7 +97,7 @@ def computed_kinds() -> list[Kind]:
             "dynamic pressure computed",
             "from M and p_inf",
             "within",
-            "M and p_inf err by their stated sizes, and q_inf with them.",
+            "M and p_inf have errors of their stated sizes, and q_inf with them.",
             GivenAirData(source="pressure"),
         ),
         *(
@@ -163,7 +163,7 @@ def row_kinds(vehicle: Vehicle) -> list[Kind]:
                 error=error,
                 size=f"{size}, {'with' if angles else 'no'} angles",
                 group="outside" if angles else group,
-                what=f"{cure} Angles err by 1 deg." if angles else cure,
+                what=f"{cure} Angles are wrong by 1 deg." if angles else cure,
                 flights=flights,
                 readings=readings,
                 air_data=GivenAirData(angles=True) if angles else None,

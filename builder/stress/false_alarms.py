@@ -71,7 +71,7 @@ class FalseAlarms:
         return self.strain / self.samples
 
     def interval(self) -> tuple[float, float]:
-        """Return the rates between which that of endless samples is with 95 %, were they independent (Garwood
+        """Return the rates between which the rate of endless samples is with 95 %, were they independent (Garwood
         1936)."""
         low = 0.5 * float(chdtri(2 * self.strain, 0.975)) if self.strain else 0.0
         return low / self.samples, 0.5 * float(chdtri(2 * self.strain + 2, 0.025)) / self.samples

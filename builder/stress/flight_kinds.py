@@ -28,7 +28,7 @@ BEYOND = 0.2
 FLAGGED = 95.0
 
 NO_NAVIGATION = (
-    "Only strain and q_inf are given. The strain differs from that of the nearest flight inside, but a linear map "
+    "Only strain and q_inf are given. The strain differs from the nearest flight's inside, but a linear map "
     "takes part of the difference for another state."
 )
 

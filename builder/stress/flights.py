@@ -1,6 +1,6 @@
 """Flights of the stress test: sets of conditions inside the envelope of a vehicle's map and beyond it.
 
-The envelope is that of the vehicle file: Mach number and altitude from least to largest, and the total incidence
+The envelope is the vehicle file's: Mach number and altitude from smallest to largest, and the total incidence
 up to the largest of the conditions, at any roll angle of the wind where the map has full symmetry.
 """
 
@@ -31,8 +31,8 @@ MACH_REACH, INCIDENCE_REACH = 0.22, 0.3
 """How far the flows of the stress test go beyond the envelope, relative to its bounds."""
 
 MACH_KNOTS, INCIDENCE_KNOTS = 7, 8
-"""Knots of the flows. On the shipped vehicle each harmonic of the pressure between them differs from that of flows
-at 108 knots by 0.004 p_inf rms at most, and the silent shares by 0.1 %."""
+"""Knots of the flows. On the shipped vehicle each harmonic of the pressure between them differs from the
+same of flows at 108 knots by 0.004 p_inf rms at most, and the undetected fractions by 0.1 %."""
 
 LEAST_INCIDENCE = radians(1.0)
 """Taken as the largest total incidence [rad] of a vehicle that has none."""
@@ -153,7 +153,7 @@ def edges_of(vehicle: Vehicle) -> list[tuple[str, float, float]]:
 
 
 def below_mach(factor: float) -> DrawConditions:
-    """Return conditions at ``factor`` times the least Mach number; errors as :func:`at_incidence`."""
+    """Return conditions at ``factor`` times the smallest Mach number; errors as :func:`at_incidence`."""
 
     def flights(
         vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator

@@ -32,11 +32,11 @@ class OtherFlow(Protocol):
     """Another pressure at the same conditions."""
 
     def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
-        """Return it as harmonics, in place of those of ``table``."""
+        """Return it as harmonics, instead of the harmonics of ``table``."""
         ...
 
     def on_surface(self, vehicle: Vehicle, flows: Snapshots) -> Snapshots:
-        """Return it at the nodes of ``flows``, in place of theirs."""
+        """Return it at the nodes of ``flows``, instead of theirs."""
         ...
 
 
@@ -146,7 +146,7 @@ def _other_table(
 
 @dataclass(frozen=True)
 class AnotherEngine:
-    """Pressure of another theory: newtonian in place of Euler, and of newtonian flow another leeward side."""
+    """Pressure of another theory: newtonian instead of Euler, and of newtonian flow another leeward side."""
 
     def on_table(self, vehicle: Vehicle, table: FlowTable) -> FlowTable:
         return newtonian_flows(vehicle, table)

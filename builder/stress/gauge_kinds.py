@@ -138,7 +138,7 @@ LEAST_STRAIN_UM_PER_M = 1.0
 def unit_kinds(noise: Noise) -> list[Kind]:
     """Return all strains in another unit than is stated.
 
-    Strains that are nearly 0 are those of a flight without incidence where more apparent strain is expected.
+    Strains that are nearly 0 are as in a flight without incidence where more apparent strain is expected.
     """
     hidden = noise.apparent_strain_um_per_m >= LEAST_STRAIN_UM_PER_M
     return [

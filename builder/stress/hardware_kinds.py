@@ -12,7 +12,7 @@ from builder.vehicle.map.options import Noise
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 
 MANY = 5
-"""Draws of the vehicles as stated, times those of the other kinds: their false alarms are rare."""
+"""Draws of the vehicles as stated, times the draws of the other kinds: their false alarms are rare."""
 
 
 DEGREE = UNIT["deg"]
@@ -151,14 +151,14 @@ def thinner_middle(hardware: Hardware, random: np.random.Generator) -> AsBuilt:
 
 
 def filter_kinds() -> list[Kind]:
-    """Return vehicles as built whose samples are filtered over time, zeros known exactly and with deviations."""
+    """Return vehicles as built whose samples are filtered over time, zeros known exactly and with errors drawn."""
     listed = (("exactly known", 0.0, 0.0), ("wrong by 5 sigma of the noise", 5.0, 0.0))
     return [
         Kind(
             error="filter over time, zeros",
             size=size,
             group="within",
-            what="The zeros are wrong by their stated deviations for the whole flight, of 2 s.",
+            what="The zeros are wrong by their stated standard deviations for the whole flight, of 2 s.",
             build=as_stated,
             filtered=Filtered(zero=zero, common=common),
         )

@@ -1,6 +1,6 @@
 """Flights while the wall warms, scored: with temperature sensors, without, and against flights that stay cold.
 
-Strain is that of the independent model, each flight with hardware errors of its own; thermal strain is solved on
+Strain is the independent model's, each flight with hardware errors of its own; thermal strain is solved on
 the mesh of that model. The rise grows evenly with time, from nose to base in a straight line.
 
     python -m builder.stress.hot_flights VEHICLE SNAPSHOTS FLOWS --flights 300
@@ -178,7 +178,7 @@ def maps_of(vehicle: Vehicle, snapshots: Snapshots) -> tuple[InverseMap, Inverse
 
 
 def lines_of(flights: HotFlights, cold: InverseMap, warm: InverseMap) -> list[str]:
-    """Return a table: rms errors of the coefficients, C_A's over that of the cold flights, coverage, flagged."""
+    """Return a table: rms errors of the coefficients, C_A's over the cold flights' error, coverage, flagged."""
     head = "".join(f"{name:>7s}" for name in COEFFICIENT_NAMES)
     rows = [f"{'rms error in 1e-4':52s}{head}{'C_A/cold':>10s}{'3 sigma %':>11s}{'not OK %':>10s}"]
     n = warm.thermal.n_sensors
@@ -230,7 +230,7 @@ def main() -> None:
         vehicle = vehicle.model_copy(update={TEMPERATURE: standard_temperature(vehicle.body().length)})
     table, resolution = load_flow_table(options.flows), vehicle.resolution.truth
     if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
-        raise InputError(f"{options.flows}: flows of another [resolution.truth] than that of {options.vehicle}")
+        raise InputError(f"{options.flows}: flows of another [resolution.truth] than in {options.vehicle}")
     cold, warm = maps_of(vehicle, load_snapshots(options.snapshots))
     heating = Heating(
         nose=options.nose, aft=options.aft, through_wall=options.through_wall, side=0.01 * options.side_percent

@@ -1,6 +1,6 @@
 """Errors of the linear and the nonlinear estimator by total incidence, on flows of the independent model.
 
-Vehicles have installation errors drawn, at Mach numbers and altitudes between those of the snapshots. Both
+Vehicles have installation errors drawn, at Mach numbers and altitudes between the snapshots'. Both
 estimators are given the same readings and air data. LINEAR is a map of the linear estimator alone, of `strainfmu
 build --estimator linear`. It does not include the difference of flow models, and errs less at small incidence than
 the linear estimator within a map of both.
@@ -114,7 +114,7 @@ def line_of(band: tuple[float, float], linear: Score, nonlinear: Score) -> str:
 def main() -> None:
     """Print the table."""
     parser = study_parser("incidence", __doc__)
-    parser.add_argument("--linear", type=Path, help="map of the linear estimator alone; that of MAP without it")
+    parser.add_argument("--linear", type=Path, help="map of the linear estimator alone; by default MAP's")
     parser.add_argument("--conditions", type=int, default=400, help="in each band of incidence")
     parser.add_argument("--vehicles", type=int, default=10, help="vehicles as built at each condition")
     options = parser.parse_args()
@@ -128,7 +128,7 @@ def main() -> None:
     trial = {"conditions": options.conditions, "vehicles": options.vehicles, "seed": options.seed}
     names = " ".join(f"{name:>6s}" for name in COEFFICIENT_NAMES)
     print(f"{'incidence':14s}{names}   rms error of the linear estimator [1e-4]; nonlinear over it;")
-    print(f"{'[deg]':14s}{'':34s}   least part of the nonlinear estimates inside 3 sigma [%]")
+    print(f"{'[deg]':14s}{'':34s}   smallest part of the nonlinear estimates inside 3 sigma [%]")
     for one in errors_by_incidence(inverse_map, linear, vehicle, true_structure(vehicle), table, **trial):
         print(line_of(*one), flush=True)
 

@@ -71,7 +71,7 @@ class Manoeuvre:
     def readings(
         self, strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
     ) -> FloatArray:
-        """Return ``strain`` (k, n_d) with that of the manoeuvre."""
+        """Return ``strain`` (k, n_d) with the strain of the manoeuvre."""
         return as_read(strain, wind, hardware, random) + self.force(wind) @ self._strain.T
 
     def force(self, wind: FloatArray) -> FloatArray:
@@ -83,7 +83,7 @@ class Manoeuvre:
 class Vibration:
     """A vehicle that vibrates in its first bending mode, each sample at another phase and across another axis.
 
-    ``amplitude`` [m/m] is that of the gauge that it strains most.
+    ``amplitude`` [m/m] is the amplitude of the gauge with the largest strain.
     """
 
     vehicle: Vehicle
@@ -97,7 +97,7 @@ class Vibration:
     def readings(
         self, strain: FloatArray, wind: FloatArray, hardware: Hardware, random: np.random.Generator
     ) -> FloatArray:
-        """Return ``strain`` (k, n_d) with that of the vibration."""
+        """Return ``strain`` (k, n_d) with the strain of the vibration."""
         phase, axis = 2.0 * np.pi * random.random((2, len(strain), 1))
         size = self.amplitude * np.sin(phase) * np.hstack([np.sin(axis), np.cos(axis)])
         return as_read(strain, wind, hardware, random) + size @ self._strain.T

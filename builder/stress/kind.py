@@ -18,15 +18,15 @@ from strainfmu.flight_condition import FlightCondition
 
 KindClass = Literal["within", "outside", "unobservable"]
 """``within``
-    Inside the envelope, of a size within twice the stated deviation: the stated sigmas must hold it.
+    Inside the envelope, of a size within twice the stated standard deviation: the stated sigmas must include it.
 ``outside``
     Beyond the envelope, beyond the stated sizes, or of a kind that no sigma holds: health must show it, or the
     estimate must be right all the same.
 ``unobservable``
-    The strain is that of another flight which is inside the envelope, so that no function of strain and q_inf can
-    tell them apart. Only another sensor can. On the shipped vehicle the strain of these kinds differs from that of
-    the nearest flight inside by a chi-square of 1 to 3, median over flights, with all hardware errors in the
-    covariance; that of the kinds ``outside`` whose silent share is large by 60 to 870.
+    The strain is the strain of another flight which is inside the envelope: no function of strain and
+    q_inf can separate them. Only another sensor can. On the shipped vehicle the strain of these kinds differs
+    from the strain of the nearest flight inside by a chi-square of 1 to 3, median over flights, with all hardware
+    errors in the covariance; the strain of the kinds ``outside`` whose undetected fraction is large, by 60 to 870.
 """
 
 SILENT_TARGET: dict[KindClass, float] = {"within": 3.0, "outside": 5.0}
@@ -87,8 +87,8 @@ class Filtered:
     ----------
     time_constant, time_step : [s].
     steps : samples of each condition, with gauge noise of their own.
-    zero, common : deviations of the zeros, of each gauge and in common, over the noise of the gauges. The errors
-        are drawn once for each vehicle.
+    zero, common : standard deviations of the zeros, of each gauge and in common, over the gauges' noise. The
+        errors are drawn once for each vehicle.
     """
 
     time_constant: float = 10.0
@@ -140,7 +140,7 @@ class Kind:
     group : class of the error.
     what : what is done, and why the error is of its class.
     flights : where it is flown.
-    flow : the pressure, None for that of the independent model.
+    flow : the pressure, None for the pressure of the independent model.
     build : the vehicle of one draw.
     added : strain that no pressure makes; None for none.
     readings, sensor_readings : what becomes of the strains, and of what auxiliary sensors read.

@@ -1,4 +1,4 @@
-"""Scores of manoeuvres: what a filter over time makes of them beside single samples, and what health shows."""
+"""Scores of manoeuvres: the estimates of a filter over time next to single samples, and what health shows."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ CSV_COLUMNS = (
     *("flagged_percent", "silent_percent"),
     *(f"{key}_{name}" for key in ("rms", "bound") for name in COEFFICIENT_NAMES),
 )
-"""Columns of the table; those of silent and flagged samples are former names of the fourth and fifth."""
+"""Columns of the table; the columns of flagged and silent samples repeat the fourth and fifth by former names."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -95,8 +95,8 @@ def run_stress(
     ``over_time`` flies the manoeuvres of ``manoeuvres.toml`` instead, of a body of revolution, and writes
     ``stress.json`` alone.
 
-    The map is that of ``build``, made in ``folder``, for ``estimator`` in place of that of the section [map]
-    unless it is None; or the one at ``map_path``. Errors are those of the independent model; of a body of
+    The map is made by ``build`` in ``folder``, for ``estimator`` instead of the estimator of the section [map]
+    unless it is None; or it is the one at ``map_path``. Errors are the independent model's; of a body of
     revolution its structure is the Fourier model whatever the map is built on, of any other shape another mesh.
 
     Raises
@@ -181,7 +181,7 @@ def vehicle_and_flows(
     check_fit(vehicle, inverse_map, map_path)
     resolution = vehicle.resolution.truth
     if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
-        raise InputError(f"{flows}: flows of another [resolution.truth] than that of {vehicle_path}")
+        raise InputError(f"{flows}: flows of another [resolution.truth] than in {vehicle_path}")
     return vehicle, table
 
 
@@ -259,7 +259,7 @@ def _manoeuvre_scores(pipeline: Pipeline, vehicle: Vehicle, inverse_map: Inverse
 
 
 def check_fit(vehicle: Vehicle, inverse_map: InverseMap, path: Path) -> None:
-    """Refuse a map (``path``) whose gauges or references are not those of ``vehicle``, before anything is solved.
+    """Refuse a map (``path``) whose gauges or references differ from ``vehicle``, before anything is solved.
 
     Raises
     ------

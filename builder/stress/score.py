@@ -145,7 +145,7 @@ class Range:
     def score(self, kind: Kind) -> KindScore:
         """Fly ``kind`` and return its score; errors as :meth:`flights`.
 
-        Draws depend on the kind's own name and size, so that another kind beside it changes nothing.
+        Draws depend on the kind's own name and size, so that another kind next to it changes nothing.
         """
         flights = self.flights(kind)
         random = np.random.default_rng([self.effort.seed, crc32(f"{kind.error} {kind.size}".encode())])
@@ -176,7 +176,7 @@ class Range:
         return self.estimator.with_zeros(zeros).filter(how.time_constant)
 
     def _zeros(self, how: Filtered) -> tuple[FloatArray, float]:
-        """Return the deviations of the zeros: (n_d,) of each gauge, and in common [m/m]."""
+        """Return the standard deviations of the zeros: (n_d,) of each gauge, and in common [m/m]."""
         noise = float(np.mean(self.hardware.noise_std))
         return np.full(self.hardware.n_gauges, how.zero * noise), how.common * noise
 

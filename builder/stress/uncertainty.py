@@ -1,8 +1,8 @@
 """Whether stated uncertainties are as large as the errors, on flows of the independent model and on other ones.
 
-Vehicles have installation errors drawn, at conditions between those of the snapshots. Flows are
+Vehicles have installation errors drawn, at conditions between the snapshots'. Flows are
 
-- ``own``: those of FLOWS, the vehicle's flow model solved on a finer grid;
+- ``own``: the flows of FLOWS, the vehicle's flow model solved on a finer grid;
 - ``newtonian``: modified newtonian theory at the same conditions, another flow model;
 - ``drawn``: own flows plus the difference of newtonian flow times a standard normal number.
 
@@ -97,7 +97,7 @@ def _tables(name: str, vehicle: Vehicle, own: FlowTable, random: np.random.Gener
 
 
 def _score(used: InverseMap, whole: InverseMap, flown: list[ReadFlights]) -> Score:
-    """Return the score of the map ``used``; the bound is that of the tables of ``whole``."""
+    """Return the score of the map ``used``; the bound is the bound of the tables of ``whole``."""
     estimator = Estimator(used)
     found = [estimates(estimator, one) for one in flown]
     truth = np.concatenate([np.repeat(one.coefficients, one.vehicles, axis=0) for one in flown])
@@ -134,7 +134,7 @@ def entry_of(flows: str, estimator: str, score: Score) -> dict[str, Any]:
 
 
 def line_of(entry: dict[str, Any]) -> str:
-    """Return a line of the table: rms of z, then the least coverage at 3 sigma, undetected errors, health OK."""
+    """Return a line of the table: rms of z, smallest coverage at 3 sigma, undetected errors, health OK."""
     z = " ".join(f"{value:5.2f}" for value in entry["rms_z"].values())
     least = 100.0 * min(entry["coverage_3"].values())
     over = " ".join(f"{value:5.2f}" for value in entry.get("rms_over_bound", {}).values())

@@ -1,6 +1,6 @@
 """Kinds of error by viscosity, which the flows of a map do not have: pressure of the displaced flow, friction.
 
-The axial coefficient is the pressure's, without friction. Even pressure strains the wall as the internal pressure
+The axial coefficient is the pressure's, without friction. Even pressure acts on the wall as the internal pressure
 does, so that health does not detect it; the vehicle file can state its size.
 """
 

@@ -2,7 +2,7 @@
 
 .. code-block:: toml
 
-    vehicle = "my_vehicle.toml"            # beside this file
+    vehicle = "my_vehicle.toml"            # next to this file
     [set]
     "map.estimator" = "linear"
     [sweep]                                # all combinations
@@ -13,7 +13,7 @@
     draws = 5
     seed = 1
 
-Names of entries are those of messages on the vehicle file: ``section.entry``, items of lists by their number.
+Names of entries are as in messages on the vehicle file: ``section.entry``, items of lists by their number.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def load_study(path: Path) -> StudyFile:
     found = read_sections(path, StudyFile, "file of a trade study", _faults)
     vehicle = path.parent / found.vehicle
     if not vehicle.is_file():
-        raise InputError(f"{path}: vehicle: expected a vehicle file beside it, got '{found.vehicle}'")
+        raise InputError(f"{path}: vehicle: expected a vehicle file next to it, got '{found.vehicle}'")
     return found
 
 

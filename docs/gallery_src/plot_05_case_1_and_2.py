@@ -27,7 +27,7 @@ def map_of(**entries):
 maps = {"Case 1, five modes": map_of(case=1, modes=5), "Case 2, gamma = 1": map_of(case=2, gamma=1.0)}
 
 # %%
-# The plant: finer grids, and conditions between those of the snapshots.
+# The plant: finer grids, and conditions between the snapshots'.
 
 conditions = vehicle.conditions.model_copy(
     update={

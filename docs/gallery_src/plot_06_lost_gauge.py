@@ -3,7 +3,7 @@ What a lost gauge costs
 =======================
 
 A gauge that is lost is left out exactly, as if the map had been built without it: the estimate stays right and
-sigma grows. How much it grows tells which gauges matter most.
+sigma grows. How much it grows shows which gauges matter most.
 """
 
 import matplotlib.pyplot as plt
@@ -18,7 +18,7 @@ estimator = strainfmu.Estimator(inverse_map)
 n = inverse_map.n_gauges
 
 # %%
-# One sample per lost gauge: ``valid`` is false for it. The strain is that of the mean pressure; sigma does not
+# One sample per lost gauge: ``valid`` is false for it. The strain is the mean pressure's; sigma does not
 # depend on it.
 
 strain = np.tile(inverse_map.mean_strain, (n, 1))

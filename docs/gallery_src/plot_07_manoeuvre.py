@@ -3,7 +3,7 @@ An estimate over a manoeuvre
 ============================
 
 The vehicle pulls up twice. Its strain comes from a finer model of flow and structure than the map was built on,
-at conditions between those of the snapshots, with noise. The estimate follows the truth, and its 3 sigma bands
+at conditions between the snapshots', with noise. The estimate follows the truth, and its 3 sigma bands
 hold it.
 """
 

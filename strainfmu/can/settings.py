@@ -64,7 +64,7 @@ class BridgeSettings:
     invalid_after : silence after which results are INVALID.
     max_delta : maximum step of an E2E counter that is accepted.
     state_machine : limits of the E2E state machine.
-    stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and those of
+    stuck_cycles : equal raw values in a row after which a gauge is left out; 0 turns this check and the checks of
         frames and the whole cycle off, for signals that are constant by nature; None: as the gauge's noise allows.
     zero_cycles : exact zeros in a row after which a gauge is left out; None: as the gauge's noise allows.
     gauge_noise : standard deviation of the gauges' noise at rest [m/m]; None: what the estimator was made with.

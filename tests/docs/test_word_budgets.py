@@ -60,10 +60,10 @@ AVOIDED_IN_HELP = {**AVOIDED, "manifold": r"\bmanifold\b", "taken off": r"\btake
 PACKAGES = ("builder", "fmus", "strainfmu")
 """Folders of the product's Python code."""
 
-NOT_YET_COVERED = ("builder/calibration", "builder/reports", "builder/stress", "strainfmu/can")
-"""Folders whose strings may still have such words."""
-
-EXCEPTIONS: dict[str, str] = {}
+EXCEPTIONS: dict[str, str] = {
+    "below its least": "of the name of an error that stress.json, stress.csv and their readers have",
+    "least significant": "the name of a bit",
+}
 """What stays in a string of the code with such a word in it, and why."""
 
 COMMANDS: dict[str, Any] = {"strainfmu": get_command(app), **get_command(app).commands}  # type: ignore[attr-defined]
@@ -175,17 +175,15 @@ def test_words_are_plain(page: Path) -> None:
 def test_words_of_the_code_are_plain(package: str) -> None:
     found: dict[str, dict[str, str]] = {}
     for path in sorted((ROOT / package).rglob("*.py")):
-        if not name(path).startswith(tuple(f"{folder}/" for folder in NOT_YET_COVERED)):
-            for line, text in strings(path):
-                for kept in EXCEPTIONS:
-                    text = text.replace(kept, "")
-                if hits := avoided(text):
-                    found[f"{name(path)}:{line}"] = hits
+        for line, text in strings(path):
+            for kept in EXCEPTIONS:
+                text = text.replace(kept, "")
+            if hits := avoided(text):
+                found[f"{name(path)}:{line}"] = hits
     assert found == {}
 
 
 def test_exceptions_are_still_needed() -> None:
-    assert all((ROOT / folder).is_dir() for folder in NOT_YET_COVERED)
     assert all(avoided(kept) for kept in EXCEPTIONS)
     if EXCEPTIONS:
         paths = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))

@@ -1,4 +1,4 @@
-"""The description beside a log: what the recorder writes comes back, anything else gets one line."""
+"""The description next to a log: what the recorder writes comes back, anything else gets one line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.fast
 
 @pytest.fixture
 def log(tmp_path: Path) -> Path:
-    """Return a log without a frame, its description beside it."""
+    """Return a log without a frame, its description next to it."""
     path, fmu = tmp_path / "run.log", tmp_path / "x.fmu"
     fmu.write_bytes(b"an FMU")
     recorder = Recorder(path, MicrosecondClock())

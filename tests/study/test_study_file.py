@@ -94,5 +94,5 @@ def vehicles(path: Path) -> list[Vehicle]:
 
 
 def test_a_missing_vehicle_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"vehicle: expected a vehicle file beside it, got 'other\.toml'"):
+    with pytest.raises(InputError, match=r"vehicle: expected a vehicle file next to it, got 'other\.toml'"):
         load_study(write(tmp_path, vehicle="other.toml"))

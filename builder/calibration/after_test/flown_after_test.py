@@ -1,8 +1,8 @@
 """Vehicles that one ground test allows, flying on the independent model: for the alarm levels of a calibrated map.
 
-Each is drawn from the covariance after the test about the estimate. Strain of the drawing is that of the
-independent model; what the vehicle changes of it is the map's own model, to first order about the estimate. The
-errors that no ground test knows are drawn as for the map of the drawing.
+Each is drawn from the covariance after the test about the estimate. The strain of the drawing is the strain
+of the independent model; its change by the vehicle is the map's own model's, to first order about the estimate.
+The errors that no ground test knows are drawn as for the map of the drawing.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class AllowedVehicles:
     Attributes
     ----------
     drawing : the vehicle of the drawing with the errors that no ground test knows.
-    change : (k, n_d) strain of the estimate less that of the drawing [m/m].
+    change : (k, n_d) strain of the estimate less the strain of the drawing [m/m].
     slope : (k, n_d) derivatives of that strain by every key [m/m per unit].
     factor : (n, r) whose product with its transpose is the covariance after the test.
     where : place of every kind in the vector of parameters.

@@ -1,6 +1,6 @@
 """What a ground test left unknown, as errors in proportion to strain of the map.
 
-The strain of a flow errs by J d: d is the error of the parameters, of the covariance after the test, J the
+The strain of a flow is wrong by J d: d is the error of the parameters, of the covariance after the test, J the
 derivatives of the strain in that flow. It follows the flow, as the error of a vehicle does. A map knows errors
 that all gauges have in common, and errors of each gauge on its own. So the directions of d that strain most, over
 all flows and gauges, become common errors; what they leave becomes errors of each gauge, one for each pattern over
@@ -33,7 +33,7 @@ COMMON = 6
 """Errors that all gauges have in common."""
 
 PATTERNS = 5
-"""Patterns over the flows of what each gauge errs by on its own."""
+"""Patterns over the flows of the error that each gauge has on its own."""
 
 NEGLIGIBLE = 1e-12
 """Variance relative to the largest below which a column of a covariance is left out."""

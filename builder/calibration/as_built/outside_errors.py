@@ -1,7 +1,7 @@
 """Errors of a vehicle that the calibration takes for zero: a taper and a second harmonic of the wall.
 
 The taper is the difference between two structures that are solved for it, so that it shares no table with the
-model; the second harmonic is that of the independent model, to first order.
+model; the second harmonic is the independent model's, to first order.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def outside_structures(vehicle: Vehicle, properties: LoadProperties, max_harmoni
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutsideVehicle:
-    """A vehicle with one error of :data:`OUTSIDE` beside those of its parameters.
+    """A vehicle with one error of :data:`OUTSIDE` in addition to the errors of its parameters.
 
     Attributes
     ----------

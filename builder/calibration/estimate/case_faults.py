@@ -58,7 +58,7 @@ FACTORS = {
 """Causes that multiply a load, by the factor."""
 
 TURNS = {90.0: "turned by 90 deg", 180.0: "turned by 180 deg", 270.0: "turned by -90 deg"}
-"""Attitudes beside the stated one, by the change of the roll angle that is up [deg]."""
+"""Attitudes other than the stated one, by the change of the roll angle that is up [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +153,7 @@ class _Screen:
         return found
 
     def named(self, case: int, wrong: set[int]) -> CaseFault:
-        """Return what is wrong with a case, by the vehicle that the cases beside ``wrong`` show."""
+        """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""
         mean, root = self._after([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
         best, most, text = None, -np.inf, ""
         for cause in self._causes(case, wrong):
@@ -165,7 +165,7 @@ class _Screen:
         return CaseFault(case=case, kind="load", text=self._by_a_factor(case, mean))
 
     def _after(self, kept: list[int]) -> tuple[FloatArray, FloatArray]:
-        """Return (n,) the vector by ``kept`` in its deviations before, and (n, n) a root of its covariance."""
+        """Return (n,) the vector by ``kept`` over its sigmas before, and (n, n) a root of its covariance."""
         rows = [(k, np.flatnonzero(self.used[k])) for k in kept]
         columns = np.concatenate([self.columns[k, at] for k, at in rows])
         weight = 1.0 / np.sqrt(np.concatenate([self.noise[k, at] for k, at in rows]))
@@ -252,7 +252,7 @@ class _Screen:
         return reading[0], none
 
     def _bare(self, cases: tuple[LoadCase, ...], zeros: BoolArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built) without those of zeros."""
+        """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built), 0 of zeros."""
         model = ReadingsModel(self.model.structure, replace(self.model.test, cases=cases), self.model.prior)
         reading, jacobian = model.at_drawing()
         of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]

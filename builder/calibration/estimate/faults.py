@@ -165,7 +165,7 @@ def _fault_of(found: Estimate, cause: Cause) -> Fault:
 
 
 def _left(model: ReadingsModel, faults: Sequence[Fault]) -> BoolArray:
-    """Return (n_cases, n_d) the readings without those of ``faults``."""
+    """Return (n_cases, n_d) which readings are used without the readings of ``faults``."""
     used, blamed = usable(model), {fault.where for fault in faults}
     used[[case.name in blamed for case in model.test.cases]] = False
     used[:, [name in blamed for name in model.structure.gauges.names]] = False
@@ -264,7 +264,7 @@ def load_shifts(found: Estimate) -> tuple[FloatArray, FloatArray]:
 def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter, jacobian: FloatArray) -> BoolArray:
     """Return (n_cases,) whether half of the gauges say that a load was another one.
 
-    Each gauge tells what it should read in a case by its readings in the others; the median of all is not moved by
+    A gauge's readings in the other cases show what it should read in a case; the median of all is not moved by
     a few gauges at fault.
     """
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges

@@ -1,7 +1,7 @@
 """The classical way: loads as sums of bridge readings, by regression on the load cases of the same test.
 
 Skopinski, Aiken and Huston, NACA Report 1178 (1954): L = sum beta_g mu_g with coefficients by least squares over
-the cases. Gauges are chosen by their T values, coefficient over its standard error: those of the largest
+the cases. Gauges are chosen by their T values, coefficient over its standard error: gauges of the largest
 correlation come in while cases suffice, then the one of the smallest T leaves until all are at least
 :data:`LEAST_T`.
 """

@@ -27,7 +27,7 @@ from builder.structure.as_built.derivatives import Key
 from strainfmu.arrays import FloatArray
 
 WIDE = 0.1
-"""Standard deviation before the test of a term that is set free [1]: far more than a wall errs by."""
+"""Standard deviation before the test of a term that is set free [1]: far more than the error of a wall."""
 
 ALARM = 0.001
 """Probability that a sound vehicle is said to have any such error; each kind and the noise get an equal share.
@@ -50,7 +50,7 @@ NOISE = "noise"
 class OutsideTerm:
     """One term of the wall of one region; ``size`` and ``std`` are relative to the thickness [1].
 
-    A second harmonic has one size, that of its crest, at roll angle ``crest`` [rad] and half a turn on.
+    A second harmonic has one size, its crest's, at roll angle ``crest`` [rad] and half a turn on.
     """
 
     kind: str

@@ -60,7 +60,7 @@ class StatedErrors:
     ----------
     zero : (n_groups, n_d) [m/m].
     scale : (n_loads,) relative, own and of the load cell [1].
-    pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad], that of all forces included.
+    pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad], with the common tilt of all forces.
     drift : (n_d,) of the zeros, from the first case to the last [m/m].
     hysteresis : part of a case's strain that the next case still reads [1].
     """
@@ -202,8 +202,8 @@ class ReadingsModel:
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly.
 
-        Those of the last vector are kept for the next time, and those of the drawing; readings and standard
-        deviations do not change them.
+        The derivatives at the last vector are kept for the next time, and the derivatives at the drawing.
+        Measured readings and standard deviations do not change them.
         """
         keys, at_drawing = set(uncertain_keys(self.prior)), not vector.any()
         kept = self._kept.get(at_drawing)

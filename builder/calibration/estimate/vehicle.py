@@ -94,7 +94,7 @@ class Estimate:
 
     @property
     def far_off(self) -> str:
-        """Readings that no vehicle near the drawing has: one factor tells of sign, unit or load."""
+        """Readings that no vehicle near the drawing has: one factor shows a wrong sign, unit or load."""
         drawing, test, changes = self.model.at_drawing()[0], self.model.test, []
         for part in (drawing, test.readings):
             seen = np.where(self.used, part, 0.0)

@@ -54,7 +54,7 @@ class LoadLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A load case that could be applied: its name and what acts beside the weight."""
+    """A load case that could be applied: its name and what acts in addition to the weight."""
 
     name: str
     loads: tuple[Load, ...]

@@ -23,7 +23,7 @@ from scipy.special import bdtrc, erf
 from strainfmu.arrays import FloatArray
 
 CHANCE = 1e-9
-"""Probability below which the samples of a window are not taken for those of a sound channel."""
+"""Probability below which the samples of a window are not taken for samples of a sound channel."""
 
 
 @dataclass(frozen=True, kw_only=True)

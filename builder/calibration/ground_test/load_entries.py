@@ -36,7 +36,7 @@ Station = Annotated[float, Field(ge=-1e3, le=1e3)]
 
 
 class LoadEntry(Section):
-    """What every load has: how exactly it is known, one standard deviation (None takes that of the file), and the
+    """What every load has: how exactly it is known, one standard deviation (None takes the file's), and the
     load cell that reads it: loads of one name have the errors of that load cell in common."""
 
     std_percent: float | None = Field(default=None, ge=0.0, le=100.0)
@@ -187,10 +187,10 @@ class AccelerationEntry(LoadEntry):
 
 
 class TemperatureEntry(LoadEntry):
-    """A temperature above that of the gauges' zero, going round the body as cos(m (phi - roll_angle)).
+    """A temperature rise from the gauges' zero, going round the body as cos(m (phi - roll_angle)).
 
-    ``temperature_K`` is that of the middle of the wall at each station, ``through_wall_K`` the outer less the
-    inner face's.
+    ``temperature_K`` is the temperature of the middle of the wall at each station, ``through_wall_K`` the
+    temperature of the outer face less the inner face's.
     """
 
     kind: Literal["temperature"]

@@ -38,8 +38,8 @@ class ErrorEntries(Section):
     ``load_percent`` is of each load on its own where it states no ``std_percent``. ``load_cell_percent`` and
     ``load_cell_offset_N`` are common to all loads of one ``load_cell``: its gain and its reading without load.
     Weight, acceleration and temperature have no part in these: ``mass_percent`` is the vehicle's, the same in all
-    attitudes, by default that of its section [calibration]. Pads and points stand ``pad_position_mm`` and
-    ``pad_roll_deg`` off, and forces point ``load_direction_deg`` off about both axes across them, except those of
+    attitudes, by default the value of its section [calibration]. Pads and points stand ``pad_position_mm`` and
+    ``pad_roll_deg`` off, and forces point ``load_direction_deg`` off about both axes across them, except forces of
     pads that press along the normal.
     """
 

@@ -39,7 +39,7 @@ class Readings:
     samples : (n_cases, n_d) number of samples.
     steps : of each case.
     notes : lines for the user.
-    left_out : those of them on channels that stand still, whose readings are left out.
+    left_out : the notes on channels that stand still, whose readings are left out.
     """
 
     mean: FloatArray

@@ -23,7 +23,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CaseSensitivity:
-    """What a load case would tell.
+    """What a load case would determine.
 
     Attributes
     ----------

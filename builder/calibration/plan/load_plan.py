@@ -159,7 +159,7 @@ def load_plan(
 
 
 def _next_best(known: Knowledge, cases: Sequence[CaseSensitivity], chosen: Sequence[int], count: int) -> list[int]:
-    """Return ``count`` distinct cases beside ``chosen``, each the best next one, or as many as there are."""
+    """Return ``count`` distinct cases other than ``chosen``, each the best next one, or as many as there are."""
     found, left = list[int](), [k for k in range(len(cases)) if k not in chosen]
     while left and len(found) < count:
         (best,) = select_cases(known, [cases[k] for k in left], 1)
@@ -218,7 +218,7 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
 def case_sensitivities(
     parts: PlanParts, cases: Sequence[Candidate], errors: LoadErrors, noise_std: FloatArray
 ) -> list[CaseSensitivity]:
-    """Return what cases would tell; the last parameter is the error of the load cell."""
+    """Return what cases would determine; the last parameter is the error of the load cell."""
     as_built, none = parts.as_built, np.zeros(parts.as_built.n_gauges)
     test = LoadTest(
         gauge_names=as_built.gauges.names,
@@ -248,7 +248,7 @@ def case_sensitivities(
 
 
 def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice) -> CaseSensitivity:
-    """Return what a case tells in which own weight acts as well; the parameters ``zeros`` act once."""
+    """Return what a case determines in which own weight acts as well; the parameters ``zeros`` act once."""
     jacobian = case.jacobian + weight.jacobian
     jacobian[:, zeros] = case.jacobian[:, zeros]
     return CaseSensitivity(

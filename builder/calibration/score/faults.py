@@ -45,7 +45,7 @@ def drawn_readings(
 
 
 class Calibrations:
-    """Calibrations of spoiled tests: right if chi-square and errors over their sigmas are those of sound ones."""
+    """Calibrations of spoiled tests: right if chi-square and errors over their sigmas are as of sound tests."""
 
     def __init__(self) -> None:
         self.chi: list[float] = []

@@ -119,7 +119,7 @@ class LoadTables:
     """What the loads of a test strain, for any vehicle of one structure: solved once for each pad and attitude.
 
     Forces are sums of their three components, which is exact. Where a pad stands elsewhere than stated, or is of
-    another shape, the change is that of the wall of the drawing under the gauges as built.
+    another shape, the change is the change of the wall of the drawing under the gauges as built.
     """
 
     def __init__(self, structure: AsBuiltStructure) -> None:

@@ -1,4 +1,4 @@
-"""What the flights of scored vehicles say together: errors over those of the exactly known vehicle, coverage."""
+"""The flights of scored vehicles together: errors over the errors of the exactly known vehicle, coverage."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 EXACT, BEFORE = "exact", "before"
-"""States of what is known of a vehicle, beside the tests'."""
+"""States of what is known of a vehicle, in addition to the tests'."""
 
 EQUATIONS = "load equations"
-"""Stands for a map where loads are sums of readings; its errors are over those of the first map that is scored."""
+"""Stands for a map where loads are sums of readings; its errors are over the errors of the first map scored."""
 
 
 def errors_of(error: FloatArray, sigma: FloatArray, health: IntArray | None = None) -> dict[str, Any]:
@@ -34,10 +34,10 @@ def errors_of(error: FloatArray, sigma: FloatArray, health: IntArray | None = No
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return pooled rms errors over those of the exactly known vehicle, and coverage, by map and state.
+    """Return pooled rms errors over the errors of the exactly known vehicle, and coverage, by map and state.
 
-    ``rows`` are those of :meth:`builder.calibration.score.vehicles.Score.of_vehicle`. Coverage of the worst
-    vehicle is over all coefficients, and that of one coefficient alone.
+    ``rows`` are as from :meth:`builder.calibration.score.vehicles.Score.of_vehicle`. Coverage of the worst
+    vehicle is over all coefficients; the worst of single coefficients is next to it.
     """
     kinds = dict.fromkeys(row["map"] for row in rows)
     found = []

@@ -56,7 +56,7 @@ class Row:
 
 
 def rows_of(test: LoadTest) -> dict[str, Row]:
-    """Return the rows by name; those of single cases and pairs last."""
+    """Return the rows by name; rows of single cases and pairs last."""
     found = [
         Row(name="faultless", limit=1.25),
         Row(name="noise 0.5 um/m", noise=(0.5e-6, 0.5e-6), limit=1.6),

@@ -2,7 +2,7 @@
 
 Each draw is a vehicle whose wall varies smoothly along the body, on a mesh of its own, with gauges, loads and load
 cell that err as vehicle file and test state, and the error of one row. The calibration sees the readings alone. It
-may refuse them, name the error, or make a map, which then flies on held-out flows beside the map of the vehicle
+may refuse them, name the error, or make a map, which then flies on held-out flows next to the map of the vehicle
 known exactly. The structures are solved once for all draws.
 
     python -m builder.calibration.score.trials VEHICLE SNAPSHOTS FLOWS --draws 20 --rows faultless "soft support"
@@ -199,7 +199,7 @@ def trial(setup: TrialSetup, row: Row, number: int) -> dict[str, Any]:
 
 
 def _flown(setup: TrialSetup, built: AsBuilt, estimate: Estimate, number: int) -> dict[str, Any]:
-    """Return the errors in flight of the calibrated map, and those of the map of the vehicle known exactly."""
+    """Return the errors in flight of the calibrated map, and of the map of the vehicle known exactly."""
     vehicle, key = setup.vehicle, built.vector.tobytes()
     strain = setup.flights.pressure @ setup.vehicles.structure.strain_operator(built).T
     remaining = remaining_after(estimate)
@@ -286,7 +286,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--draws", type=int, default=20, help="vehicles of each row")
     found.add_argument("--first", type=int, default=0, help="number of the first draw, its seed")
     found.add_argument("--rows", nargs="+", default=[], help="names of rows; all by default")
-    found.add_argument("--cases", type=int, default=12, help="pads of the test, beside four attitudes")
+    found.add_argument("--cases", type=int, default=12, help="pads of the test, in addition to four attitudes")
     found.add_argument("--map", choices=list(KINDS), default="case 1")
     found.add_argument("--flights", type=int, default=60)
     found.add_argument("--noise-draws", type=int, default=8, help="for each flight")

@@ -92,7 +92,7 @@ class Score:
                 yield {"vehicle": number, "map": EQUATIONS, "state": one.state, **self._by_equations(one, number)}
 
     def _known(self, number: int) -> list[Knowledge]:
-        """Return what is known of a vehicle: all, nothing but tolerances, and what each of its tests tells."""
+        """Return what is known of a vehicle: all, nothing but tolerances, and what each test determines."""
         setup = self.setup
         built = drawn(setup.std, np.random.default_rng([7, number]))
         truth = setup.truth_of(built)
@@ -127,7 +127,7 @@ class Score:
     def _tested(
         self, count: int, reading: FloatArray, strain: FloatArray, built: AsBuilt, kind: str = ""
     ) -> Knowledge:
-        """Return what a test of ``count`` pads tells by readings (n_cases, n_d) of the largest test."""
+        """Return what a test of ``count`` pads determines by readings (n_cases, n_d) of the largest test."""
         setup = self.setup
         rows = rows_of_test(count, max(setup.models), len(reading))
         found, faults = calibrate_with_faults(setup.models[count].with_readings(reading[rows]))
@@ -165,7 +165,7 @@ class Score:
         return flown_errors(flown, self.setup.flights, strain, self.setup.draws, np.random.default_rng(seed))
 
     def _by_equations(self, known: Knowledge, seed: int) -> dict[str, Any]:
-        """Return the errors of regression load equations in the flights; their sigma is that of the regression."""
+        """Return the errors of regression load equations in the flights; their sigma is the regression's."""
         setup, random = self.setup, np.random.default_rng(seed)
         assert known.found is not None
         reference = setup.vehicle.reference_quantities()

@@ -20,7 +20,7 @@ WELL = 0.05
 """Sigma over the range of the snapshots up to which a coefficient counts as measured well."""
 
 UNMEASURED = 12.0**-0.5
-"""The same of an even spread over the range: an estimate with this sigma tells no more than the range itself."""
+"""The same of an even spread over the range: an estimate with this sigma adds nothing to the range itself."""
 
 PRESSURE_WELL = 0.9
 """Fraction of the pressure's variance from which it counts as measured well."""

@@ -116,9 +116,9 @@ def _opening(report: BuildReport) -> tuple[Block, ...]:
             )
         ),
         Paragraph(
-            f"Each sigma is {'that of the nonlinear estimator, ' if used.is_nonlinear else ''}{used.where}. It "
+            f"Each sigma is {'of the nonlinear estimator, ' if used.is_nonlinear else ''}{used.where}. It "
             f"includes {'; '.join(used.coefficients.names)}. It does not include the "
-            f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is that of the snapshots.'
+            f'{len(report.excluded)} errors listed under "{NOT_INCLUDED}". The range is taken over the snapshots.'
         ),
         *_without_hardware(used.coefficients),
         *([] if (line := sections.model_form_line(report)) is None else [Paragraph(line)]),

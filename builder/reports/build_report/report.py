@@ -160,7 +160,7 @@ def _tables_without_model_form(
 
 
 def _same(solution: Solution, inverse_map: InverseMap) -> bool:
-    """Return whether the map is that of the solution, up to round-off."""
+    """Return whether the map is the map of the solution, up to round-off."""
     a, b = solution.solved.state_operator, inverse_map.state_operator
     # A A' does not depend on the choice of states, nor on those that no gauge observes.
     pairs = ((solution.noise.covariance, inverse_map.noise_covariance), (a @ a.T, b @ b.T))

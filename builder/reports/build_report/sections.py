@@ -233,8 +233,8 @@ def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
             Paragraph(
                 "Standard deviations that the nonlinear estimator states, by Mach number and total incidence of "
                 f"the flight, at p_inf = {1e-3 * of.static_pressure:.4g} kPa: rms values over the roll angle of "
-                "the wind. With M, p_inf and q_inf of navigation, each with the deviation of the map, and with "
-                "q_inf alone."
+                "the wind. With M, p_inf and q_inf of navigation, each with the map's standard deviation, and "
+                "with q_inf alone."
             ),
             picture(
                 accuracy_maps(of.mach_number, np.degrees(of.total_incidence), NAVIGATION, maps),

@@ -29,7 +29,7 @@ CANNOT_SEE = (
     "An error that all loads have in common is not seen: a load cell that reads too much makes a stiffer and "
     "heavier vehicle. Its stated size stays in the covariance; a second load cell, or a scale, would show it.",
     "The clamp of the test is taken as the one in flight; how it yields as a whole strains nothing.",
-    "Young's modulus and the common gain are not told apart; their difference is what counts in flight.",
+    "Young's modulus and the common gain are not separated; their difference is what counts in flight.",
     "A zero that drifts after the test is not seen; take the tare before each flight.",
 )
 

@@ -60,7 +60,7 @@ def cases_table(found: Estimate) -> Table:
         Column("left after", "um/m"),
         Column("left after", "sigma"),
     )
-    return make_table("cases", "Measured less predicted, case by case; sigma is that of a reading.", columns, rows)
+    return make_table("cases", "Measured less predicted, case by case; sigma is of one reading.", columns, rows)
 
 
 def cross_table(left_out: Sequence[LeftOut]) -> Table:

@@ -17,7 +17,7 @@ from strainfmu.arrays import BoolArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 IN_FLIGHT = 1.5
-"""Sigma of a coefficient in flight over that of a vehicle known exactly up to which the test is enough."""
+"""Sigma of a coefficient in flight over its sigma for a vehicle known exactly up to which the test is enough."""
 
 LOAD, SIGMAS = 0.02, 3.0
 """Difference of a check load from the applied one that is accepted [1], or so many standard deviations."""

@@ -17,7 +17,7 @@ from strainfmu.estimator.reference.gain import load_covariance, load_gain
 OF_STATES = "prior and gamma"
 
 UNCHANGED = 1e-6
-"""Fraction of sigma: a range below it is round-off, such as that of C_Y without sideslip."""
+"""Fraction of sigma: a range below it is round-off, such as the range of C_Y without sideslip."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +63,7 @@ def coefficient_scales(inverse_map: InverseMap) -> FloatArray:
 
 
 def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Solution) -> CoefficientSources:
-    """Return the sources of each coefficient's variance; the map is that of ``problem`` and ``solution``.
+    """Return the sources of each coefficient's variance; the map is the one of ``problem`` and ``solution``.
 
     The sources are the factors of :func:`builder.inverse.loads.covariance.load_error_factors`: each noise term,
     and in Case 2 what the gain does not resolve of the states, which depends on the prior and gamma.

@@ -17,7 +17,7 @@ from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 ALL, PRESSURE_ALONE = "M, p_inf and q_inf", "q_inf only"
 NAVIGATION = (ALL, PRESSURE_ALONE)
-"""What is known beside strain, each with the standard deviation of the map."""
+"""What is known in addition to strain, each with the standard deviation of the map."""
 
 MACHS, INCIDENCES, ROLLS = 13, 12, 8
 """Flight states of the envelope; standard deviations are rms values over the aerodynamic roll angles in it."""

@@ -77,7 +77,7 @@ def estimator_in_use(
 ) -> InUse:
     """Return the judgement of the estimator of ``inverse_map``.
 
-    ``linear``, ``gauges`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is that of its nodes [m2].
+    ``linear``, ``gauges`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2].
     ``without_model_form`` are its tables without model-form error, None where they are the same.
     """
     if inverse_map.manifold is None:
@@ -128,7 +128,7 @@ def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[Coefficie
 def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return (k, 5) contribution of each source to the variance of each coefficient [1], and the covariance.
 
-    The covariance (k, 5, 5) is that of an estimate linearised at ``flown`` (k, 4), with all navigation; the
+    The covariance (k, 5, 5) is of an estimate linearised at ``flown`` (k, 4), with all navigation; the
     contributions add up to its diagonal.
     """
     manifold = inverse_map.manifold

@@ -6,9 +6,9 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 
 OPTIONAL_ERRORS = (
-    ("apparent_strain_um_per_m", "apparent strain, such as that of an uncompensated temperature"),
+    ("apparent_strain_um_per_m", "apparent strain, such as from an uncompensated temperature"),
     ("gauge_gain_percent", "errors of gauge factor and amplifier gain"),
-    ("common_gain_percent", "errors common to all gains, such as that of Young's modulus"),
+    ("common_gain_percent", "errors common to all gains, such as an error of Young's modulus"),
     ("gauge_position_mm", "errors of the gauges' positions"),
     ("gauge_orientation_deg", "errors of the gauges' directions"),
     ("layout_roll_deg", "an error of the whole layout's roll angle"),
@@ -27,7 +27,7 @@ OF_STRUCTURE = {
 
 
 def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
-    """Return what no sigma of the map includes, one sentence each; ``engine`` is that of the snapshots."""
+    """Return what no sigma of the map includes, one sentence each; ``engine`` is the one of the snapshots."""
     model = "Fourier" if vehicle.structure.model == "fourier" else "three-dimensional"
     return (
         "Base pressure: C_A is the fore-body's.",
@@ -35,7 +35,7 @@ def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
         f"Errors of the flow solution ({engine}): modes and prior come from it.",
         *_absent_structure(vehicle.noise, model),
         *_absent_noise(vehicle.noise, vehicle.map.case == 1 or vehicle.map.prior_modes is not None),
-        "Errors of the dynamic pressure: an estimate adds the deviation that it is told, or "
+        "Errors of the dynamic pressure: an estimate adds the standard deviation that it is given, or "
         f"{vehicle.noise.dynamic_pressure_percent:g} % (noise.dynamic_pressure_percent).",
         "Vibration and inertia: strain counts as the static response to the current pressure.",
     )

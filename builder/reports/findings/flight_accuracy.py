@@ -38,7 +38,7 @@ class FlightAccuracy:
     identified: FloatArray
 
     def air_data(self, name: str) -> FloatArray:
-        """Return (2, i, m) the deviation of one of the air data."""
+        """Return (2, i, m) the standard deviation of one of the air data."""
         return np.asarray(self.air_data_std[..., AIR_DATA_NAMES.index(name)])
 
     def is_identified(self, name: str) -> FloatArray:
@@ -47,7 +47,7 @@ class FlightAccuracy:
 
 
 def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
-    """Return the deviations over the envelope of the map; None for a map without tables."""
+    """Return the standard deviations over the envelope of the map; None for a map without tables."""
     if inverse_map.manifold is None:
         return None
     estimator, over = Estimator(inverse_map), envelope(inverse_map.manifold)

@@ -17,7 +17,7 @@ Mirrors = tuple[sparse.csr_array, sparse.csr_array]
 def mirror_operators(surface: SurfaceGrid | SurfaceMesh) -> Mirrors | None:
     """Return sparse (n_p, n_p) M_y, M_z: (M_y p)(x, y, z) = p(x, -y, z). None where the surface is not symmetric.
 
-    A grid always is symmetric. On other surfaces the value is that of the closest point.
+    A grid always is symmetric. On other surfaces the value is the closest point's.
     """
     if isinstance(surface, SurfaceGrid):
         return grid_mirrors(surface)

@@ -52,7 +52,7 @@ class Preformatted:
 
 @dataclass(frozen=True)
 class Files:
-    """Hyperlinks to files beside the page, with what each holds.
+    """Hyperlinks to files next to the page, with what each holds.
 
     ``names_and_contents`` are relative paths with descriptions. The page can be read without them.
     """

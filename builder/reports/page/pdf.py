@@ -1,7 +1,7 @@
 """A page as PDF for print: the blocks of :mod:`builder.reports.page.html` on sheets of A4, drawn by matplotlib.
 
 Text is set in matplotlib's own font, so that the file is the same everywhere. Tables shrink to the width of the
-sheet and go on with their headings on the next one. Pictures are those of the page; SVG, which matplotlib does not
+sheet and go on with their headings on the next one. Pictures are the page's; SVG, which matplotlib does not
 read, and links to files are left out.
 """
 

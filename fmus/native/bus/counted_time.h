@@ -1,4 +1,4 @@
-/* Time by the counter of cycles beside the sender's clock, read from compiled code. */
+/* Time by the counter of cycles next to the sender's clock, read from compiled code. */
 
 #ifndef COUNTED_TIME_H
 #define COUNTED_TIME_H

@@ -72,7 +72,7 @@ static int crc_fits(const SbCheck *c, const uint8_t *data, int64_t n, const uint
     return crc_16(crc, id, 2) == (data[0] | data[1] << 8);
 }
 
-/* Whether a content is that of a frame; one that is not known is not. */
+/* Whether a content is the content of a frame; one that is not known is not. */
 static int is_content(const uint8_t *content, int64_t count, const uint8_t *data, int64_t n, const uint8_t *covered,
                       int64_t n_covered) {
     return count == n + n_covered && memcmp(content, data, (size_t)n) == 0 &&

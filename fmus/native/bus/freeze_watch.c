@@ -79,7 +79,7 @@ static int64_t learn_level(SbWatch *w, const double *variance, const double *num
     return has_changed;
 }
 
-/* Judge the second differences of a block, and learn from those of living gauges. */
+/* Judge the second differences of a block, and learn from the differences of living gauges. */
 static int64_t judge_block(SbWatch *w, const int64_t *run) {
     double *variance = w->mean, *number = w->mean + w->n_groups;
     for (int64_t i = 0; i < w->n; i++) {
@@ -116,7 +116,7 @@ static int64_t capped(int64_t run) {
     return run < SB_LONGEST_RUN ? run : SB_LONGEST_RUN;
 }
 
-/* Whether chance may not give so many late gauges; the bound is that of the longest run. */
+/* Whether chance may not give so many late gauges; the bound is the longest run's. */
 static int may_be_improbable(const SbWatch *w, const int64_t *run) {
     int64_t late = 0, longest = 0;
     for (int64_t i = 0; i < w->n; i++) {

@@ -5,7 +5,7 @@
 #include "sender_clock.h"
 #include "signals.h"
 
-/* Whether a sample time is that of the strains, as far as the clock's range tells. */
+/* Whether a sample time is the strains' time, as far as the clock's range shows. */
 static int agrees(const SbValue *v, int64_t ticks, double strain_time) {
     const double half = 0.5 * v->clock->range, ahead = (double)ticks * v->clock->tick - strain_time;
     return fabs(remainder_of(ahead + half, v->clock->range) - half) <= v->tolerance; /* no if it is not known */

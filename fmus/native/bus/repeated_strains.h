@@ -5,8 +5,8 @@
 
 #include "strainbus.h"
 
-/* Remember a cycle; whether the readings of a frame, or of all, are those of an earlier one, which noise does not allow.
-   Those of the cycle just before are none: the watch for frozen gauges judges them. Gauges that are not `plausible` may
+/* Remember a cycle; whether the readings of a frame, or of all, are an earlier one's, which noise does not allow.
+   The cycle just before does not count: the watch for frozen gauges judges them. Gauges that are not `plausible` may
    well repeat. */
 int repeats_take(SbRepeats *repeats, const SbChecks *checks, const SbCycle *cycle, const uint8_t *plausible);
 

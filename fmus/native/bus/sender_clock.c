@@ -43,7 +43,7 @@ static int64_t forward(int64_t difference, int64_t modulus) {
     return (difference % modulus + modulus) % modulus;
 }
 
-/* Time of the sender from a model's last reading to `ticks` [ticks]; after half the range our clock tells how often the
+/* Time of the sender from a model's last reading to `ticks` [ticks]; after half the range our clock shows how often the
    time has wrapped. */
 static double ticks_since(const SbClock *c, const SbModel *m, double elapsed, int64_t ticks) {
     const uint64_t difference = (uint64_t)ticks - (uint64_t)m->ticks;
@@ -191,7 +191,7 @@ static void follow_rate(SbClock *c, const SbMinima *minima, int is_measured) {
 
 /* --- restarts --------------------------------------------------------------------------------------------------------- */
 
-/* Follow the clock of a sender that has been restarted, and keep that of before. */
+/* Follow the clock of a sender that has been restarted, and keep the clock of before. */
 static void replace(SbClock *c, const SbModel *old, SbModel made, double local) {
     /* A queue on the way outlives a restart of the sender: what may hide in it still may. */
     made.lowest -= old->floor - old->lowest;

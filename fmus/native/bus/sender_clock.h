@@ -8,7 +8,7 @@
 /* Take in a sample time that arrived at `local` [s] with a counter, -1 without; the flags of sb_clock_read. */
 int64_t clock_read(SbClock *clock, double local, int64_t ticks, int64_t counter);
 
-/* What shows that a restarted clock is that of the sender. */
+/* What shows that a restarted clock is the sender's. */
 enum { CLOCK_CONTINUES, CLOCK_BEGAN, CLOCK_COUNTER_CONTINUES };
 
 /* Bound the delay that a clock which has been taken for restarted may hide, by the last reading before it; `counter` is the

@@ -4,7 +4,7 @@
    it is used. Nothing is allocated, records share nothing, and a record serves one thread at a time. sb_sizes guards
    against a caller whose records are of another shape.
 
-   n_d is the number of gauges. Masks are bytes, 1 for true. Times are those of the local monotonic clock [s]. */
+   n_d is the number of gauges. Masks are bytes, 1 for true. Times are by the local monotonic clock [s]. */
 
 #ifndef STRAINBUS_H
 #define STRAINBUS_H
@@ -94,7 +94,7 @@ typedef struct {
 /* Take in the status of a check; the state. */
 SB_API int64_t sb_machine_add(SbMachine *machine, int status);
 
-enum { SB_CONFIGURATION_OF = 8 }; /* beside the status: the frame is of another configuration */
+enum { SB_CONFIGURATION_OF = 8 }; /* next to the status: the frame is of another configuration */
 
 enum { SB_NUMBER_STATUS, SB_NUMBER_SAMPLE_TIME, SB_NUMBER_CONFIGURATION, SB_NUMBER_COUNTER, SB_N_NUMBERS };
 
@@ -106,7 +106,7 @@ typedef struct {
     int64_t expected;                           /* configuration */
     SbCheck *check;                             /* NULL without protection */
     SbMachine *machine;
-    const SbMachine *trusted_by;                /* the same, or that of the trailer, which covers frames of strains */
+    const SbMachine *trusted_by;                /* the same, or the trailer's, which covers frames of strains */
     int64_t *number;                            /* (SB_N_NUMBERS) of the last frame, 0 of what it does not hold; its
                                                    counter is -1 without protection */
 } SbSlot;
@@ -151,7 +151,7 @@ typedef struct {
 } SbAssembler;
 
 enum { SB_IN_CYCLE, SB_TWICE, SB_LATE, SB_RESTARTED_CYCLES };
-#define SB_CLOSED 4 /* times the number of cycles that the frame closes, beside what became of it */
+#define SB_CLOSED 4 /* times the number of cycles that the frame closes, added to what became of it */
 
 /* Put a frame that arrived at `time` into its cycle. What it closes must be done with before the next frame comes. */
 SB_API int64_t sb_offer(SbAssembler *assembler, int slot, const uint8_t *data, const int64_t *number,
@@ -180,7 +180,7 @@ typedef struct {
     const double *least;                        /* (SB_LONGEST_RUN + 1) smallest logarithm of any gauge */
     double *difference, *squares, *counts;      /* state of each gauge */
     uint8_t *has_moved, *too_little, *found;
-    uint8_t *repeating;                         /* those of `found` that repeat their reading together */
+    uint8_t *repeating;                         /* gauges of `found` that repeat their reading together */
     double *level, *learned, *memory, *evidence; /* state of each group */
     double *log_probability, *ranked;           /* scratch (n) */
     double *mean;                               /* scratch (2, n_groups) */
@@ -194,7 +194,7 @@ SB_API int64_t sb_watch_scatter(SbWatch *watch, const double *difference, const 
 /* Find which of the gauges `present` are frozen: 1 and the mask `found`; 0 if none is. */
 SB_API int64_t sb_watch_find(SbWatch *watch, const double *strain, const int64_t *run, const uint8_t *present);
 
-/* --- strains that repeat those of an earlier cycle ---------------------------------------------------------------- */
+/* --- strains that repeat an earlier cycle's ----------------------------------------------------------------------- */
 
 #define SB_REPEATS_PLACES (1 << 18)
 
@@ -252,7 +252,7 @@ typedef struct {
     int64_t is_set, ticks, readings;
     double source, local; /* of the last reading, by that clock and by ours [s] */
     double floor;         /* smallest delay, raised with time [s] */
-    double lowest;        /* least value of the floor, less what was hidden before a restart [s] */
+    double lowest;        /* smallest value of the floor, less what was hidden before a restart [s] */
     double start;         /* our time of the first reading [s] */
     double fastest;       /* delay at the start of the fastest clock that no reading contradicts [s] */
     double doubt;         /* delay that may have been there when the clock was first read [s] */
@@ -315,7 +315,7 @@ typedef struct {
     const SbDecoder *signals;
     int64_t sample_time, status;                        /* indices of signals, -1 without */
     int64_t worst_status;                               /* with which values are used */
-    const uint8_t *prefix;                              /* (4) what distinguishes its data from those of others */
+    const uint8_t *prefix;                              /* (4) what distinguishes its data from the data of others */
     int64_t length;
     uint64_t *seen;
     int64_t n_values;
@@ -400,7 +400,7 @@ typedef struct {
     const double *next_status;                  /* when silence is to be answered [s] */
 } SbPort;
 
-/* What becomes of a frame; SB_EVENT_CYCLE + the result of sb_offer, or SB_EVENT_CHECK + that of sb_slot_check. */
+/* What becomes of a frame; SB_EVENT_CYCLE + the result of sb_offer, or SB_EVENT_CHECK + the result of sb_slot_check. */
 enum {
     SB_EVENT_DUE,                               /* nothing yet: another thing is due before it */
     SB_EVENT_WRONG_FORMAT,

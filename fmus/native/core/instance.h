@@ -31,8 +31,8 @@ struct Instance {
 };
 
 /* Fill in an instance of which name, kind, write, logger and environment are set, from the resource in the folder
-   `location`. Return a copy that is to be freed with instance_free; NULL, after a message, if guid is not that of the
-   resource or the resource cannot be read. */
+   `location`. Return a copy that is to be freed with instance_free; NULL, after a message, if guid is not the
+   resource's or the resource cannot be read. */
 Instance *instance_create(const Instance *requested, const char *guid, const char *location);
 
 void instance_free(Instance *instance);

@@ -1,6 +1,6 @@
 /* The contract between a model and the FMI fronts: all that fmi2/ and fmi3/ know of a model.
 
-   A library holds one implementation, in MODEL: that of the estimator (estimator/estimator_model.c), or that of the
+   A library holds one implementation, in MODEL: the estimator's (estimator/estimator_model.c), or the one of the
    system around it (system/system_model.c), where resources/model.bin chooses plant, autopilot or schedule.
 
    Scalar variables have numbers, which are the value references of FMI 2.0. FMI 3.0 collects them in arrays.
@@ -14,7 +14,7 @@
 
 #define MODEL_TEXT_SIZE 256
 
-/* Status numbers, those of FMI 2.0 and 3.0 alike. */
+/* Status numbers of FMI 2.0 and 3.0 alike. */
 #define STATUS_OK 0
 #define STATUS_DISCARD 2
 #define STATUS_ERROR 3
@@ -98,7 +98,7 @@ typedef struct {
 extern const ModelFacts MODEL;
 
 /* Functions that compute do so in the default floating-point environment, whatever the host's is (floating.h); fronts
-   that call those of Derivatives take it for themselves. */
+   that call the functions of Derivatives take it for themselves. */
 
 /* Make a model of the bytes of its resource [length], and own them: they are freed here if that fails. NULL, after a
    message. */

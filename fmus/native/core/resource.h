@@ -19,7 +19,7 @@
 /* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that states what is wrong. */
 unsigned char *resource_read(const char *path, size_t *length, char text[MODEL_TEXT_SIZE]);
 
-/* Whether the first 32 bytes are those of a file of `length` bytes that starts with the 8 bytes of magic; if not, text
+/* Whether the first 32 bytes are as in a file of `length` bytes that starts with the 8 bytes of magic; if not, text
    states what is wrong with it. content is what the text calls it. */
 int resource_check(const unsigned char *bytes, size_t length, const char *magic, int version, const char *content,
                    char text[MODEL_TEXT_SIZE]);
@@ -31,7 +31,7 @@ static inline uint32_t u32_at(const unsigned char *bytes, size_t position) {
     return value;
 }
 
-/* CRC-32 of ISO 3309, as that of zlib. */
+/* CRC-32 of ISO 3309, as in zlib. */
 uint32_t crc32(const unsigned char *bytes, size_t length);
 
 #endif

@@ -79,7 +79,7 @@ static long path_of_uri(const char *location, char *path, size_t size) {
     const char *rest = after_scheme(location, &host);
 #ifdef _WIN32
     if (host) {
-        rest -= 2; /* the share's two slashes are those of the URI */
+        rest -= 2; /* the share's two slashes are the URI's */
     } else if (rest[0] == '/' && has_drive(rest + 1)) {
         rest++;
     }

@@ -65,7 +65,7 @@ static int allocate(Estimator *e) {
     return 1;
 }
 
-/* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are those of the map's section
+/* Whether the parts of a map go together: section loads scale with q_inf, tables of loads are about the map's section
    loads, and filter and tables of parameters are about other tables. */
 static int check_parts(MapFile *file, int follows_pressure) {
     const int flight = map_has(file, "flight"), other_loads = map_has(file, "other_loads");

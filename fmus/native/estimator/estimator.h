@@ -23,19 +23,19 @@ typedef struct {
     void *memory;         /* of all arrays that no part has of its own */
     SensorRows sensors;
     FlowParameters parameters;
-    OtherLoads other_loads;      /* loads beside the five, of a map that has some */
+    OtherLoads other_loads;      /* loads in addition to the five, of a map that has some */
     Thermal thermal;      /* of a map with temperature modes */
     Tare tare;
     Inputs inputs;
     double output[N_OUTPUTS];
     int outdated;         /* whether an input has changed since output was computed, */
-    int noise_outdated;   /* and whether zeros or their deviations may be others than in use */
+    int noise_outdated;   /* and whether zeros or their standard deviations may be others than in use */
     Linear linear;
     Renewal renewal;
     Flight flight; /* the nonlinear estimator, if the map has tables */
     Filter filter; /* over time, if the map has one */
     double *direction;       /* as inputs.value, of derivatives, for estimator_model.c, */
-    double *derivative;      /* (estimator_derivatives) which keeps those of the outputs along it, */
+    double *derivative;      /* (estimator_derivatives) which keeps the outputs' derivatives along it, */
     double *derivative_work; /* (inputs_count) and twice (estimator_derivatives) scratch, */
     int reported_health;     /* the last health that was reported, */
     double settled[N_WHOLE]; /* and the whole numbers of the last event in model exchange */
@@ -50,7 +50,7 @@ void estimator_free(Estimator *estimator);
 /* Give inputs and settings their start values, and forget steps and tare. */
 void estimator_reset(Estimator *estimator);
 
-/* Zeros, their deviations, and that in common, to be in use: those of the last tare, or those of the inputs. */
+/* Zeros, their standard deviations, and the common one, to be in use: of the last tare, or of the inputs. */
 static inline const double *latest_zeros(const Estimator *e) {
     return e->tare.present && e->tare.flags.has_zeros != 0.0 ? e->tare.zero : zeros_given(&e->inputs);
 }
@@ -87,7 +87,7 @@ void estimator_take_readings(Estimator *estimator);
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 
-/* Number of derivatives: N_OUTPUTS, air data, all loads beside the five. */
+/* Number of derivatives: N_OUTPUTS, air data, all loads in addition to the five. */
 static inline size_t estimator_derivatives(const Estimator *e) {
     return N_OUTPUTS + N_FLIGHT_REALS + N_OTHER_VALUES * e->other_loads.map.n_loads;
 }

@@ -5,16 +5,16 @@
 #include <string.h>
 
 #define STEP 0.002         /* of the natural size of a direction */
-#define FRACTION 0.1      /* natural size of what has no noise: that of its value */
+#define FRACTION 0.1      /* natural size of what has no noise: its value's */
 #define MOST_STEPS 40
-#define ENDED 1e-10       /* deviations of the flight state that a step moves it by, where the iterations end; */
+#define ENDED 1e-10       /* standard deviations of the flight state that a step moves it by, where the iterations end; */
 #define NEARLY_ENDED 1e-9 /* or no longer come nearer to it, for rounding */
 #define N_POINTS 4
 
 static const double POINT[N_POINTS] = {1.0, -1.0, 2.0, -2.0}, WEIGHT[N_POINTS] = {8.0, -8.0, -1.0, 1.0};
 static const double PI = 3.1415926535897931;
 
-/* The deviation of a row's noise, in the unit of its reading. */
+/* The standard deviation of a row's noise, in the unit of its reading. */
 static double noise_of(const Estimator *e, size_t row) {
     const double *covariance = e->flight.present ? e->flight.map.gauge_covariance : e->map.gauge_covariance;
     const double strain = sqrt(covariance[row * (e->map.n_gauges + 1)]);

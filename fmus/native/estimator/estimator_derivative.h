@@ -9,7 +9,7 @@
 #include "estimator.h"
 
 /* Derivatives of the estimate along a direction of the inputs (inputs_count), which is scratch: estimator_derivatives of
-   them; those of loads, coefficients and air data are good, NaN where the output is. The estimator is left as it was. 1; 0,
+   them; for loads, coefficients and air data they are good, NaN where the output is. The estimator is left as it was. 1; 0,
    after a message, where it has none. */
 int estimator_derivative(Estimator *estimator, double *direction, double *derivative, char text[MODEL_TEXT_SIZE]);
 

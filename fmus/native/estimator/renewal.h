@@ -20,7 +20,7 @@ typedef struct {
     double parts;     /* of the matrices for `target` that are made, */
     double waited;    /* and steps in a row that made none */
     int made;         /* whether those are all: the next step uses the matrices */
-    double *held;     /* (number_of_zeros) in use in the last step; the map holds for their deviations */
+    double *held;     /* (number_of_zeros) in use in the last step; the map holds for their standard deviations */
     double *target;   /* (number_of_zeros) those that matrices are made for */
 } Renewal;
 

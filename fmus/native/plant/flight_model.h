@@ -19,7 +19,7 @@ typedef struct {
     const double *gauge_channel;                         /* (n_gauges) indices in strain_table */
     const double *strain_of_internal_pressure;           /* (n_gauges) [1/Pa] */
     const double *apparent_strain;                       /* (n_gauges) [1] */
-    const double *noise_scale;                           /* (n_gauges) noise of a row over that of a gauge */
+    const double *noise_scale;                           /* (n_gauges) noise of a row over the noise of a gauge */
     const double *coefficient_table, *strain_table;      /* as in flight_model.py, row by row */
     Atmosphere atmosphere;
 } FlightModel;

@@ -15,7 +15,7 @@ enum { FROM_INPUTS, FROM_TRAJECTORY, SHORT_PERIOD };
 enum { NO_FAULT, DROPOUT, BIAS, DRIFT, STUCK, FROZEN };
 
 /* Indices of the variables after the coefficients and strains, then, after one fault_kind and one fault_value per
-   gauge, those of the short-period motion. */
+   gauge, the variables of the short-period motion. */
 enum { DYNAMIC_PRESSURE, MACH_NUMBER, ANGLE_OF_ATTACK, SIDESLIP_ANGLE, ALTITUDE, NOISE_STD, SEED, N_COMMON };
 enum { PITCH_RATE, CONTROL_MOMENT, MASS, PITCH_INERTIA, PITCH_DAMPING, INITIAL_ANGLE, N_SHORT_PERIOD };
 

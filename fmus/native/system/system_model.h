@@ -22,7 +22,7 @@ typedef struct {
     void (*begin)(SystemModel *model);
     /* Compute outputs from states and inputs; without inputs that changed, once more gives the same. */
     void (*outputs)(SystemModel *model);
-    /* Go on to `end` [s]; outputs are those of the time before, then outdated. */
+    /* Go on to `end` [s]; outputs are of the time before, then outdated. */
     int (*step)(SystemModel *model, double end, char text[MODEL_TEXT_SIZE]);
 } Behaviour;
 

@@ -110,7 +110,7 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
         "freshness": Entry(
             sets="freshness_file",
             kind="file",
-            text="freshness value between runs; default: beside the key",
+            text="freshness value between runs; default: next to the key",
             example='"bus.key.bridge.json"',
         ),
         "dynamic_pressure_pa": Entry(
@@ -357,7 +357,7 @@ class BusDescription:
 
     Attributes
     ----------
-    stated : fields of BridgeOptions that are stated, SI; ``identifiers`` holds those of Identifiers.
+    stated : fields of BridgeOptions that are stated, SI; ``identifiers`` holds the fields of Identifiers.
     gauges : map or FMU whose gauges the frames hold.
     tare_at : when a sender asks for a tare [s]; None: never.
     faults, fault_kinds, fault_seed : number of faults that a sender injects, their kinds (none: all) and seed.

@@ -25,7 +25,7 @@ class BridgeOptions:
     dynamic_pressure : fixed [Pa], or None to take it from its frame.
     result_form : one of RESULT_FORMS, None for the input's.
     key_file : key of profile fd64-sec, None of others.
-    freshness_file : where the freshness value is remembered across runs, None for beside the key.
+    freshness_file : where the freshness value is remembered across runs, None for next to the key.
     stuck_cycles, zero_cycles, max_age : as of :class:`~strainfmu.can.settings.BridgeSettings`.
     clock_rate, clock_tolerance, hidden_age, learn_time, synchronised, synchronised_shift : as there.
     max_uncertainty : as there; None for no limit.

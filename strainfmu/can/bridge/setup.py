@@ -76,7 +76,7 @@ class ReadyBridge:
     """A bridge and its description; its core began at ``start`` [s] by its clock.
 
     ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
-    ``zeros`` keeps those of tares; None where they are not taken.
+    ``zeros`` keeps the zeros of tares; None where tares are not taken.
     ``start_lines`` say what a user must know before the run: options that were not given, lack of protection.
     """
 
@@ -240,7 +240,7 @@ def input_layout(
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
     ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for flow
-    parameters, which a mapping may name, and ``parameter_std_names`` those for their deviations;
+    parameters, which a mapping may name, and ``parameter_std_names`` its inputs for their sigmas;
     ``flow_names`` are all of its other inputs; ``readings`` are the units of its inputs for auxiliary sensors
     and thrust, by name.
 
@@ -357,7 +357,7 @@ def map_reading_units(source: Path) -> dict[str, str]:
 
 
 def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
-    """Return the groups of the loads that a map or an FMU gives beside the five."""
+    """Return the groups of the loads that a map or an FMU gives in addition to the five."""
     if source.suffix == ".fmu":
         from strainfmu.cosim.estimators.description import load_groups_in
 
@@ -374,7 +374,7 @@ def form_of_profile(profile: str) -> str:
 
 
 def result_form(options: BridgeOptions, layout: InputLayout) -> str:
-    """Return the form of the result frames, stated or that of the input.
+    """Return the form of the result frames, stated or the input's.
 
     Raises
     ------

@@ -415,7 +415,7 @@ def bridge_core(
     ------
     InputError
         The layout has no frame of q_inf, none is given, and the estimator needs it; or own identifiers are among
-        those of the input.
+        the input's.
     """
     own = own_frames(own_keys)
     settings = replace(settings, sensor_range=min(settings.sensor_range, sensor_range_of(step)))

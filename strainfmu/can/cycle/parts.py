@@ -41,7 +41,7 @@ class CycleParts:
     assembler : frames put together to cycles.
     pace : whether cycles may have been held back.
     sender_period : the period of the sender, measured.
-    clock : age of the strains by the sender's clock; None where frames have no sample time.
+    clock : age of the strain readings by the sender's clock; None where frames have no sample time.
     seen : frames received in this run.
     proof : whether a sender whose time jumped is proven; None where none is needed or none can be given.
     strain_time : time by the clock of the strains.

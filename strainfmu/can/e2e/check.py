@@ -1,6 +1,6 @@
 """The E2E check of a protected frame against the one before it.
 
-Status names, their order of precedence and what happens to the stored counter are those of AUTOSAR's E2E_P05Check
+Status names, their order of precedence and what happens to the stored counter are as in AUTOSAR's E2E_P05Check
 (PRS_E2EProtocol, profile 5); profile 1 is reported in the same terms, its first reception as WRONG_SEQUENCE.
 """
 
@@ -24,7 +24,7 @@ class E2EStatus(Enum):
     OK_SOME_LOST = "OKSOMELOST"
     """CRC correct; up to max_delta - 1 frames before it are missing."""
     REPEATED = "REPEATED"
-    """CRC correct, counter equal to that of the frame before."""
+    """CRC correct, counter equal to the counter of the frame before."""
     WRONG_SEQUENCE = "WRONGSEQUENCE"
     """CRC correct, counter further off than max_delta."""
     ERROR = "ERROR"
@@ -106,5 +106,5 @@ class ReceptionCheck:
 
     @property
     def alternates(self) -> bool:
-        """It had the counter next to that of the one before the last, as with two senders in turns."""
+        """It had the counter next to the counter of the frame before the last, as with two senders in turns."""
         return bool(self.record.alternates)

@@ -77,7 +77,7 @@ class ClockReading:
     restarted : enough readings have confirmed the jump; from the next reading on the new time counts.
     uncertainty : by how much the age may be larger [s].
     hides_delay : as much delay as is allowed has been taken for drift.
-    resumed : the time continues that of before a restart which was not accepted.
+    resumed : the time continues the time of before a restart which was not accepted.
     """
 
     age: float
@@ -103,7 +103,7 @@ class SenderClock(Protocol):
         ...
 
     def accept(self) -> None:
-        """Take the time of the last restart for the sender's: that of before does not come back."""
+        """Take the time of the last restart for the sender's: the time of before does not come back."""
         ...
 
     def anchor(self) -> None:
@@ -239,7 +239,7 @@ class SampleClock:
         self._begin(pointer(self.record))
 
     def accept(self) -> None:
-        """Take the time of the last restart for the sender's: that of before does not come back."""
+        """Take the time of the last restart for the sender's: the time of before does not come back."""
         self.record.before.is_set = 0
 
     def anchor(self) -> None:

@@ -15,7 +15,7 @@ from strainfmu.can.wire.strain_encoder import StrainEncoder
 
 
 class AlteredFrames:
-    """Alters the frames of one sender: those of ``layout``, made by ``encoder``."""
+    """Alters the frames of one sender: the frames of ``layout``, made by ``encoder``."""
 
     def __init__(self, layout: InputLayout, encoder: StrainEncoder) -> None:
         self._layout, self._encoder = layout, encoder
@@ -101,7 +101,7 @@ class AlteredFrames:
         return None
 
     def _signed(self, data: bytes, before: bytes, item: InputFrame, trips_back: int = 0) -> bytes:
-        """Return ``data`` with an authenticator that fits, if that of the frame ``before`` it was altered did."""
+        """Return ``data`` with an authenticator that fits, if the one ``before`` it was altered did."""
         secured, key = item.layout.secured, self._layout.key
         if secured is None or key is None or len(before) != item.layout.length:
             return data

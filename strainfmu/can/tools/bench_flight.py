@@ -73,7 +73,7 @@ def bench_flight(inverse_map: InverseMap, cycle_time: float) -> BenchFlight:
 def _motion(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray]:
     """Return (n, n_d) strains without errors [m/m] and (n,) q_inf [Pa].
 
-    The mean strain of a map is that of no flight state: to a map with tables it is a fault, at any q_inf.
+    The mean strain of a map is the strain of no flight state: to a map with tables it is a fault, at any q_inf.
     """
     if inverse_map.manifold is not None:
         strain, pressure = clean_motion(inverse_map, _DISTINCT + 1)

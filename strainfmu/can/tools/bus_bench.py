@@ -1,4 +1,4 @@
-"""The benchmark of the bus: the core in virtual time, a bridge at a given rate, python-can's own loop beside it.
+"""The benchmark of the bus: the core in virtual time, a bridge at a given rate, python-can's own loop next to it.
 
 Sender, bridge and python-can's loop are processes of their own over udp_multicast. The sender measures by how much
 it is late itself: a cycle counts for the bridge only if it was sent on time.
@@ -57,7 +57,7 @@ _SPAWN = get_context("spawn")
 
 @dataclass(kw_only=True)
 class CoreCost:
-    """Processor time per cycle [s]: of the core, and with result frames, page and recorder beside it."""
+    """Processor time per cycle [s]: of the core, and with result frames, page and recorder next to it."""
 
     core: float
     observed: float
@@ -258,7 +258,7 @@ def _sender(end: Connection, folder: Path, rate: float, port: int, duration: flo
 
 
 def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) -> None:
-    """Run a bridge with recorder and page until it is told to stop; report its answers and its summary."""
+    """Run a bridge with recorder and page until a request to stop; report its answers and its summary."""
     answers: list[tuple[int | None, str]] = []
 
     def keep(result: CycleResult) -> None:
@@ -318,7 +318,7 @@ def _settings(port: int) -> BusSettings:
 
 
 def _burn(end: Connection) -> None:
-    """Keep a processor busy at the lowest priority until told to stop."""
+    """Keep a processor busy at the lowest priority until a request to stop."""
     os.nice(19)
     while not end.poll():
         sum(range(100_000))

@@ -307,7 +307,7 @@ class FaultySender:
 
 
 def frozen_gauges(layout: InputLayout, fault: Fault) -> list[int]:
-    """Return the gauges of a partial freeze: all but one by an even seed, those of one frame by an odd one."""
+    """Return the gauges of a partial freeze: all but one by an even seed, a frame's gauges by an odd one."""
     frames = layout.strain_frames
     if fault.seed % 2 and len(frames) > 1:
         return list(frames[fault.seed // 2 % len(frames)].gauges)

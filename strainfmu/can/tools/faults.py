@@ -45,7 +45,7 @@ class FaultKind(Enum):
     FREEZE = "freeze"
     """The sender sends the same strains again and again, with new counters and times."""
     PARTIAL_FREEZE = "partial-freeze"
-    """All gauges but one do not change any more, or those of one frame."""
+    """All gauges but one do not change any more, or the gauges of one frame."""
     DITHER = "dither"
     """The sender sends the same strains again and again, their last bit changed at random."""
     MIXED_RATES = "mixed-rates"

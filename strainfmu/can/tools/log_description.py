@@ -1,4 +1,4 @@
-"""The description beside a log, LOG.json: options, start and end of a bridge. With it a replay repeats the run."""
+"""The description next to a log, LOG.json: options, start, end of a bridge. With it a replay repeats the run."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def estimate_log(
 ) -> ReplaySummary:
     """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``.
 
-    ``zeros`` is the file of what the gauges read without strain (zeros.toml), None for that of the recorded run.
+    ``zeros`` is the file of what the gauges read without strain (zeros.toml), None for the recorded run's.
 
     Raises
     ------

@@ -213,7 +213,7 @@ def _object_head(
 
 
 def _length_code(length: int) -> int:
-    """Return the data length code of so many bytes; of a number that no frame has, that of the next one."""
+    """Return the data length code of so many bytes; of a number that no frame has, the code of the next one."""
     code = _LENGTH_CODES.get(length)
     return next(c for c, own in enumerate(FD_LENGTHS) if own >= length) if code is None else code
 

@@ -30,7 +30,7 @@ FRAME_CHANNEL = "CAN_DataFrame"
 
 
 def is_bus_log(path: Path) -> bool:
-    """Return whether a file is a log of a bus: by its name, of MF4 if it holds frames and no channels beside them.
+    """Return whether a file is a log of a bus: by its name, of MF4 if it holds frames and no other channels.
 
     Raises
     ------
@@ -64,7 +64,7 @@ class LogState:
 def log_frames(
     path: Path, origin: float, state: LogState, progress: Callable[[int, int], None] | None = None
 ) -> Iterator[tuple[Frame, bool]]:
-    """Yield frames and whether they were received; times [s], those of ASC from ``origin`` on.
+    """Yield frames and whether they were received; times [s], of ASC from ``origin`` on.
 
     The log of a killed process may end anywhere; all whole frames are read.
 
@@ -126,7 +126,7 @@ def _reader(path: Path, raw: Any) -> Any:
 
 
 def _whole_objects(reader: Any) -> Any:
-    """Return the class ``reader`` of BLF, ended by an object that states a size below that of its own header.
+    """Return the class ``reader`` of BLF, ended by an object that states a size below its own header's.
 
     python-can would read it again and again.
     """
@@ -137,9 +137,7 @@ def _whole_objects(reader: Any) -> Any:
             end = _first_damaged(data, OBJ_HEADER_BASE_STRUCT)
             yield from super()._parse_data(data if end is None else data[:end])
             if end is not None:
-                raise BLFParseError(
-                    f"an object states a size below that of its header, {end} bytes into its container"
-                )
+                raise BLFParseError(f"an object states a size below its header's, {end} bytes into its container")
 
     return Reader
 
@@ -157,7 +155,7 @@ def _first_damaged(data: bytes, header: struct.Struct) -> int | None:
 
 
 def _mf4_messages(path: Path) -> Iterator[Any]:
-    """Yield the messages of an MF4 file, those of all its channel groups by their times.
+    """Yield the messages of an MF4 file, the messages of all its channel groups by their times.
 
     Raises
     ------

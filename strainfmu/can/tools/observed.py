@@ -70,7 +70,7 @@ def observed_bridge(
 
     ``also`` is called with every result before the publisher. ``publish_field`` is a map of the same gauges that
     holds the pressure field: the publisher's thread sends that too. ``publish_token`` is stated in every datagram.
-    ``clock`` is that of the run, None for the machine's.
+    ``clock`` is the run's, None for the machine's.
 
     Raises
     ------

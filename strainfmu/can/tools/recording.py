@@ -32,7 +32,7 @@ FLUSH_PERIOD = 0.25
 WAITING_FRAMES = 200_000
 """Maximum number of frames that wait for the disk; further ones are counted and dropped."""
 HELD_BACK = 0.1
-"""Time for which frames are held to be put in order [s]: what waited in a socket is older than what was sent."""
+"""Time for which frames wait to be put in order [s]: what waited in a socket is older than what was sent."""
 
 AT_A_TIME = 50
 """Frames after which the recorder lets the bridge's thread run: it must not wait for a whole flush."""
@@ -164,7 +164,7 @@ class Recorder:
             self._held.clear()
 
     def _drain(self, held_back: float) -> None:
-        """Write the waiting frames in the order of their times, but for those of the last ``held_back`` [s]."""
+        """Write the waiting frames in the order of their times, but for frames of the last ``held_back`` [s]."""
         self._held += [self._waiting.popleft() for _ in range(len(self._waiting))]
         self._held.sort(key=_time_of)
         end = len(self._held)

@@ -82,9 +82,9 @@ def replay_log(
 
     Parameters
     ----------
-    source : file of the estimator, compared with that of the recording.
+    source : file of the estimator, compared with the one of the recording.
     step, gauge_names : of the estimator.
-    options : makes the options from those of the recording, None if the log has no description beside it.
+    options : makes the options from the recording's, None if the log has no description next to it.
 
     Raises
     ------
@@ -171,7 +171,7 @@ class _Gaps:
     def passed(self, begin: float, end: float, skips: dict[float, float]) -> list[CycleResult]:
         """Return the results from ``begin`` to ``end`` [s], of successive frames, if it is a gap; else none.
 
-        They are those of the cycles before it, and one of the gap, with its length.
+        They are the results of the cycles before it, and one of the gap, with its length.
         """
         core, period = self._core, self._core.layout.cycle_time
         if end - begin <= _LONGEST_GAP * period:
@@ -188,7 +188,7 @@ class _Gaps:
         return [*results[:-1], row]
 
     def notes(self, log: Path, start: float) -> list[str]:
-        """Return a line on the gaps; ``start`` is that of the log [s]."""
+        """Return a line on the gaps; ``start`` is the log's [s]."""
         if not self._number:
             return []
         return [
@@ -220,7 +220,7 @@ def _received(
 
 
 class _Comparison:
-    """Comparison of the result frames of the log with those of the replay, in their order."""
+    """Comparison of the result frames of the log with the result frames of the replay, in order."""
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._frames = ResultFrames(layouts, configuration)
@@ -258,7 +258,7 @@ def _notes(log: Path, source: Path, state: LogState, described: dict[str, Any] |
     """Return notes for the user."""
     notes = []
     if described is None:
-        notes.append(f"{log}: no description beside it; the bridge is taken to have started with the first frame")
+        notes.append(f"{log}: no description next to it; the bridge is taken to have started with the first frame")
     elif described["fmu_sha256"] != hashlib.sha256(source.read_bytes()).hexdigest():
         notes.append(f"{source}: is not the FMU of the recording, '{described['fmu']}'")
     if described is not None and described.get("lost"):

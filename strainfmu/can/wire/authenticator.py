@@ -1,6 +1,6 @@
 """The authenticator of a frame: truncated CMAC with AES-128 over data ID, authentic bytes and freshness value.
 
-Layout and order are those of AUTOSAR SecOC: the authenticator is computed over the data ID (16 bit, high byte
+Layout and order are as in AUTOSAR SecOC: the authenticator is computed over the data ID (16 bit, high byte
 first), the authentic bytes and the complete freshness value (64 bit, high byte first). In the frame the low 48
 bits of the freshness value and the first 8 bytes of the authenticator follow the authentic bytes.
 Sources: AUTOSAR PRS_SecOcProtocol (document 969), SWS_SecureOnboardCommunication (document 654); CMAC: NIST
@@ -55,7 +55,7 @@ class AuthenticationKey:
         cmac, algorithms = import_cmac()
         self._cmac = cmac.CMAC(algorithms.AES(secret))
         self.check_value = self.mac(b"strainfmu check value")[:3].hex()
-        """Text that tells keys apart and does not give the key away."""
+        """Text that differs between keys and does not give the key away."""
 
     def __repr__(self) -> str:
         return f"AuthenticationKey(check_value={self.check_value!r})"
@@ -140,7 +140,7 @@ def authenticated(data: bytes, secured: Secured, key: AuthenticationKey, freshne
 
 
 def is_authentic(data: bytes, secured: Secured, key: AuthenticationKey, freshness: int) -> bool:
-    """Return whether the authenticator in ``data`` is that of its authentic bytes with ``freshness``."""
+    """Return whether the authenticator in ``data`` is the one of its authentic bytes with ``freshness``."""
     expected = authenticator_of(data[: secured.length], secured, key, freshness)
     return hmac.compare_digest(expected, data[secured.length + FRESHNESS_BYTES :])
 

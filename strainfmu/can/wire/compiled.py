@@ -57,7 +57,7 @@ _Data = ctypes.Structure | ctypes.Array[Any] | ctypes.c_double | ctypes.c_int64
 def pointer(held: NDArray[Any] | _Data) -> Any:
     """Return the address of an array or a record as an argument of a :data:`Function`.
 
-    It is converted here once, in place of every call; ``held`` must outlive it.
+    It is converted here once, instead of in every call; ``held`` must outlive it.
     """
     return ctypes.c_void_p.from_param(address(held))
 

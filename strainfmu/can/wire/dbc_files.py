@@ -1,4 +1,4 @@
-"""Readers of a user's DBC file (by cantools) and of the mapping beside it (TOML)."""
+"""Readers of a user's DBC file (by cantools) and of the mapping next to it (TOML)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Look-ups in a DBC file and the mapping beside it; every error names the entry of the mapping."""
+"""Look-ups in a DBC file and the mapping next to it; every error names the entry of the mapping."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class MappedDatabase:
         return self._mapping.get(name)
 
     def milliseconds(self, name: str, frame: str | None = None) -> float | None:
-        """Return what an entry, or that of ``frame`` in the table ``name``, states in ms [s]; None without one."""
+        """Return what an entry, or entry ``frame`` of the table ``name``, states in ms [s]; None without one."""
         where = name if frame is None else f"{name}.{frame}"
         stated = self.entry(name) if frame is None else self.table(name, optional=True).get(frame)
         if stated is None:
@@ -153,7 +153,7 @@ class MappedDatabase:
             same = (other.frame_id, other.is_extended_frame) == (message.frame_id, message.is_extended_frame)
             if same and other is not message:
                 raise InputError(
-                    f"{self._name}: {where}: identifier 0x{message.frame_id:X} is that of both '{name}' and "
+                    f"{self._name}: {where}: identifier 0x{message.frame_id:X} belongs to both '{name}' and "
                     f"'{other.name}' in the DBC file"
                 )
         return message
@@ -167,7 +167,7 @@ class MappedDatabase:
     def unit(self, message: Any, signal: Any, units: Sequence[str], what: str, unless_stated: str = "") -> str:
         """Return a signal's unit, one of ``units``; the mapping takes precedence over the DBC file.
 
-        A signal without a unit has that of ``unless_stated``.
+        A signal without a unit has the unit ``unless_stated``.
         """
         path = f"{message.name}.{signal.name}"
         self.signals_with_unit.add(path)

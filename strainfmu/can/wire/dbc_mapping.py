@@ -68,7 +68,7 @@ def mapped_layout(
     sensor_names : temperature sensors of the estimator; the mapping may also call them temperature[1] ..
     parameter_names : inputs ``parameter.NAME`` of the estimator for flow parameters.
     parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
-    flow_names : other inputs of the estimator; p_inf and deviations of navigation may be mapped to them.
+    flow_names : other inputs of the estimator; p_inf and sigmas of navigation may be mapped to them.
     readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
 
     Raises
@@ -125,7 +125,7 @@ class _Mapper:
         self._others[table] = kind, {**inputs, **{one: one for one in inputs.values()}}
 
     def may_deviate(self, inputs: Mapping[str, str]) -> None:
-        """Let a standard deviation be stated beside the signal of an input, for another of ``inputs``."""
+        """Let a standard deviation be stated next to the signal of an input, for another of ``inputs``."""
         self._deviations |= inputs
 
     def layout(self) -> InputLayout:
@@ -260,7 +260,7 @@ class _Mapper:
         return list(found.items())
 
     def _signal_and_std(self, where: str, quantity: str, entry: Any) -> tuple[Any, dict[str, str]]:
-        """Return "Message.Signal" of an entry, and that of its standard deviation by input; a number is kept."""
+        """Return "Message.Signal" of an entry, and its standard deviation's by input; a number is kept."""
         if not isinstance(entry, Mapping):
             return entry, {}
         if not {"signal"} <= set(entry) <= {"signal", "std"}:

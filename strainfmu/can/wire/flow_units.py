@@ -26,7 +26,7 @@ _OF_UNIT = {
 }
 _OF_STRAIN = (STRAIN_UNITS, "a unit of strain", "1")
 _UNITS_OF = {one.name: _OF_STRAIN if one.shown in STRAIN_UNITS else _OF_UNIT[one.unit] for one in SAMPLE_INPUTS}
-"""Units of a quantity of the flow, what they are, and that of a signal without one."""
+"""Units of a quantity of the flow, what they are, and the unit of a signal without one."""
 
 
 def to_si(

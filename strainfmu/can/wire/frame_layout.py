@@ -19,7 +19,7 @@ UNSIGNED, SIGNED, FLOAT = "unsigned", "signed", "float"
 LITTLE, BIG = "little", "big"
 
 NAVIGATION = FLOW_QUANTITIES[1:]
-"""What the bridge takes from the bus beside strains and q_inf, by the names of the FMU's inputs.
+"""What the bridge takes from the bus besides strains and q_inf, by the names of the FMU's inputs.
 
 Only q_inf is needed. Temperatures are ``temperature[k]``, see :func:`temperature_name`."""
 
@@ -172,7 +172,7 @@ class FlowSignal:
 
 @dataclass(frozen=True, kw_only=True)
 class InputFrame:
-    """A frame that the bridge reads, and the roles of its signals; indices are those of ``layout.signals``.
+    """A frame that the bridge reads, and the roles of its signals; indices are as in ``layout.signals``.
 
     Attributes
     ----------
@@ -187,7 +187,7 @@ class InputFrame:
     request : index of the number of a command to the bridge, or None.
     is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
     hold : of strains that come more slowly than cycles, the time for which they are used [s]; None of others.
-    timeout : the time for which quantities of the flow are used [s]; None for that of the settings.
+    timeout : the time for which quantities of the flow are used [s]; None for the time of the settings.
     """
 
     layout: FrameLayout
@@ -240,7 +240,7 @@ class InputLayout:
 
     @property
     def cycle_length(self) -> int:
-        """Number of frames of a cycle without those of :attr:`optional_keys`."""
+        """Number of frames of a cycle without the frames of :attr:`optional_keys`."""
         return sum(frame.layout.key not in self.optional_keys for frame in self.frames)
 
     @property

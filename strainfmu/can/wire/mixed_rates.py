@@ -24,7 +24,7 @@ _MUCH = 1.5
 
 
 def cycle_time_of(file: MappedDatabase, frames: Sequence[InputFrame]) -> float:
-    """Return the period of a cycle [s]: that of the mapping, otherwise that of the fastest frames of strains.
+    """Return the period of a cycle [s]: the mapping's, otherwise the period of the fastest frames of strains.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _check_hold(file: MappedDatabase, frames: Sequence[InputFrame], cycle_time: 
 
 
 def _check_same_clock(file: MappedDatabase, slow: InputFrame, fast: InputFrame) -> None:
-    """Refuse a held frame whose sample time cannot be compared with that of the others."""
+    """Refuse a held frame whose sample time cannot be compared with the others' sample time."""
     if slow.sample_time is None or fast.sample_time is None:
         return
     lengths = [frame.layout.signals[frame.sample_time or 0].length for frame in (slow, fast)]

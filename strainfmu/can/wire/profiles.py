@@ -122,9 +122,9 @@ def profile_layout(
 ) -> InputLayout:
     """Return the frames of ``profile`` for gauges in the order of ``gauge_names``, sent every ``cycle_time`` [s].
 
-    ``key`` is that of profile fd64-sec; without it frames are described, but neither encoded nor checked.
-    ``has_tare`` adds the frame that asks for a tare, ``readings`` those of auxiliary sensors and thrust: their
-    units by name of the estimator's input.
+    ``key`` is the key of profile fd64-sec; without it frames are described, but neither encoded nor checked.
+    ``has_tare`` adds the frame that asks for a tare, ``readings`` the frames of auxiliary sensors and thrust:
+    their units by name of the estimator's input.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def profile_layout(
 def _reading_frames(
     layout: InputLayout, identifiers: Identifiers, configuration: int, readings: Mapping[str, str]
 ) -> tuple[InputFrame, ...]:
-    """Return the frames of auxiliary sensors and thrust, on the identifiers behind those of the other frames."""
+    """Return the frames of auxiliary sensors and thrust, on identifiers behind the other frames'."""
     is_fd, is_secured = layout.strain_frames[0].layout.is_fd, layout.name == SECURED_PROFILE
     per_frame = READINGS_PER_SECURED_FRAME if is_secured else READINGS_PER_FD_FRAME if is_fd else 1
     frames = reading_frames(
@@ -179,7 +179,7 @@ def _reading_frames(
 
 
 def _tare_command(layout: InputLayout, identifiers: Identifiers, configuration: int) -> InputFrame:
-    """Return the frame of a tare, on the identifier behind those of the other frames."""
+    """Return the frame of a tare, on the identifier behind the other frames'."""
     is_fd = layout.strain_frames[0].layout.is_fd
     command = tare_frame(
         identifiers.base + len(layout.frames),

@@ -68,7 +68,7 @@ class SignalPlan:
         Raises
         ------
         ValueError
-            The length of ``data`` is not that of the frame.
+            The length of ``data`` is not the frame's.
         """
         if self._packed is not None:
             if len(data) != self.length:

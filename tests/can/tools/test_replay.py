@@ -149,7 +149,7 @@ def test_replay_is_deterministic_and_needs_no_description_of_a_foreign_log(
     for name in ("a.csv", "b.csv"):
         code, out, errors = run("replay", log, synthetic.estimator_1, "-o", tmp_path / name, "--profile", "fd64")
         assert (code, errors) == (0, "")
-        assert "no description beside it" in " ".join(out.split())
+        assert "no description next to it" in " ".join(out.split())
         outputs.append((tmp_path / name).read_bytes())
     assert outputs[0] == outputs[1]
     rows = list(csv.DictReader(outputs[0].decode().splitlines()))

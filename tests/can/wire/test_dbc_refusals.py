@@ -84,7 +84,7 @@ def refused(text: str, **tables: Any) -> Callable[[], InputLayout]:
             "'St': expected .*, got 70000",
         ),
         (refused(RACK + RACK.replace("256", "258")), "expected one frame 'R' in the DBC file, got 2"),
-        (refused(RACK + AIR.replace("257", "256")), "identifier 0x100 is that of both 'R' and 'Air'"),
+        (refused(RACK + AIR.replace("257", "256")), "identifier 0x100 belongs to both 'R' and 'Air'"),
         (refused(RACK, cycle_time_ms=1e-300), "cycle_time_ms: 1e-300 ms found, 0.1 to 10,000 ms allowed"),
         (refused(RACK, cycle_time_ms=10_000.5), "0.1 to 10,000 ms allowed"),
         (refused(RACK, cycle_time_ms=float("nan")), "expected a number of ms, got nan"),

@@ -71,7 +71,7 @@ static double clock_now(const Filter *filter) {
     return filter->track.clock + (apart > 0.0 ? (apart < longest ? apart : longest) : 0.0);
 }
 
-/* Note zeros, if some have a deviation, and settings of the sample; whether those of the samples before are the same. */
+/* Note zeros, if some have a standard deviation, and settings of the sample; whether the samples before have the same. */
 static int holds(Filter *filter, const Inputs *inputs) {
     int uncertain = 0;
     for (size_t k = filter->n_zeros / 2; k < filter->n_zeros; k++) {

@@ -10,12 +10,12 @@
 #include "windows.h"
 
 /* The channels: loads and coefficients as they are put out, the flight state of a map with tables, then loads and coefficients
-   beside the five. */
+   in addition to the five. */
 enum { LOAD_CHANNELS = 0, COEFFICIENT_CHANNELS = N_LOADS, STATE_CHANNELS = 2 * N_LOADS };
 
-/* What a step leaves to the next one, beside the arrays; all of it float64, as serialised. */
+/* What a step leaves to the next one, in addition to the arrays; all of it float64, as serialised. */
 typedef struct {
-    double stepped;  /* whether the outputs are those of a step that has been taken, 0 or 1 */
+    double stepped;  /* whether the outputs are of a step that has been taken, 0 or 1 */
     double n_spans;  /* of windows */
     double clock;    /* time of its samples [s], which steps longer than the longest do not move further */
     double time;     /* of the last sample that was taken [s] */
@@ -30,14 +30,14 @@ typedef struct {
     size_t channels, n_zeros, n_held;
     FilterTrack track;
     Windows windows;
-    int may_move;      /* whether zeros and settings may be others than those of the samples before: of derivatives */
+    int may_move;      /* whether zeros and settings may be others than the samples' before: of derivatives */
     double *kept;      /* (n_kept) what is serialised: held, last, windows; the next point into it */
     size_t n_kept;
-    double *held;      /* (n_held) zeros, their deviations, 0 where none has one; references and moment point of the samples */
+    double *held;      /* (n_held) zeros, their sigmas, 0 where none has one; references and moment point of the samples */
     double *last_value, *last_variance, *last_rate; /* (channels) of the last filtered sample, and its rates [1/s] */
     /* The sample at hand: */
     double *value, *variance, *noise; /* (channels) of the estimate of it alone; the last: what averages out */
-    double *mean, *left, *factor;     /* (channels) filtered; the variance, and the deviation over that of the sample alone */
+    double *mean, *left, *factor;     /* (channels) filtered; the variance, and the sigma over the sample's alone */
     double *rate;
     double *latest; /* (n_held) */
     double *row;    /* scratch of whoever sets noise */

@@ -35,7 +35,7 @@ static Sums span_sums(const Windows *windows, size_t k) {
     return (Sums){windows->span[k], windows->value + first, windows->product + first, windows->noise + first};
 }
 
-/* Add the samples of `other` to those of `sums`. */
+/* Add the samples of `other` to the samples of `sums`. */
 static void join(size_t channels, Sums *sums, const Sums *other) {
     Span *span = &sums->span;
     const double count = span->count + other->span.count, part = other->span.count / count;

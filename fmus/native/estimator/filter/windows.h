@@ -37,7 +37,7 @@ void windows_arrays(Windows *windows, double **doubles);
 
 /* Where a sample of values and variances of their noise (channels) at a time [s] stands, by windows of at most `longest`
    [s]: its mean, the variance of the noise in it, and the rates [1/s]. The part of the noise's variance that is left; 1, and
-   values and noise are those of the sample, where nothing longer agrees. */
+   values and noise are the sample's, where nothing longer agrees. */
 double windows_look(Windows *windows, double time, double longest, const double *value, const double *noise, double *mean,
                     double *left, double *rate);
 

@@ -41,7 +41,7 @@ static void end_initialization(Model *model) {
     (void)model;
 }
 
-/* Outputs are computed when they are read. They follow from inputs alone, those of the nonlinear estimator also from the
+/* Outputs are computed when they are read. They follow from inputs alone, outputs of the nonlinear estimator also from the
    flight state of the step before. */
 static int step(Model *model, double start, double end, char text[MODEL_TEXT_SIZE]) {
     (void)text;
@@ -277,7 +277,7 @@ static int set_booleans(Model *model, const Selection *which, const int *value, 
     return 1;
 }
 
-/* Derivatives: of loads, coefficients and air data; the deviations of zeros and the time constant of the filter have none. */
+/* Derivatives: of loads, coefficients and air data; the sigmas of zeros and the time constant of the filter have none. */
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);

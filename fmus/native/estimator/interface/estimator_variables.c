@@ -34,7 +34,7 @@ static unsigned tare_reference(const Estimator *e) {
     return other_reference(e) + (unsigned)e->other_loads.map.n_arrays;
 }
 
-/* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their deviations follow. */
+/* Value reference of FMI 3.0 of the first parameter of the flow; their scores, then their standard deviations follow. */
 static unsigned parameter_reference(const Estimator *e) {
     return tare_reference(e) + (e->tare.present ? TARE_REFERENCES : 0);
 }
@@ -44,7 +44,7 @@ static size_t n_of_parameters(const Estimator *e) {
     return (e->flight.known.present ? 3 : 2) * e->parameters.count;
 }
 
-/* Number of variables of LATER_INPUTS; those of LAST_INPUTS, health.usable and those of INERTIAL_INPUTS follow. */
+/* Number of variables of LATER_INPUTS; LAST_INPUTS, health.usable and INERTIAL_INPUTS follow. */
 static size_t n_later(const Estimator *e) {
     return e->flight.present ? N_LATER_INPUTS : 0;
 }
@@ -67,7 +67,7 @@ size_t zero_in_use(const Estimator *e, size_t variable) {
     return e->tare.present && number < number_of_zeros(e->sensors.n_strains) ? number : SIZE_MAX;
 }
 
-/* Number of the first parameter of the flow; their scores, then their deviations follow. */
+/* Number of the first parameter of the flow; their scores, then their standard deviations follow. */
 static size_t first_parameter_variable(const Estimator *e) {
     return tare_variable(e) + (e->tare.present ? 2 + number_of_zeros(e->sensors.n_strains) : 0);
 }
@@ -86,7 +86,7 @@ const double *other_real(const Estimator *e, size_t variable) {
     return number < e->other_loads.n_outputs ? e->other_loads.value[0] + e->other_loads.output[number] : NULL;
 }
 
-/* Number of a variable among those of the nonlinear estimator; SIZE_MAX for any other. */
+/* Number of a variable among the nonlinear estimator's; SIZE_MAX for any other. */
 static size_t flight_variable(const Estimator *e, size_t variable) {
     const size_t number = variable - (N_OUTPUTS + 2 * e->map.n_gauges + N_SCALAR_INPUTS);
     return e->flight.present && number < FLIGHT_REFERENCES ? number : SIZE_MAX;
@@ -156,14 +156,14 @@ Type model_type_of(const Model *model, size_t variable) {
     return flag ? BOOLEAN : NO_VARIABLE;
 }
 
-/* The flag, the state, then the zeros in use as those of the inputs. */
+/* The flag, the state, then the zeros in use as the inputs have them. */
 static Selection tare_array(const Estimator *e, size_t which) {
     const size_t n = e->sensors.n_strains;
     const size_t first = tare_variable(e) + (which < 2 ? which : 2 + (which - 2) * n);
     return (Selection){NULL, first, which == 2 || which == 3 ? n : 1};
 }
 
-/* Zeros, their deviations, that in common, then temperatures, then scalars. */
+/* Zeros, their standard deviations, the common one, then temperatures, then scalars. */
 static Selection input_array(const Estimator *e, unsigned reference) {
     const size_t n = e->sensors.n_strains, which = reference - zero_reference(e), first = first_zero(e);
     if (which < ZERO_REFERENCES) {

@@ -1,8 +1,8 @@
 /* Variables of the estimator by number: outputs, strains, other sensors, valid flags, then the scalar inputs and
    settings; of maps with tables over the flight state then other inputs, real outputs and Boolean outputs; then the
-   zeros and their deviations; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
-   moves; then the loads beside the five, of maps with such; then the tare; then other parameters of the flow and how
-   far they leave their ranges, of maps with such, then their deviations, of maps with tables of them; then later inputs of
+   zeros and their sigmas; then temperatures, of maps with modes of it, and thrust, of maps with sensors that it
+   moves; then the loads besides the five, of maps with such; then the tare; then other parameters of the flow and how
+   far they leave their ranges, of maps with such, then their sigmas, of maps with tables of them; then later inputs of
    navigation, of maps with tables; then the last ones, of air data, and whether the loads are usable. */
 
 #ifndef ESTIMATOR_VARIABLES_H

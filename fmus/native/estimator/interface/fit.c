@@ -90,7 +90,7 @@ static void flight_covariances(const Estimator *e, double *fit) {
     transferred(transfer, found->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
 }
 
-/* Covariances of filtered channels, of those of the sample alone. */
+/* Covariances of filtered channels, from the covariances of the sample alone. */
 static void scale_covariance(size_t count, const double *factor, double *covariance) {
     for (size_t i = 0; i < count; i++) {
         for (size_t j = 0; j < count; j++) {

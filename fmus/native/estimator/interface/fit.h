@@ -28,7 +28,7 @@ static inline size_t fit_size(const Estimator *e) {
 /* Degrees of freedom of the chi-square of the outputs; 0 where nothing checks the estimate. */
 double degrees_of_freedom(const Estimator *e);
 
-/* Write the fit of the outputs, which must be those of the present inputs. */
+/* Write the fit of the outputs, which must be of the present inputs. */
 void write_fit(Estimator *e, double *fit);
 
 #endif

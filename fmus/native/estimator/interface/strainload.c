@@ -31,7 +31,7 @@ struct StrainLoad {
     Estimator *estimator;
     Record record[N_RECORDS];
     Run sample[N_RUNS + 1], setting[8]; /* that end with a run of no inputs */
-    Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is that of its FMU */
+    Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is its FMU's */
 };
 
 static void add_field(Record *record, const char *name, size_t count) {

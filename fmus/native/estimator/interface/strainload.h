@@ -40,7 +40,7 @@ enum {
     SL_OUTPUTS,     /* loads, coefficients, their standard deviations, health, air data, other loads */
     SL_FIT,         /* covariances, residuals and gauges of the sample, which come behind the outputs on request */
     SL_TARE_LIMITS, /* what a tare accepts, and the strain of the loads that act meanwhile */
-    SL_TARE,        /* outcome of a tare: zero offsets, their deviations, and what speaks against them */
+    SL_TARE,        /* outcome of a tare: zero offsets, their standard deviations, and what speaks against them */
     SL_ROWS,        /* sensors of the map: strain gauges, then the others */
     SL_STATE,       /* bytes of what a sample leaves to the next one */
     SL_TARE_STATE,  /* bytes of a tare by steps */
@@ -113,7 +113,7 @@ enum { SL_TARE_IDLE, SL_TARE_AVERAGING, SL_TARE_DONE, SL_TARE_REFUSED };
 
 /* Zero offsets from a window of `count` samples at rest: strain (count, strain gauges) [1], dynamic_pressure (count)
    [Pa], NaN where there is none. limits (SL_TARE_LIMITS), NULL for the limits of the map. outcome (SL_TARE) is written:
-   zero offsets also where something speaks against them, 0 with the largest deviation of gauges that do not read.
+   zero offsets also where something speaks against them, 0 with the largest standard deviation of gauges that do not read.
    Gauges are counted from 1. The handle goes on with the zero offsets of its settings: sl_set gives it others. */
 SL_API void sl_tare(StrainLoad *handle, const double *limits, size_t count, const double *strain,
                     const double *dynamic_pressure, double *outcome);

@@ -15,7 +15,7 @@ enum { N_TARE_LIMITS = 3, N_TARE_VERDICT = sizeof(TareVerdict) / sizeof(double) 
 extern const char *const TARE_LIMIT_NAMES[N_TARE_LIMITS];
 extern const char *const TARE_VERDICT_NAMES[N_TARE_VERDICT];
 
-/* Judge by `limits` from now on, which must live as long as that; by those of `of_map` if they are NULL. */
+/* Judge by `limits` from now on, which must live as long as that; by the limits of `of_map` if they are NULL. */
 void use_limits(Tare *tare, const TareLimits *of_map, const double *limits);
 
 /* Write the outcome of which the zeros (2 n_gauges + 1) are `zero`. */

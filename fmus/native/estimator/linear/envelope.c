@@ -74,7 +74,7 @@ AVX2 static int beyond_avx2(const Envelope *envelope, const double *coefficients
 }
 #endif
 
-/* Squares of (n'C - limit) / sigma in place of the variances, 0 for half-spaces that C does not leave. */
+/* Squares of (n'C - limit) / sigma instead of the variances, 0 for half-spaces that C does not leave. */
 EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
     for (size_t j = 0; j < envelope->n_half_spaces; j++) {
         const double excess = excess_of(envelope, coefficients, j), square = excess * excess / variance[j];

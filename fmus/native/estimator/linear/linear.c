@@ -48,7 +48,7 @@ void linear_renewed(Linear *linear) {
    differ. */
 #define LEAST_PART_OF_SLOPE 0.8
 
-/* The deviation of the dynamic pressure: the stated one or the map's, where it is computed that of its sources. */
+/* The standard deviation of the dynamic pressure: stated or the map's; where it is computed, by its sources. */
 static double pressure_deviation(const Linear *linear, double pressure) {
     const Inputs *inputs = linear->inputs;
     const double given = known_input(inputs, DYNAMIC_PRESSURE_STD), stated_mach = known_input(inputs, MACH_NUMBER_STD);

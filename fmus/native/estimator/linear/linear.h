@@ -21,8 +21,8 @@ void linear_renewed(Linear *linear);
 /* Set all outputs for the present inputs. */
 void linear_update(Linear *linear);
 
-/* Write loads and coefficients at a dynamic pressure and its deviation to the outputs. 1; 0, and they keep their values, if
-   the map has none. */
+/* Write loads and coefficients at a dynamic pressure and its standard deviation to the outputs. 1; 0, and they keep
+   their values, if the map has none. */
 int linear_loads_at(Linear *linear, double dynamic_pressure, double deviation);
 
 #endif

@@ -11,7 +11,7 @@ size_t linear_noise_row(const Map *map);
 void linear_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch, double *of_loads,
                   double *of_coefficients);
 
-/* The same of loads and coefficients (n_loads) beside the five, whose outputs are set. */
+/* The same of loads and coefficients (n_loads) in addition to the five, whose outputs are set. */
 void linear_other_noise(const Linear *linear, const double *gauge_noise, double of_pressure, double *scratch,
                         double *of_loads, double *of_coefficients);
 

@@ -1,4 +1,4 @@
-/* Loads beside the five by the linear estimator. */
+/* Loads in addition to the five by the linear estimator. */
 
 #ifndef LINEAR_OTHER_H
 #define LINEAR_OTHER_H

@@ -12,7 +12,7 @@ typedef struct {
     const Map *map;
     const Inputs *inputs;
     double *output;        /* (N_OUTPUTS) of the estimator */
-    OtherLoads *other_loads;      /* loads beside the five, of a map that has some */
+    OtherLoads *other_loads;      /* loads in addition to the five, of a map that has some */
     int wide;              /* wide_of_processor() */
     Flow flow;             /* of the inputs since output was computed */
     Prepared prepared;

@@ -10,7 +10,7 @@
 /* |w|^2 up to which float holds w and the products with it. */
 #define LARGEST_SCREENED 0x1p40
 
-/* Whether some |z| may be above the limit. z^2 = (V_i' x)^2 / P_ii, where y = V_i' x / |V_i| was found in float and errs
+/* Whether some |z| may be above the limit. z^2 = (V_i' x)^2 / P_ii, where y = V_i' x / |V_i| was found in float and is wrong
    by no more than error * margin; bound is no less than |V_i|^2 / P_ii. A number that is not finite counts as above. */
 EVERYWHERE int any_above(size_t n, const float *restrict y, const double *restrict margin, const double *restrict bound,
                          double error, double square) {
@@ -24,10 +24,10 @@ EVERYWHERE int any_above(size_t n, const float *restrict y, const double *restri
 
 /* 0 only if no |z| is above the threshold, found in float in a fraction of the time that z takes.
 
-   Let u = 2^-24. Rounding V_i and x to float, multiplying and adding n terms in any order errs by at most (n + 2) u
+   Let u = 2^-24. Rounding V_i and x to float, multiplying and adding n terms in any order is wrong by at most (n + 2) u
    |V_i|' |x| to first order (Higham, Accuracy and Stability of Numerical Algorithms, section 3.1). Twice that covers the
    second order (n <= 4096). With x = D (D w) it is at most (n + 4) 2^-23 sum_a |V_ai| u_a |w_a|, which by Cauchy and
-   Schwarz is at most the root of chi-square times that of P_ii with all gauges. 1e-5 of the limit covers all rounding in
+   Schwarz is at most the root of chi-square times the root of P_ii with all gauges. 1e-5 of the limit covers all rounding in
    double. By the same inequality no z^2 is above chi-square: a small chi-square needs no products. Where chi-square
    shows a fault, some |z| is above as a rule: nothing would be gained. */
 EVERYWHERE int may_exceed(Linear *linear, double threshold) {

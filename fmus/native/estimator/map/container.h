@@ -1,6 +1,6 @@
 /* resources/map.bin: a container of named arrays.
 
-   Little endian. The first 32 bytes are those of resource.h, with the checksum of all that follows; then the number of
+   Little endian. The first 32 bytes are as in resource.h, with the checksum of all that follows; then the number of
    arrays, of 4 bytes, and 12 zeros; then an entry for each array, by ascending names: name (48 bytes, ended by zeros),
    kind, rank, four lengths (4 bytes each, 0 beyond the rank), position in the file (8 bytes). The arrays follow one
    another in the order of the entries, row by row, each from a multiple of 16 bytes on.
@@ -48,7 +48,7 @@ size_t map_count(MapFile *file, const char *name, size_t least, size_t most);
 const double *map_doubles_of(MapFile *file, const char *name, const size_t *shape, size_t rank);
 const double *map_positives_of(MapFile *file, const char *name, const size_t *shape, size_t rank);
 
-/* A covariance (n, n): numbers, those of the diagonal above zero. */
+/* A covariance (n, n): numbers, on the diagonal above zero. */
 const double *map_covariance(MapFile *file, const char *name, size_t n);
 
 /* `count` numbers, copied. */

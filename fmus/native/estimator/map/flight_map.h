@@ -37,8 +37,8 @@ typedef struct {
     double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
     double has_crossflow_range;                         /* 1, or 0: incidence_limit at every roll angle of the wind */
     double crossflow_middle[2], crossflow_half[2];      /* of the ranges of u and w [rad] */
-    double error[N_NAVIGATION]; /* of navigation without a deviation: of M [1], relative ones of p_inf and q_inf */
-    double altitude_error;      /* that of p_inf by the altitude */
+    double error[N_NAVIGATION]; /* of navigation without a standard deviation: of M [1], relative of p_inf and q_inf */
+    double altitude_error;      /* relative, of p_inf by the altitude */
     double chi_square_scale, outlier_scale;
     int has_gain_error;                    /* of any row's own */
     double prior_mean[N_STATES], prior_precision[N_STATES];
@@ -65,7 +65,7 @@ typedef struct {
 /* Read tables of n_rows rows of a part, whose knots are known. 1; 0 with a text. */
 int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables);
 
-/* Read the part of the considered error, of strains and loads, after that of the tables. 1; 0 with a text. */
+/* Read the part of the considered error, of strains and loads, after the part of the tables. 1; 0 with a text. */
 int considered_parse(MapFile *file, size_t n_rows, FlightMap *map);
 
 /* Read the part for n_gauges gauges. 1; 0 with a text that states what is wrong. */

@@ -15,8 +15,8 @@
    strainfmu/estimator/map/envelope.py. */
 typedef struct {
     size_t n_half_spaces;
-    double score_limit; /* deviations beyond a half-space that count as outside */
-    double dynamic_pressure[2], mach_number[2], altitude[2]; /* least and largest [Pa], [1], [m]; may be infinite */
+    double score_limit; /* standard deviations beyond a half-space that count as outside */
+    double dynamic_pressure[2], mach_number[2], altitude[2]; /* smallest, largest [Pa], [1], [m]; may be infinite */
     double half_gamma;         /* q = half_gamma M^2 p(h) */
     double pressure_tolerance; /* relative difference of the two that is no contradiction */
     Atmosphere atmosphere;     /* p(h) */
@@ -33,7 +33,7 @@ typedef struct {
     size_t n_columns;           /* columns of spread that are not 0, the first ones */
     size_t n_terms;             /* errors that all gauges have in common */
     int has_errors;             /* whether errors follow the current strain */
-    double min_expected_ratio;  /* least expected chi-square over its degrees of freedom */
+    double min_expected_ratio;  /* smallest expected chi-square over its degrees of freedom */
     const double *whitening;    /* (n_gauges, n_gauges) V', a row for each gauge; this and the next ones by added_noise.h */
     const double *singular;     /* (n_gauges) S */
     const double *load;         /* (n_gauges, 5) loads of each direction; the gain of each in form "absolute", */
@@ -68,11 +68,11 @@ typedef struct {
     double min_information;                                /* below which gauges do not identify the state */
     double ambiguous_correlation;                            /* above which gauges cannot be distinguished */
     double min_dynamic_pressure, max_dynamic_pressure;       /* [Pa], beyond which there are no coefficients */
-    double dynamic_pressure_error;                           /* relative, where no deviation is given [1] */
+    double dynamic_pressure_error;                           /* relative, where no standard deviation is given [1] */
     double chi_square_scale, outlier_scale;                  /* factors on the limits of chi-square and of z^2 */
     double level_slope;                                      /* by which they rise with expected chi-square besides [1] */
     double smallest_setting, largest_setting;                /* bounds on what may be set */
-    double largest_zero;                                     /* the same for zeros and their deviations [1] */
+    double largest_zero;                                     /* the same for zeros and their standard deviations [1] */
     double not_known; /* start value of parameters of the flow, and a value of thrust, that means what NaN does */
     const double *mean_strain;       /* (n_gauges) m */
     const double *load_of_mean;      /* (5) [N, N m] */

@@ -1,4 +1,4 @@
-/* Sensors that are no strain gauges: the rows of a map behind those of the gauges, whose readings have units and ranges
+/* Sensors that are no strain gauges: the rows of a map behind the gauges' rows, whose readings have units and ranges
    of their own.
 
    The C counterpart of strainfmu/estimator/map/sensors.py; it is part "sensors" of
@@ -9,7 +9,7 @@
 
 #include "container.h"
 
-/* Arrays are those of the rows behind the strain gauges, and point into the bytes of the file. */
+/* Arrays are of the rows behind the strain gauges, and point into the bytes of the file. */
 typedef struct {
     size_t n_strains;      /* strain gauges: all rows of a map without the part */
     size_t count;          /* other rows */

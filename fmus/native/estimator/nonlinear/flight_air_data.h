@@ -9,8 +9,8 @@
 
 enum { ANGLE_OF_ATTACK, SIDESLIP_ANGLE, TOTAL_INCIDENCE, WIND_ROLL_ANGLE, AIR_MACH_NUMBER, AIR_PRESSURE, AIR_DYNAMIC };
 
-/* Air data of a solution, (2, N_AIR_DATA) with their deviations, and whether each is identified: better known than by the
-   ranges of the map, whose deviations are prior_std (N_STATES). */
+/* Air data of a solution, (2, N_AIR_DATA) with their sigmas, and whether each is identified: better known than by the
+   ranges of the map, whose standard deviations are prior_std (N_STATES). */
 void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *found, double *value,
                      unsigned char *is_identified);
 

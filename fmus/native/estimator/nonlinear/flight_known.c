@@ -89,7 +89,7 @@ static void set_power(const KnownMap *map, const TableMap *tables, size_t first,
     }
 }
 
-/* Tables about those of the mean, whose rows are those from `first` of the section on. */
+/* Tables about the tables of the mean, whose rows are the section's from `first` on. */
 static void made_arrays(const KnownMap *map, const TableMap *mean, size_t first, double *shift, MadeTables *made,
                         FlightTables *tables, double **doubles) {
     const size_t size = flight_cell_doubles(&made->map);
@@ -140,7 +140,7 @@ void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *oth
     }
 }
 
-/* Whether a parameter is known with a deviation, so that the tables follow it. */
+/* Whether a parameter is known with a standard deviation, so that the tables follow it. */
 static int parameter_known(const Known *known, const Inputs *in, size_t which) {
     const double value = in->value[first_parameter(in) + which], std = in->value[first_parameter_std(in) + which];
     return value != in->map->not_known && isfinite(value) && std > 0.0 && isfinite(std)
@@ -177,7 +177,7 @@ static double power_of(double z, double power) {
     return product;
 }
 
-/* Weights of the stated values against the spread, the powers' expected change, and what the deviation leaves of it. */
+/* Weights of the stated values against the spread, the powers' expected change, and what their sigmas leave of it. */
 static void weigh(Known *known) {
     const KnownMap *map = &known->map;
     for (size_t p = 0; p < map->n_parameters; p++) {

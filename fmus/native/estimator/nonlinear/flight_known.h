@@ -1,6 +1,6 @@
-/* Parameters of the flow that are known with a deviation: tables and errors about what is known of them.
+/* Parameters of the flow that are known with a standard deviation: tables and errors about what is known of them.
 
-   The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are those of the mean plus p_inf times a
+   The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are the mean's plus p_inf times a
    sum over powers of the parameters; errors are products, so that what is known weighs them. */
 
 #ifndef FLIGHT_KNOWN_H
@@ -28,11 +28,11 @@ typedef struct {
 
 typedef struct {
     int present;  /* whether the map has such tables; if not, nothing else is set */
-    int in_use;   /* whether the solver's tables are `own`; those of the mean else */
+    int in_use;   /* whether the solver's tables are `own`; the mean's else */
     KnownMap map;
-    FlightMap *flight;      /* whose tables and errors they replace, with those of the solver */
+    FlightMap *flight;      /* whose tables and errors they replace, with the solver's */
     FlightSolver *solver;
-    FlightOtherLoads *others;  /* and of loads beside the five */
+    FlightOtherLoads *others;  /* and of loads in addition to the five */
     MadeTables tables, other_loads;
     Errors mean, own;
     double *value, *std;            /* (n_parameters) that `own` is for, NaN of what is not known, and of all at first */
@@ -40,16 +40,16 @@ typedef struct {
     double *products;               /* (known_product_size) of `own` */
 } Known;
 
-/* Lay out tables about those of the mean, beside other loads or without; number of doubles that all arrays take, and handing
-   them out, filled in; after those of solver and other loads. */
+/* Lay out tables about the mean's, with other loads or without; number of doubles that all arrays take, and handing
+   them out, filled in; after the tables of solver and other loads. */
 void known_lay_out(const TableMap *mean, const TableMap *others, Known *known);
 size_t known_doubles(const Known *known, size_t n_gauges);
 void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles);
 
-/* Let the solver's tables be those about what the inputs know, or those of the mean where they know nothing. */
+/* Set the solver's tables to the ones about what the inputs know, or to the mean's where they know nothing. */
 void known_follow(Known *known, const Inputs *inputs);
 
-/* Let them be those of the mean. */
+/* Set them to the mean's. */
 void known_forget(Known *known);
 
 #endif

@@ -58,8 +58,8 @@ double flight_corrected(const FlightSolver *solver, const Response *response, si
     return response->value[row] + lane_dot(n, turned, solver->right);
 }
 
-/* The considered error: L^-1 of its strain, and what the state errs by where strain errs so. It is as large as the residual
-   leaves it: with P as in flight_settle, the posterior of a standard normal amplitude has the variance 1 / (1 + h' P h)
+/* The considered error: L^-1 of its strain, and the error of the state where strain has that error. It is as large as the
+   residual leaves it: with P as in flight_settle, the posterior of a standard normal amplitude has the variance 1 / (1 + h' P h)
    about h' P r / (1 + h' P h), and the sum of the squares counts. It corrects nothing. */
 static void set_considered(FlightSolver *solver) {
     Considered *considered = &solver->considered;

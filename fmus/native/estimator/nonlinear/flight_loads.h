@@ -9,7 +9,7 @@
 void flight_set_loads(FlightSolver *solver);
 
 /* q_inf of the solution [Pa], the derivative of its logarithm by the state, and the variance that covers its error over
-   that of the logarithm. */
+   the variance of the logarithm. */
 typedef struct {
     double dynamic, by_state[N_STATES], wider;
 } PressureErrors;
@@ -19,7 +19,7 @@ PressureErrors flight_pressure_errors(const FlightSolver *solver);
 /* The product of derivatives by the state and a change of the state. */
 double flight_along(const double *by_state, const double *shift);
 
-/* What a load errs by where strain and that load do as the considered error at a fixed state; `turned` as below. */
+/* The error of a load where strain and that load have the considered error at a fixed state; `turned` as below. */
 double flight_considered(const FlightSolver *solver, size_t load, const double *turned);
 
 /* L^-1 of `count` covariances with strain (count, n_gauges), per p_inf^2, in turned (count, n). */
@@ -30,7 +30,7 @@ void flight_turn(const FlightSolver *solver, const double *strain_covariance, si
 double flight_corrected(const FlightSolver *solver, const Response *response, size_t row, const double *turned,
                         double *by_state);
 
-/* The relative deviation of a lognormal value three times which reach as far as three of its logarithm's. */
+/* The relative standard deviation of a lognormal value, of which three reach as far as three of its logarithm's. */
 double lognormal_deviation(double of_log);
 
 #endif

@@ -15,7 +15,7 @@ size_t flight_noise_row(size_t n_gauges);
    the last solution. rows take another (N_STATES + N_LOADS) of them as scratch. */
 void flight_noise_rows(const FlightSolver *solver, const double *gauge_noise, double of_air, double *rows);
 
-/* Variances of loads and coefficients (n_loads) beside the five, whose outputs are set; scratch takes two rows. */
+/* Variances of loads and coefficients (n_loads) in addition to the five, whose outputs are set; scratch takes two rows. */
 void flight_other_noise(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs,
                         const OtherLoads *out, const double *gauge_noise, const double *rows, double *scratch,
                         double *of_loads, double *of_coefficients);

@@ -34,7 +34,7 @@ void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, d
     }
 }
 
-/* The factor on a coefficient's or a load's deviation, of those of the five, for load j. */
+/* The factor on a coefficient's or a load's standard deviation, of the five loads' factors, for load j. */
 static double widening_of(const double *of_five, const OtherLoadsMap *map, size_t j) {
     const size_t like = (size_t)map->like[j];
     double largest = 1.0;
@@ -89,7 +89,7 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     const double *shift = solver->considered.shift, own_error = flight_considered(solver, N_LOADS + j, turned);
     const double load = flight_corrected(solver, &other_loads->response, j, turned, by_state);
     const double left = square * other_loads->map.variance[j] - lane_dot(solver->n, turned, turned);
-    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain tells wholly, rounding leaves less */
+    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain determines wholly, rounding leaves less */
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
     for (size_t k = 0; k < N_STATES; k++) {
         of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];

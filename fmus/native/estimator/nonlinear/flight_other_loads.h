@@ -1,7 +1,7 @@
-/* Loads beside the five over the flight state, by the nonlinear estimator.
+/* Loads in addition to the five over the flight state, by the nonlinear estimator.
 
-   The equations are those of strainfmu/estimator/reference/nonlinear.py. They are part
-   "flight_loads" of resources/map.bin. Of strain off the tables they are those of
+   The equations are in strainfmu/estimator/reference/nonlinear.py. The loads are part
+   "flight_loads" of resources/map.bin. Of strain off the tables the loads are as in
    other_loads.h. */
 
 #ifndef FLIGHT_OTHER_H
@@ -12,7 +12,7 @@
 #include "solver_state.h"
 
 typedef struct {
-    TableMap tables;                 /* a row per load, on the knots of those of strain; no rows in maps without */
+    TableMap tables;                 /* a row per load, on the knots of the tables of strain; no rows in maps without */
     const double *strain_covariance; /* (n_loads, n_gauges) per p_inf^2 */
     const double *variance;          /* (n_loads) per p_inf^2 */
 } FlightOtherLoadsMap;
@@ -25,7 +25,7 @@ typedef struct {
     double *others; /* (MOST_OTHERS, n_loads) of the tables at other solutions */
 } FlightOtherLoads;
 
-/* Read the part of n_loads loads beside the tables of `flight`. 1; 0 with a text. */
+/* Read the part of n_loads loads in addition to the tables of `flight`. 1; 0 with a text. */
 int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightOtherLoadsMap *map);
 
 /* Number of doubles that the arrays take, and handing them out, filled in. */

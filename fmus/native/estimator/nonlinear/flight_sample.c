@@ -6,11 +6,11 @@
 #include "../sample/pressure_source.h"
 #include "../sample/readings.h"
 
-/* Least deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
+/* Smallest standard deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
 #define MIN_RELATIVE_STD 1e-3
 
-/* Relative deviations of a total temperature without its own, and of the standard atmosphere's temperature: those of
-   air_inputs.py. */
+/* Relative standard deviations of a total temperature without its own, and of the standard atmosphere's temperature,
+   as in air_inputs.py. */
 #define TOTAL_TEMPERATURE_ERROR 0.01
 #define STATIC_TEMPERATURE_ERROR 0.03
 
@@ -28,14 +28,14 @@ size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
     return count;
 }
 
-/* The deviation of a quantity of navigation without its own: of M [1], relative ones of p_inf, which the altitude tells
-   less exactly, and q_inf. */
+/* The standard deviation of a quantity of navigation without its own: of M [1], relative ones of p_inf, which the altitude
+   gives less exactly, and q_inf. */
 static double navigation_error(const FlightMap *map, const Inputs *inputs, size_t quantity) {
     const int by_altitude = quantity == 1 && isnan(known_input(inputs, STATIC_PRESSURE));
     return by_altitude ? map->altitude_error : map->error[quantity];
 }
 
-/* M by the total temperature and the standard atmosphere at the altitude, and its deviation; NaN where one is not known or
+/* M by the total temperature and the standard atmosphere at the altitude, and its sigma; NaN where one is not known or
    they have no Mach number in common. */
 static double mach_by_temperature(const Inputs *inputs, double *std) {
     const Envelope *envelope = &inputs->map->envelope;
@@ -52,7 +52,7 @@ static double mach_by_temperature(const Inputs *inputs, double *std) {
     return ratio > 1.0 && isfinite(mach) && isfinite(*std) ? mach : NAN;
 }
 
-/* Join two values of M by their deviations, which grow where the values differ by more. */
+/* Join two values of M by their standard deviations, which grow where the values differ by more. */
 static void join(double *value, double *std, double other, double other_std) {
     const int known = isfinite(*value) && *value > 0.0 && isfinite(*std) && *std > 0.0;
     if (isnan(other)) {
@@ -78,7 +78,7 @@ static int is_value(double value) {
 }
 
 /* A dynamic pressure that is computed from others is no measurement: it stands for what it is computed from, where that is
-   not given, and for nothing where it is. Its deviation is that of its sources. */
+   not given, and for nothing where it is. Its standard deviation is by its sources. */
 static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *found) {
     double *value = found->value, *std = found->std;
     const double pressure_std = is_value(value[1]) ? std[1] / value[1] : map->error[1];
@@ -142,7 +142,7 @@ void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found
     join(&value[0], &std[0], by_temperature, by_temperature_std);
 }
 
-/* u and w of the priors become those of priors and angles. */
+/* u and w of the priors become u and w of priors and angles. */
 static void join_angles(const MeasuredAngles *angles, Sample *sample) {
     for (size_t k = 0; k < 2 && angles->count > 0; k++) {
         const size_t which = N_NAVIGATION + STATE_U + k;

@@ -80,7 +80,7 @@ void flight_search_weigh(FlightSolver *solver) {
     }
 }
 
-/* Sums over the gauges of weighted strain times that of a state, and of the square of the latter. */
+/* Sums over the gauges of weighted strain times the strain of a state, and of the square of the latter. */
 EVERYWHERE void compare(size_t n, const double *restrict weighted, const double *restrict square,
                         const double *restrict strain, double *dot, double *size) {
     double d[LANES] = {0.0}, s[LANES] = {0.0};
@@ -148,7 +148,7 @@ static double against_angles(const FlightSolver *solver, size_t start, size_t wh
     return cost;
 }
 
-/* Strain of the sample in the search, in deviations times these, and squares of the latter; 0 of gauges not in use. */
+/* Strain of the sample in the search, in sigmas times these, and squares of the latter; 0 of gauges not in use. */
 static void weigh_strain(const FlightSolver *solver, double *weighted, double *square) {
     const Sample *sample = &solver->sample;
     memset(weighted, 0, solver->n * sizeof *weighted);

@@ -9,7 +9,7 @@
 void flight_solve_cold(FlightSolver *solver);
 
 /* Where the search ends, in solver->end, and the best of them. A step searches at most KEPT_SEARCHES times, once for the
-   same navigation: after that the last ends stay. Whether they are those of the navigation at hand. */
+   same navigation: after that the last ends stay. Whether they are for the navigation at hand. */
 size_t flight_search_ends(FlightSolver *solver);
 int flight_search_kept(const FlightSolver *solver);
 

@@ -9,10 +9,10 @@
 
 #define MIN_MACH 0.1       /* below which ln M goes on as a constant */
 #define SMALLEST_PART 0.25 /* of a step that is taken */
-#define AT_ONCE 6          /* ratios of deviations up to 1e51 have a product */
+#define AT_ONCE 6          /* ratios of standard deviations up to 1e51 have a product */
 #define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
 
-/* L of S at the state of solver->response; that of the unit matrix for gauges that are not in use. */
+/* L of S at the state of solver->response; L of the unit matrix for gauges that are not in use. */
 static void set_factor(FlightSolver *solver) {
     const size_t n = solver->n;
     double *factor = solver->factor;
@@ -248,7 +248,7 @@ static void set_navigation_residuals(FlightSolver *solver) {
     }
 }
 
-/* What u and w of priors and angles cost more than those of the priors: the angles have a test of their own. */
+/* What u and w of priors and angles cost more than u and w of the priors: the angles have a test of their own. */
 static double cost_of_angles(const FlightSolver *solver) {
     double cost = 0.0;
     for (size_t k = STATE_U; k <= STATE_W && solver->angles.count > 0; k++) {
@@ -313,7 +313,7 @@ void flight_linearise_anew(FlightSolver *solver, const double *state) {
     linearise(solver);
 }
 
-/* One logarithm for every few gauges: of the product of their deviations over the first one's. */
+/* One logarithm for every few gauges: of the product of their standard deviations over the first one's. */
 double flight_deviance(const FlightSolver *solver) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
     const double first = solver->factor[0];
@@ -346,7 +346,7 @@ double flight_iterate_start(FlightSolver *solver, double *state) {
     return flight_deviance(solver);
 }
 
-/* Weights follow the state in every second iteration, as in those of the starts, and in the last one. */
+/* Weights follow the state in every second iteration, as in iterations of the starts, and in the last one. */
 void flight_solve_from(FlightSolver *solver, const double *state) {
     const size_t iterations = (size_t)solver->map->cold_iterations;
     double next[N_STATES];

@@ -1,6 +1,6 @@
 /* The flight state that fits strain and navigation, and loads, residuals and covariances that follow from it.
 
-   The equations are those of strainfmu/estimator/reference/nonlinear.py. */
+   The equations are in strainfmu/estimator/reference/nonlinear.py. */
 
 #ifndef FLIGHT_SOLVE_H
 #define FLIGHT_SOLVE_H
@@ -13,7 +13,7 @@ void flight_solve_warm(FlightSolver *solver, const double *state);
 /* The solution that iterations have ended with before, at solver->state with S at solver->factor_state. */
 void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state);
 
-/* The parts of it: S renewed half-way, and what tells the best end of a search; the solution from a state; the problem about
+/* The parts of it: S renewed half-way, and what shows the best end of a search; the solution from a state; the problem about
    a state weighted by the last S, and by S there; -2 ln likelihood of the problem, less a constant; the solution at its
    state. */
 double flight_iterate_start(FlightSolver *solver, double *state);

@@ -10,7 +10,7 @@ size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
 void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
                           unsigned char **bytes);
 
-/* Let the gauges have errors of the covariance `own` (n_gauges, n_gauges), NULL for that of the map, and of `added`. */
+/* Give the gauges errors of the covariance `own` (n_gauges, n_gauges), NULL for the map's, and of `added`. */
 void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added);
 
 #endif

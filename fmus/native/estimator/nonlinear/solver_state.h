@@ -1,6 +1,6 @@
 /* What the nonlinear solver holds: a sample, its solution, and the problem about a state.
 
-   The equations are those of strainfmu/estimator/reference/nonlinear.py. */
+   The equations are in strainfmu/estimator/reference/nonlinear.py. */
 
 #ifndef SOLVER_STATE_H
 #define SOLVER_STATE_H
@@ -37,21 +37,21 @@ typedef struct {
 
 /* Estimates of a sample, about the map's moment point and references. */
 typedef struct {
-    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* that of the problem about the state */
+    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* of the problem about the state */
     double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
     double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
     double chi_square;
-    double rest_square; /* square of what another iteration would move the state by, in its deviations */
+    double rest_square; /* square of what another iteration would move the state by, in its standard deviations */
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
-    double widening[N_WIDENING];                       /* factors on deviations, for what else fits; 0 for none, */
-    double widened_covariance[N_STATES * N_STATES];    /* of the state with them; those of the loads have them */
+    double widening[N_WIDENING];                       /* factors on standard deviations, for what else fits; 0 for none, */
+    double widened_covariance[N_STATES * N_STATES];    /* of the state with them; the loads' have them */
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
     size_t n_others; /* other solutions that fit, whose squared differences count as variance by these parts */
     double other_part[MOST_OTHERS], other_state[MOST_OTHERS][N_STATES];
 } Solution;
 
-/* Where a search ended, of what navigation told with these precisions. */
+/* Where a search ended, of what navigation gave with these precisions. */
 typedef struct {
     double precision[N_NAVIGATION], end[SEARCH_STARTS][N_STATES], deviance[SEARCH_STARTS];
 } KeptEnds;
@@ -77,7 +77,7 @@ typedef struct {
     double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
     double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
-    double *search_weight;                        /* (n) 1 over the deviation of each gauge */
+    double *search_weight;                        /* (n) 1 over the standard deviation of each gauge */
     double *search_slope[2];                      /* (n) of strain by u and w in the middle of the ranges, per p_inf [1/Pa] */
     MeasuredAngles angles;
     Sample sample;

@@ -7,7 +7,7 @@
 
 #define LANES 4
 
-/* The least multiple of LANES that holds n. */
+/* The smallest multiple of LANES that holds n. */
 static inline size_t in_lanes(size_t n) {
     return (n + LANES - 1) / LANES * LANES;
 }

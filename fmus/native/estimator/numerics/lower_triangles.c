@@ -10,7 +10,7 @@ static size_t diagonal(size_t i) {
     return triangle_column(i) + i;
 }
 
-/* Row i of the root of the covariance scaled to unit variance, of which the diagonal of `size` has the deviations. */
+/* Row i of the root of the covariance scaled to unit variance, with the standard deviations on the diagonal of `size`. */
 static int set_row(size_t n, size_t i, const double *covariance, const double *size, double *root) {
     double *row = root + triangle_column(i);
     for (size_t j = 0; j <= i; j++) {

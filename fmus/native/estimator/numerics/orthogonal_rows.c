@@ -9,7 +9,7 @@
 #define SWEEPS 40
 #define ORTHOGONAL 4e-16 /* |cosine| of two rows that counts as 0 */
 #define QL_STEPS 30      /* for an eigenvalue; two are usual, and what is left of it is left to the rotations */
-#define SMALL 0x1p-53    /* of an element beside the diagonal, over those on it, that counts as 0 */
+#define SMALL 0x1p-53    /* of an element next to the diagonal, over the ones on it, that counts as 0 */
 #define ROOTS 40         /* multiplications that take the time of the roots and divisions of a rotation */
 
 enum { PRODUCTS, REFLECTIONS, QL, SQUARES, SWEEP, ORTHOGONAL_ROWS };
@@ -79,7 +79,7 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
     v[0] = end;
 }
 
-/* A QL step of the tridiagonal matrix from row l to row m, which its elements beside the diagonal cut off; rows alike. */
+/* A QL step of the tridiagonal matrix from row l to row m, which its elements next to the diagonal cut off; rows alike. */
 EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, double *beside, double *rows) {
     const double slope = (diagonal[l + 1] - diagonal[l]) / (2.0 * beside[l]), size = sqrt(slope * slope + 1.0);
     double g = diagonal[m] - diagonal[l] + beside[l] / (slope + (slope < 0.0 ? -size : size));
@@ -122,7 +122,7 @@ EVERYWHERE size_t set_products(size_t count, size_t n, size_t width, size_t k, c
     return (k + 1) * n;
 }
 
-/* The diagonal and the elements beside it, of products and rows that are reflected. */
+/* The diagonal and the elements next to it, of products and rows that are reflected. */
 static void set_diagonal(size_t count, const double *gram, double *diagonal, double *beside) {
     for (size_t i = 0; i < count; i++) {
         diagonal[i] = gram[i * count + i];

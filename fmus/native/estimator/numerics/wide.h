@@ -1,4 +1,4 @@
-/* One source, several instruction sets: on x86-64 the products of every step are compiled for SSE2 and for AVX2, those of
+/* One source, several instruction sets: on x86-64 the products of every step are compiled for SSE2 and for AVX2, products of
    matrices for AVX-512 too. Which one runs changes no bit. */
 
 #ifndef WIDE_H

@@ -87,14 +87,14 @@ static void invert_inner(const FlightSolver *solver, double inverse[N_INNER * N_
     invert_small(N_INNER, inner, inverse);
 }
 
-/* The state at deviations of ln p_inf to one side of a state with a covariance. */
+/* The state at standard deviations of ln p_inf to one side of a state with a covariance. */
 static void look_aside(FlightSolver *solver, const double *state, const double *covariance, const Estimated *base,
                        double sign, double *largest) {
     static const double NONE[N_STATES] = {0.0};
     const double own = covariance[STATE_PRESSURE * (N_STATES + 1)], three = ASIDE * sqrt(own);
     const double size = sign * (three < LARGEST_ASIDE ? three : LARGEST_ASIDE) / own;
     double next[N_STATES], step[N_STATES] = {0.0}, inverse[N_INNER * N_INNER];
-    double of_others[N_STATES * N_STATES] = {0.0}; /* that of ln p_inf is the distance itself */
+    double of_others[N_STATES * N_STATES] = {0.0}; /* for ln p_inf it is the distance itself */
     for (size_t k = 0; k < N_STATES; k++) {
         next[k] = state[k] + size * covariance[k * N_STATES + STATE_PRESSURE];
     }

@@ -1,4 +1,4 @@
-/* Flight states that fit about as well as the estimated one, where navigation does not tell the pressure:
+/* Flight states that fit about as well as the estimated one, where navigation does not give the pressure:
    docs/explanation/nonlinear_estimator.md. */
 
 #ifndef AMBIGUITY_H
@@ -6,10 +6,10 @@
 
 #include "../nonlinear/solver_state.h"
 
-/* Whether navigation tells neither p_inf nor q_inf. */
+/* Whether navigation gives neither p_inf nor q_inf. */
 int flight_pressure_untold(const FlightSolver *solver);
 
-/* Widen the covariances of the solution by factors on deviations (N_WIDENING). */
+/* Widen the covariances of the solution by factors on standard deviations (N_WIDENING). */
 void flight_widen(FlightSolver *solver, const double *widening);
 
 /* Widen the solution of a search by what else fits; and that from a state by what a search finds, or go over to an end of

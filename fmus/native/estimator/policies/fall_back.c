@@ -5,7 +5,7 @@
 #include "../linear/linear.h"
 #include "flight_outputs.h"
 
-/* Loads of the linear map in place of those of the tables, where it has some. */
+/* Loads of the linear map instead of the tables' loads, where it has some. */
 static void fall_back(Flight *flight) {
     const double pressure = flight->navigation.of_loads[0], deviation = flight->navigation.of_loads[1];
     if (isfinite(pressure) && linear_loads_at(flight->linear, pressure, deviation)) {

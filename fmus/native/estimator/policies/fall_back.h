@@ -1,11 +1,11 @@
-/* Loads of the linear map where those of the tables do not fit, the return to these, and when the tables are searched. */
+/* Loads of the linear map where the tables' loads do not fit, the return to these, and when the tables are searched. */
 
 #ifndef FALL_BACK_H
 #define FALL_BACK_H
 
 #include "flight_state.h"
 
-/* Loads of the linear map in place of those of the tables, where it has some, and where these do not fit or have not for
+/* Loads of the linear map instead of the tables' loads, where it has some, and where these do not fit or have not for
    long enough, or where fewer gauges are left than the flight state has quantities; UNIDENTIFIED where it has none
    then. */
 void flight_fall_back(Flight *flight, size_t used, int fits, double to_return);

@@ -121,7 +121,7 @@ static void set_sample(Filter *filter, Flight *flight) {
     }
 }
 
-/* Filtered values and their deviations from a channel on. */
+/* Filtered values and their standard deviations from a channel on. */
 static void write_channels(const Filter *filter, size_t channel, size_t count, double *value, double *std) {
     for (size_t k = 0; k < count; k++) {
         value[k] = filter->mean[channel + k];

@@ -10,7 +10,7 @@
 /* Read the filter's part and allocate, after all other parts. 1; 0 after a message. */
 int filtered_outputs_create(MapFile *file, const Flight *flight, Filter *filter);
 
-/* Filter the outputs, which are those of the sample alone, by windows of at most a time [s]. */
+/* Filter the outputs, which are of the sample alone, by windows of at most a time [s]. */
 void filtered_outputs(Filter *filter, Flight *flight, double time_constant);
 
 #endif

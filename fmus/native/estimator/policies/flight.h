@@ -17,10 +17,10 @@ void flight_update(Flight *flight);
 /* Set flight->loads->value for the last update: by the tables, or by the linear map where it stands in or is alone. */
 void flight_other_loads_update(Flight *flight);
 
-/* The most Gauss-Newton iterations of a step; those of the last one are flight->solver.iterations. */
+/* The most Gauss-Newton iterations of a step; the last step's are flight->solver.iterations. */
 size_t flight_most_iterations(const Flight *flight);
 
-/* The gauges have other errors: those of the linear estimator. */
+/* The gauges have other errors: the linear estimator's. */
 void flight_renew(Flight *flight);
 
 /* What the last step left is what the next one starts from. */

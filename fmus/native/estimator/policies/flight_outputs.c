@@ -5,7 +5,7 @@
 #include "../numerics/cholesky.h"
 #include "air_data_faults.h"
 
-#define LARGEST_REST 1.0 /* deviations that the next iteration may move the state by: flight_health.py */
+#define LARGEST_REST 1.0 /* standard deviations that the next iteration may move the state by: flight_health.py */
 
 /* Loads and coefficients at the references of the settings. */
 static void set_loads(Flight *flight) {
@@ -97,7 +97,7 @@ int flight_solution_fits(const Flight *flight, size_t used) {
         && found->shape_square <= flight->map.shape_limit * scalar_input(flight->inputs, ALARM_SCALE);
 }
 
-/* Whether the measured angles are others than those of the solution. */
+/* Whether the measured angles are others than the solution's. */
 static int angles_contradict(const Flight *flight) {
     const MeasuredAngles *angles = &flight->solver.angles;
     const Solution *found = &flight->solver.solution;

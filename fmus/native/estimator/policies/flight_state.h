@@ -1,7 +1,7 @@
-/* What the nonlinear estimator holds: its solver, what is known of a sample, what a step leaves, and outputs beside those of
-   every estimator.
+/* What the nonlinear estimator holds: its solver, what is known of a sample, what a step leaves, and outputs in addition to
+   every estimator's.
 
-   The equations are those of strainfmu/estimator/reference/nonlinear.py and air.py. */
+   The equations are in strainfmu/estimator/reference/nonlinear.py and air.py. */
 
 #ifndef FLIGHT_STATE_H
 #define FLIGHT_STATE_H
@@ -11,7 +11,7 @@
 #include "../nonlinear/flight_known.h"
 #include "../nonlinear/flight_sample.h"
 
-#define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their deviations */
+#define N_FLIGHT_REALS (2 * N_AIR_DATA) /* outputs: air data, then their standard deviations */
 #define NAVIGATION_USED N_AIR_DATA      /* flags: whether each of the air data is identified, then these */
 #define LINEAR_LOADS (N_AIR_DATA + N_NAVIGATION)
 #define N_FLIGHT_FLAGS (LINEAR_LOADS + 1)
@@ -21,8 +21,8 @@ typedef struct {
     double has_state; /* 0 or 1; all of it float64, as it is serialised */
     double state[N_STATES];
     double since_search, to_return; /* steps */
-    double widening[N_WIDENING];    /* of the last search; 0 where navigation told the pressure then */
-    double stepped;                 /* whether the outputs are those of a step that has been taken */
+    double widening[N_WIDENING];    /* of the last search; 0 where navigation gave the pressure then */
+    double stepped;                 /* whether the outputs are of a step that has been taken */
 } Track;
 
 typedef struct {
@@ -30,7 +30,7 @@ typedef struct {
     Inputs *inputs;
     double *output;   /* (N_OUTPUTS) of the estimator */
     Linear *linear;   /* for what fits no table */
-    OtherLoads *loads;   /* beside the five, of a map that has some */
+    OtherLoads *loads;   /* in addition to the five, of a map that has some */
     FlightMap map;
     FlightSolver solver;
     FlightOtherLoads other_loads;
@@ -43,7 +43,7 @@ typedef struct {
     double real[N_FLIGHT_REALS];
     unsigned char flag[N_FLIGHT_FLAGS];
     int fits;                  /* whether strain and navigation fit the tables, */
-    double degrees_of_freedom; /* and those of chi-square */
+    double degrees_of_freedom; /* and the degrees of freedom of chi-square */
 } Flight;
 
 #endif

@@ -14,7 +14,7 @@
 /* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
 typedef enum { FITS_NOT, ALARMS, FITS } Quality;
 
-/* What it takes to have a solution again: its state and that of S, what counts of navigation, and its residuals with all. */
+/* What it takes to have a solution again: its state and S's, what counts of navigation, and its residuals with all. */
 typedef struct {
     double state[N_STATES], weighted_at[N_STATES];
     double precision[N_NAVIGATION], residual[N_NAVIGATION];
@@ -91,12 +91,12 @@ static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_se
     return found;
 }
 
-/* Whether loads of the tables count: those of the linear map stand in where strain does not fit and there are some. */
+/* Whether loads of the tables count: the linear map's stand in where strain does not fit and there are some. */
 static int tables_count(const Flight *flight, Quality found) {
     return found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
 }
 
-/* Where navigation does not tell the pressure, widen the solution by what else fits: of a search, of another one where it
+/* Where navigation does not give the pressure, widen the solution by what else fits: of a search, of another one where it
    is time for that, or what the last one has found. Where loads of the linear map stand in, nothing is looked for. */
 static void widen(Flight *flight, Quality found, int *searched, int by_search) {
     FlightSolver *solver = &flight->solver;

@@ -3,7 +3,7 @@
 
    Those of later versions stand behind all others, among the inputs and among the variables, so that numbers of variables
    stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input, last_input; but for angles,
-   which are not known where they are the map's not_known, or NaN: known_angle; so are those of an inertial unit. */
+   which are not known where they are the map's not_known, or NaN: known_angle; so are an inertial unit's. */
 
 #ifndef AIR_INPUTS_H
 #define AIR_INPUTS_H
@@ -21,7 +21,7 @@
     X(STATIC_PRESSURE, "static_pressure")             \
     X(STATIC_PRESSURE_STD, "static_pressure_std")
 
-/* The same, of later versions: total temperature [K] and its deviation. */
+/* The same, of later versions: total temperature [K] and its standard deviation. */
 #define LATER_INPUTS(X)                               \
     X(TOTAL_TEMPERATURE, "total_temperature")         \
     X(TOTAL_TEMPERATURE_STD, "total_temperature_std")

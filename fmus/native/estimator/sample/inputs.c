@@ -85,7 +85,7 @@ void inputs_reset(Inputs *in) {
     in->value[first_last(in) + MEASURED_ATTACK] = in->value[first_last(in) + MEASURED_SIDESLIP] = in->map->not_known;
 }
 
-/* Whether value may be given to one of the zeros or their deviations, by its index among them. */
+/* Whether value may be given to one of the zeros or their standard deviations, by its index among them. */
 static int accepts_zero(const Inputs *in, size_t which, double value, char *text) {
     const size_t n = in->sensors->n_strains;
     const double largest = in->map->largest_zero, smallest = which < n ? -largest : 0.0;

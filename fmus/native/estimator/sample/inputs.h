@@ -15,7 +15,7 @@
 enum {
     FLOW_INPUTS(AIR_INPUT_NUMBER)
     SENSOR_RANGE,         /* largest |strain| of a working gauge [1] */
-    ALARM_SCALE,          /* factor on the limit of chi-square and on the square of that of z [1] */
+    ALARM_SCALE,          /* factor on the limit of chi-square and on the square of the limit of z [1] */
     REFERENCE_AREA,       /* [m2] */
     REFERENCE_LENGTH,     /* [m] */
     MOMENT_STATION,       /* x of the moment point [m] */
@@ -39,11 +39,11 @@ enum { LAST_INPUTS(AIR_INPUT_NUMBER) N_LAST_INPUTS };
 /* Behind these, of maps with masses. */
 enum { INERTIAL_INPUTS(AIR_INPUT_NUMBER) N_INERTIAL_INPUTS };
 
-/* After the scalars: zero of each strain gauge, deviation of each of them, deviation that they have in common [1]; then
+/* After the scalars: zero of each strain gauge, sigma of each of them, sigma that they have in common [1]; then
    the temperature of each sensor [K], not known where it is 0 or below, or NaN; thrust [N], which may be NaN or the
    map's not_known, of a map with sensors that it moves; then the time constant of the filter [s], 0 for none, of a map
-   that has one. Then other parameters of the flow, as thrust, and, with tables of them, their deviations, which are
-   not stated where they are 0 or below, or NaN; then those of LATER_INPUTS and LAST_INPUTS,
+   that has one. Then other parameters of the flow, as thrust, and, with tables of them, their sigmas, which are
+   not stated where they are 0 or below, or NaN; then LATER_INPUTS and LAST_INPUTS,
    and of a map with masses INERTIAL_INPUTS, each not_known or NaN where it is not known. */
 static inline size_t number_of_zeros(size_t n_strains) {
     return 2 * n_strains + 1;
@@ -71,7 +71,7 @@ typedef struct {
 size_t inputs_count(const Inputs *inputs);
 
 /* Of the inputs, the first of the temperatures, thrust, SIZE_MAX for none, and the first of the parameters of the flow and
-   of their deviations, which a map has with tables of them. */
+   of their standard deviations, which a map has with tables of them. */
 size_t first_temperature(const Inputs *inputs);
 size_t thrust_input(const Inputs *inputs);
 size_t first_parameter(const Inputs *inputs);
@@ -85,7 +85,7 @@ size_t first_inertial(const Inputs *inputs);
 /* Index of the time constant of the filter among the inputs; SIZE_MAX for none. */
 size_t filter_setting(const Inputs *inputs);
 
-/* Zeros, their deviations, and that in common, of the inputs. */
+/* Zeros, their standard deviations, and the common one, of the inputs. */
 static inline const double *zeros_given(const Inputs *inputs) {
     return inputs->value + inputs->map->n_gauges + N_ALL_SCALARS;
 }
@@ -119,7 +119,7 @@ static inline double known_angle(const Inputs *inputs, size_t last) {
     return value != inputs->map->not_known && isfinite(value) ? value : NAN;
 }
 
-/* How much further aft the moment point is than that of the map [m]. */
+/* How much further aft the moment point is than the map's [m]. */
 static inline double moment_shift(const Inputs *inputs) {
     return scalar_input(inputs, MOMENT_STATION) - inputs->map->moment_station;
 }

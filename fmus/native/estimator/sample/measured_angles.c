@@ -2,8 +2,8 @@
 
 #include "../../core/elementary.h"
 
-/* Of measured angles [rad]: deviation without their own, the smallest one, and the size above which one is no value; those
-   of pressure_source.py and air_inputs.py. */
+/* Of measured angles [rad]: standard deviation without their own, the smallest one, and the size above which one is no value;
+   as in pressure_source.py and air_inputs.py. */
 #define ANGLE_ERROR 0.017453292519943295
 #define LEAST_ANGLE_STD 1e-4
 #define LARGEST_ANGLE 1.5

@@ -25,7 +25,7 @@ enum {
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
-/* Whether loads may be used with their stated deviations in a state of health. */
+/* Whether loads may be used with their stated standard deviations in a state of health. */
 static inline int is_usable(double health) {
     return health == (double)OK || health == (double)DEGRADED;
 }

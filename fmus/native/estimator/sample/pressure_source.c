@@ -2,7 +2,7 @@
 
 /* Those of pressure_source.py. */
 #define LARGEST_DIFFERENCE 1.5e-3 /* of a computed value, by the rounding of what is given */
-#define PART_OF_DEVIATION 0.05 /* of the deviation of the difference of independent values */
+#define PART_OF_DEVIATION 0.05 /* of the standard deviation of the difference of independent values */
 #define EARTH_RADIUS 6356766.0   /* [m] of geopotential altitudes */
 
 double pressure_by_altitude(const Inputs *inputs) {
@@ -20,7 +20,7 @@ double computed_pressure_std(const Inputs *inputs, double stated, double own) {
     return isnan(stated) || (!is_decided && stated < own) ? own : stated;
 }
 
-/* Whether the dynamic pressure is that of Mach number and a pressure, of relative deviations. */
+/* Whether the dynamic pressure is computed from Mach number and a pressure, of relative standard deviations. */
 static int is_computed(const Inputs *inputs, double pressure, double mach_std, double pressure_std, double dynamic_std) {
     const double mach = known_input(inputs, MACH_NUMBER), dynamic = known_input(inputs, DYNAMIC_PRESSURE);
     const double expected = inputs->map->envelope.half_gamma * mach * mach * pressure;

@@ -1,12 +1,12 @@
-/* What a dynamic pressure is computed from, and the deviation that it has then: strainfmu/estimator/reference/pressure_source.py in C. */
+/* What a dynamic pressure is computed from, and its standard deviation then: strainfmu/estimator/reference/pressure_source.py in C. */
 
 #ifndef PRESSURE_SOURCE_H
 #define PRESSURE_SOURCE_H
 
 #include "inputs.h"
 
-/* Relative deviations of what a dynamic pressure is computed from, which no other measurement confirms: of M by the day's
-   temperature and wind, of p_inf by its port, of p(h) by the day; those of pressure_source.py. */
+/* Relative standard deviations of what a dynamic pressure is computed from, which no other measurement confirms: of M by the
+   day's temperature and wind, of p_inf by its port, of p(h) by the day; as in pressure_source.py. */
 #define DAY_OF_MACH 0.025
 #define DAY_OF_PRESSURE 0.03
 #define DAY_OF_ALTITUDE 0.07
@@ -18,16 +18,16 @@ typedef enum { AUTO, INDEPENDENT, MACH_AND_PRESSURE, MACH_AND_ALTITUDE } Pressur
    atmosphere. */
 double pressure_by_altitude(const Inputs *inputs);
 
-/* The source of the dynamic pressure of the inputs, never AUTO: of that it is decided by whether the value is that of Mach
-   number and a pressure. The deviations are of M [1] and relative ones of p_inf, p(h) and q_inf. */
+/* The source of the dynamic pressure of the inputs, never AUTO: AUTO is decided by whether the value follows from Mach
+   number and a pressure. The standard deviations are of M [1] and relative ones of p_inf, p(h) and q_inf. */
 PressureSource pressure_source(const Inputs *inputs, double mach_std, double pressure_std, double altitude_std,
                                double dynamic_std);
 
-/* The relative deviation of a dynamic pressure by those of what it is computed from. */
+/* The relative standard deviation of a dynamic pressure by the ones of what it is computed from. */
 double computed_pressure_error(double mach, double mach_std, double pressure_std);
 
-/* The deviation [Pa] of a dynamic pressure that is computed: the stated one, which has to be larger than `own`, that of its
-   sources, where the inputs do not state the source. NaN for none stated. */
+/* The standard deviation [Pa] of a dynamic pressure that is computed: the stated one, which has to be larger than `own`,
+   of its sources, where the inputs do not state the source. NaN for none stated. */
 double computed_pressure_std(const Inputs *inputs, double stated, double own);
 
 #endif

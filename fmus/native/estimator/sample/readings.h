@@ -13,7 +13,7 @@ unsigned char gauge_in_use(const Inputs *inputs, size_t gauge, double range);
    none is used. With the linear estimator a flow is a dynamic pressure of one, with tables any sample. */
 int readings_silent(const Inputs *inputs);
 
-/* Whether the gauges that may be used are those of a mask (n_gauges). */
+/* Whether the gauges that may be used are the gauges of a mask (n_gauges). */
 int readings_are_of(const Inputs *inputs, const unsigned char *mask);
 
 /* Readings `first` up to, not including, `end` were set. */

@@ -39,8 +39,8 @@ static int parse(MapFile *file, size_t n, ThermalMap *map) {
     return file->good;
 }
 
-/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, that of
-   their information and its inverse, then strain by whitened amplitudes. */
+/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, the root
+   of their information and its inverse, then strain by whitened amplitudes. */
 static size_t scratch_doubles(const ThermalMap *map, size_t n) {
     const size_t k = map->n_modes;
     return map->n_sensors * k + k * k + k * (k + 1) + n * k + 2 * n * map->n_sensors
@@ -142,7 +142,7 @@ int thermal_read(Thermal *thermal, const double *temperature, const double *chan
     return changed;
 }
 
-/* The deviation of a mode without sensors: of vibration it follows what is known of that. */
+/* The standard deviation of a mode without sensors: of vibration it follows what is known of that. */
 static double prior_of(const Thermal *thermal, size_t mode) {
     const ThermalMap *map = &thermal->map;
     return map->prior_std[mode] * (mode >= map->n_modes - map->n_vibrations ? thermal->vibration : 1.0);
@@ -170,7 +170,7 @@ static void set_amplitudes(Thermal *thermal, double *seen, double *left, double 
         }
     }
     lower_root(k, information, root, inverse); /* of 1 and a sum of squares: always one */
-    for (size_t t = 0; t < n_t; t++) { /* L^-1 A' in place of A */
+    for (size_t t = 0; t < n_t; t++) { /* L^-1 A' instead of A */
         double *row = seen + t * k;
         for (size_t a = k; a-- > 0;) {
             row[a] = dot(a + 1, inverse + triangle_column(a), row);

@@ -1,4 +1,4 @@
-/* Temperature and inertia at run time: what they strain, taken off the readings as far as sensors tell.
+/* Temperature and inertia at run time: their strain, subtracted from the readings as far as sensors measure it.
 
    The C counterpart of strainfmu/estimator/map/temperature.py, which has the formulas; it is part "thermal"
    of resources/map.bin. In a map with masses the last sensors are the channels of an inertial unit, each of a mode of
@@ -12,7 +12,7 @@
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {
     size_t n_modes, n_sensors, n_powers;
-    size_t n_channels;                         /* of the sensors, the last: those of an inertial unit */
+    size_t n_channels;                         /* of the sensors, the last: an inertial unit's */
     size_t n_vibrations;                       /* of the modes, the last: of vibration, whose size is an input */
     double reference, largest_rise;            /* [K] */
     double gauge_factor_slope, modulus_slope;  /* [1/K] */
@@ -23,7 +23,7 @@ typedef struct {
     const double *mode_strain;                 /* (n_gauges, n_modes) Phi [1/K] */
     const double *gauge_operator;              /* (n_gauges, n_modes) B */
     const double *isothermal;                  /* (n_gauges, n_gauges) covariance of the gauges without the modes */
-    const double *scaled;                      /* (n_gauges, n_gauges) that of the errors that scale */
+    const double *scaled;                      /* (n_gauges, n_gauges) of the errors that scale */
 } ThermalMap;
 
 typedef struct {
@@ -42,7 +42,7 @@ typedef struct {
     double *of_gauge;     /* (2 n_gauges) strain and rise of the gauges by the sensors, */
     double *factor;       /* (n_gauges) and from them what a reading is multiplied with, */
     double *offset;       /* (n_gauges) and what is taken off then */
-    int outdated;         /* whether of_gauge, factor and offset are those of other readings */
+    int outdated;         /* whether of_gauge, factor and offset are of other readings */
     double *information;  /* (n_modes, n_modes) of the amplitudes by prior and known sensors, amplitudes over prior_std, */
     double *amplitude;    /* (n_modes, n_sensors) and the amplitudes per rise [1] */
     double *scratch;

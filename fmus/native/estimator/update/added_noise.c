@@ -65,7 +65,7 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {
 }
 
 /* Householder's reflections of [I; L^-1 A], of [0; L^-1 A] where no state has a prior, on [0; L^-1]: then the lower rows
-   of the latter are the complement W, of which square takes the R. They tell which gauges identify the state, and which
+   of the latter are the complement W, of which square takes the R. They show which gauges identify the state, and which
    cannot be distinguished. */
 static void set_complement(AddedNoise *noise) {
     const Map *file = &noise->file;

@@ -1,5 +1,5 @@
-/* What follows from the covariance of the gauges: directions and whitening of a map. Beside what the file says,
-   gauges have errors that do not scale with the dynamic pressure: those of their zeros, and what temperature sensors leave
+/* What follows from the covariance of the gauges: directions and whitening of a map. In addition to the file's errors,
+   gauges have errors that do not scale with the dynamic pressure: of their zeros, and what temperature sensors leave
    of thermal strain.
 
    prepare of strainfmu/estimator/reference/update.py, for all gauges. */
@@ -14,14 +14,14 @@
 size_t added_noise_doubles(const Map *map, size_t n_other);
 void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
 
-/* Make the matrices for the errors noise->own, in place of the file's if set, and noise->added besides, part by part; those
+/* Make the matrices for the errors noise->own, instead of the file's if set, and noise->added besides, part by part; those
    that the map has stay until they are handed out. A part takes about as many multiplications as the first one, or `work`
    of those whose number is not known before. 1, and nothing is done, after the last part. Where the sum is no covariance, the file's is in its
    place, from the first part on. */
 void added_noise_begin(AddedNoise *noise);
 int added_noise_part(AddedNoise *noise, size_t work);
 
-/* After the last part: the map has them. 0 if the sum was no covariance, and with that of the file the map stays as it is if
+/* After the last part: the map has them. 0 if the sum was no covariance, and with the file's the map stays as it is if
    that is none. */
 int added_noise_hand_out(AddedNoise *noise, Map *map);
 

@@ -24,8 +24,8 @@ static void set_cross(const AddedNoise *noise, double *cross) {
 }
 
 /* Direction a of singular value S, whose states have the prior covariance 1 / gamma for the gain and 1 in truth. With loads
-   G by states and b by noise, the gain is k = u S G / gamma + u b, u = 1 / (1 + S^2 / gamma); b itself is that of a
-   direction which shows no state, and G that of a free state. Noise leaves k - b, and the prior G - k S. */
+   G by states and b by noise, the gain is k = u S G / gamma + u b, u = 1 / (1 + S^2 / gamma); b itself is the gain of a
+   direction which shows no state, and G the gain of a free state. Noise leaves k - b, and the prior G - k S. */
 static void split_direction(AddedNoise *noise, size_t a, const double *of_noise) {
     const Map *file = &noise->file;
     const double size = noise->made->singular[a], gamma = file->known_prior ? file->regularisation : 1.0;

@@ -17,12 +17,12 @@ typedef struct {
     int wide;        /* wide_of_processor() */
     Map file;        /* with the arrays of the file alone */
     double *added;   /* (n_gauges, n_gauges) covariance of the other errors [1] */
-    const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges in place of the file's, and with the
-                                  errors that scale; NULL for those of the file */
+    const double *own, *whole; /* (n_gauges, n_gauges) covariance of the gauges instead of the file's, and with the
+                                  errors that scale; NULL for the file's */
     OtherLoads *other_loads; /* other loads, which follow too; NULL for none */
-    NoiseMatrices set[2], *made; /* those of the map, and those that are made */
+    NoiseMatrices set[2], *made; /* the map's, and the ones that are made */
     int stage;       /* of the functions in added_noise.c */
-    int refused;     /* whether own and added were no covariance: they are those of the file then */
+    int refused;     /* whether own and added were no covariance: they are the file's then */
     Turned turned;   /* of pressure_directions.c, */
     size_t taken;    /* and the directions that it has taken */
     double *large;   /* scratch: see added_noise.c */

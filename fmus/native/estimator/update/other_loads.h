@@ -1,4 +1,4 @@
-/* Linear outputs of a map in form "dynamic_pressure" beside the five loads.
+/* Linear outputs of a map in form "dynamic_pressure" in addition to the five loads.
 
    The C counterpart of what strainfmu/estimator has of other loads (other_loads.py lists them);
    they are part "other_loads" of resources/map.bin, and computed when they are read. */
@@ -17,7 +17,7 @@ typedef struct {
     const double *load_per_state; /* (n_states, n_loads) */
     const double *spread_load;    /* (n_gauges, n_loads) */
     const double *spread_unseen;  /* (n_loads) */
-    const double *like;           /* (n_loads) which of the five loads its deviation grows as; N_LOADS: the widest */
+    const double *like;           /* (n_loads) which of the five loads its standard deviation grows as; N_LOADS: the widest */
     size_t n_arrays;              /* arrays of outputs, in their order: */
     const char *array_name;       /* (n_arrays, OUTPUT_NAME_SIZE) */
     const double *array_value;    /* (n_arrays) what it holds, of the numbers below */

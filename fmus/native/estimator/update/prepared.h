@@ -14,7 +14,7 @@ typedef struct {
     Map *map;
     AddedNoise noise;  /* errors of the zeros, */
     size_t n_strains;
-    double *noise_std; /* (n_strains + 1) the deviations that map holds for, */
+    double *noise_std; /* (n_strains + 1) the standard deviations that map holds for, */
     double *next_std;  /* and those that matrices are made for */
     MaskedMap *masked; /* for the gauges in use; NULL before any are known */
     MaskedMap cache[CACHED_MASKS];
@@ -37,10 +37,10 @@ int prepared_begin(Prepared *prepared);
 /* Set prepared->masked for the gauges in use. */
 void prepared_follow(Prepared *prepared, const Inputs *inputs);
 
-/* Whether the map holds for deviations of the zeros, and that in common (n_strains + 1). */
+/* Whether the map holds for standard deviations of the zeros, and the common one (n_strains + 1). */
 int prepared_holds(const Prepared *prepared, const double *std);
 
-/* Begin to make the matrices for other deviations, and for noise.own and noise.whole; a part of it, as of added_noise.h. */
+/* Begin to make the matrices for other sigmas, and for noise.own and noise.whole; a part of it, as of added_noise.h. */
 void prepared_renew(Prepared *prepared, const double *std);
 int prepared_part(Prepared *prepared, size_t work);
 

@@ -7,7 +7,7 @@
 #include "../numerics/orthogonal_rows.h"
 #include "../numerics/triangles.h"
 
-/* [L^-1 A, L^-1 N, L^-1] by columns, A the free states; the rows below those of the free states; then scratch of a
+/* [L^-1 A, L^-1 N, L^-1] by columns, A the free states; the rows below the free states'; then scratch of a
    triangle that is not needed, and of orthogonal_rows.h. */
 size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
@@ -72,7 +72,7 @@ static void split_loads(const Map *file, const double *whole, const LoadRows *ro
     }
 }
 
-/* Loads of direction a, a turned row, taken out of those of the spread. */
+/* Loads of direction a, a turned row, taken out of the loads of the spread. */
 static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit, const double *row) {
     for (size_t i = 0; i < rows->count; i++) {
         double *loads = rows->of_spread + i * n;

@@ -24,10 +24,10 @@ void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, 
 /* z (n_gauges) of the last step; 0 where no other gauge in use checks it, and left as it is of gauges not in use. */
 void scaled_standardised_residuals(Scaled *scaled, double *z);
 
-/* Of the last step: load j beside the five, its variance and derivative by q_inf. */
+/* Of the last step: load j in addition to the five, its variance and derivative by q_inf. */
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure);
 
-/* The gain (dense_rows(n_gauges)) of load i of the five by strain in the last step; of load j beside the five, with its
+/* The gain (dense_rows(n_gauges)) of load i of the five by strain in the last step; of load j besides the five, with its
    derivative by q_inf. */
 void scaled_gain(const Scaled *scaled, size_t i, double *gain);
 double scaled_other_gain(const Scaled *scaled, size_t j, double *gain);

@@ -1,6 +1,6 @@
 /* What the linear estimator holds: tables made once, intervals of the pressure ratio, and the numbers of the last step.
 
-   Directions are those of pressure_directions.c; there are as many as gauges. */
+   Directions are as in pressure_directions.c; there are as many as gauges. */
 
 #ifndef SCALED_STATE_H
 #define SCALED_STATE_H
@@ -20,7 +20,7 @@ typedef struct {
     double below, above;     /* its ends; NaN before it is known */
     double *factor;          /* of errors in proportion to strain: current_errors.c, (16 and other loads, 21 by node) in
                                 panels of dense.h */
-    double *least_precision; /* (n_gauges) P_ii at the upper end, where it is least */
+    double *least_precision; /* (n_gauges) P_ii at the upper end, where it is smallest */
     double *margin;          /* (n_gauges) the largest sqrt(P_ii), over |V_i| */
     double *bound;           /* (n_gauges) upper bounds of |V_i|^2 / P_ii, 0 where no other gauge checks one; */
     int bounded;             /* 0 if that is open for some */
@@ -68,10 +68,10 @@ typedef struct {
     double *unresolved;                /* u */
     double *weight;                    /* of the loads that w stands for */
     double *spread;                    /* of the squares of the loads of a direction, in their covariance */
-    const double *of_mean;             /* (n_gauges) V (m - d_0), those of lost gauges predicted from the others */
+    const double *of_mean;             /* (n_gauges) V (m - d_0), lost gauges' predicted from the others */
     size_t n_lost;
     size_t *lost;                      /* (n_lost) */
-    LostRows truth, gain;              /* the same arrays where the gain is that of the prior */
+    LostRows truth, gain;              /* the same arrays where the gain is the prior's */
     double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
     double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
     double per_pressure[N_LOADS];      /* about the map's moment point, as all loads */
@@ -80,7 +80,7 @@ typedef struct {
     int bounded;
     const Interval *interval;          /* that the ratio is in */
     double pressure;                   /* q_inf [Pa] */
-    double *w;                         /* V r, those of lost gauges predicted from the others */
+    double *w;                         /* V r, lost gauges' predicted from the others */
     double *x;                         /* u w */
     double *scratch[2];                /* (dense_rows(n_gauges)) */
     float *narrow, *narrow_z;          /* (narrow_rows(n_gauges)) */
@@ -92,7 +92,7 @@ typedef struct {
 
 typedef struct {
     const Map *map;
-    const OtherLoads *other_loads; /* of a map with loads beside the five; NULL for others */
+    const OtherLoads *other_loads; /* of a map with loads in addition to the five; NULL for others */
     int wide;          /* wide_of_processor() */
     double *rows;      /* V in panels: w = V r */
     double *columns;   /* V' in panels */

@@ -7,8 +7,8 @@
 
 #define LEAST_OWN_PART 1e-12 /* of the square of a pattern, that the patterns before do not make up */
 
-/* Arrays (n_gauges) in the scratch: fine is the variance of the means of stretches over that of independent readings,
-   coarse the same of pairs of them; then rises over the window, and deviations of the zeros; then rows for sorting, and the directions
+/* Arrays (n_gauges) in the scratch: fine is the variance of the means of stretches over the variance of independent readings,
+   coarse the same of pairs of them; then rises over the window, and sigmas of the zeros; then rows for sorting, and the directions
    (n_patterns, n_gauges) of loads. */
 typedef struct {
     double *fine, *coarse, *rise, *std, *sorted, *direction;
@@ -224,7 +224,7 @@ static void judge_pattern(Tare *tare, size_t n_reading, Judgement *j) {
     add_fault(&tare->verdict, TARE_LIKE_LOAD, tare->verdict.along > tare->verdict.along_limit);
 }
 
-/* Zeros and deviations of the window, and their size. */
+/* Zeros and standard deviations of the window, and their size. */
 static void set_zeros(Tare *tare, const double *std, size_t n_reading) {
     const size_t n = tare->n_gauges;
     const double largest = tare->largest_zero, common = common_std(&tare->found, n, n_reading);

@@ -27,10 +27,10 @@ typedef struct {
     double dynamic_pressure, zero, drift; /* largest [Pa], [1], and rise over the window [1] */
     double least_samples, least_part, least_gauges, own_factor, moved, loud;
     const double *noise_std;         /* (n_gauges) [1] */
-    const double *known, *known_std; /* (n_gauges) strain of the loads that act meanwhile, and its deviation [1] */
+    const double *known, *known_std; /* (n_gauges) strain of the loads that act meanwhile, and its standard deviation [1] */
     size_t n_patterns;
     const double *pattern;   /* (n_patterns, n_gauges) strain of flights, to any scale */
-    const double *load_odds; /* (n_gauges + 1) by the number of gauges that read: sum of squares along patterns, over that
+    const double *load_odds; /* (n_gauges + 1) by the number of gauges that read: sum of squares along patterns, over the sum
                                 of the rest, that random zeros stay below */
 } TareLimits;
 
@@ -44,9 +44,9 @@ typedef struct {
 typedef struct {
     double faults; /* sum of the bits */
     double samples;
-    double memory;                            /* factor on deviations by which readings depend on each other */
-    double gauges, rms, largest_std;          /* gauges that have a zero; rms of the zeros, their largest deviation */
-    double dynamic_pressure, samples_without; /* the largest one [Pa] or that of the step; samples without one */
+    double memory;                            /* factor on standard deviations by which readings depend on each other */
+    double gauges, rms, largest_std;          /* gauges that have a zero; rms of the zeros, their largest sigma */
+    double dynamic_pressure, samples_without; /* the largest one [Pa] or the step's; samples without one */
     double drifting_gauge, drift;             /* the largest rise over the window that is one */
     double moving_gauge, scatter;             /* the largest by the noise of the gauge */
     double largest_gauge, largest;            /* the largest reading less known strain */
@@ -61,7 +61,7 @@ typedef struct {
     void *memory;
     int up;      /* the input */
     TareFlags flags;
-    double *zero; /* (2 n_gauges + 1) of a tare: zeros, deviations, that in common [1]; the window follows */
+    double *zero; /* (2 n_gauges + 1) of a tare: zeros, standard deviations, the common one [1]; the window follows */
     TareWindow window;
     WindowStatistics found;
     double *judged; /* (2 n_gauges + 1) zeros of the last window, also of one that is refused */

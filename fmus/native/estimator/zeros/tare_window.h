@@ -1,4 +1,4 @@
-/* Readings of a window in few numbers: means of stretches of equal length, which tell noise from drift.
+/* Readings of a window in few numbers: means of stretches of equal length, which separate noise from drift.
 
    A window of n readings falls into stretches of L = 2^k readings each, so that 16 to 31 of them are whole; an even
    number of those counts. What does not fill them joins the mean and the scatter alone. So a longer window needs no
@@ -14,7 +14,7 @@
 #define LEAST_STRETCHES 16
 #define MAX_STRETCHES (2 * LEAST_STRETCHES)
 
-/* Numbers of readings, of those of a stretch, of whole stretches, of readings of the next one: whole numbers, as they
+/* Numbers of readings, of readings of a stretch, of whole stretches, of readings of the next one: whole numbers, as they
    are serialised. */
 typedef struct {
     double samples, length, stretches, filled;
@@ -30,7 +30,7 @@ typedef struct {
     double *count;  /* (MAX_STRETCHES, n_gauges) their numbers */
 } TareWindow;
 
-/* What the readings tell, for gauges that read in a part of them at least; 0 for others. */
+/* What the readings show, for gauges that read in a part of them at least; 0 for others. */
 typedef struct {
     size_t n_stretches;   /* an even number */
     unsigned char *reads; /* (n_gauges) */
@@ -51,7 +51,7 @@ void window_begin(TareWindow *window);
 /* Take the readings of one time; NaN where there is none. */
 void window_add(TareWindow *window, const double *strain);
 
-/* Whether counts can be those of a window. */
+/* Whether counts can be of a window. */
 int window_counts_fit(const WindowCounts *counts);
 
 void window_statistics(const TareWindow *window, double least_part, WindowStatistics *found);

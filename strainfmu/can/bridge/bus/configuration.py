@@ -1,6 +1,6 @@
 """Options of a bus from python-can's configuration files and environment, each with the place that sets it.
 
-python-can adds what it finds there to the options of a program without a word. Here an option that was given
+python-can adds what it finds there to the options of a program without a message. Here an option that was given
 always stands, and every other one that a bus is opened with is named.
 """
 

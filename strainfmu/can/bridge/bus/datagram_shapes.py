@@ -54,7 +54,7 @@ class DatagramShapes:
         return parts[0] + frame.data + parts[1]
 
     def learn(self, datagram: bytes, frame: Frame) -> None:
-        """Keep the shape of ``datagram``, which is that of the data ``frame``."""
+        """Keep the shape of ``datagram``, which is the shape of the data ``frame``."""
         if len(self._frames) >= _MOST_SHAPES or frame.is_error or frame.is_remote:
             return
         stamp, begin = datagram.find(_STAMP) + len(_STAMP), datagram.find(_DATA) + len(_DATA) + 1

@@ -200,7 +200,7 @@ class AllAtOnce:
         return found, count < limit
 
     def close(self) -> None:
-        """Forget the socket: its number may soon be that of another file."""
+        """Forget the socket: its number may soon be another file's."""
         self._handle = -1
 
 

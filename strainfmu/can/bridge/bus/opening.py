@@ -82,7 +82,7 @@ def configured(settings: BusSettings) -> list[FoundOption]:
 
 
 def _given(settings: BusSettings) -> dict[str, Any]:
-    """Return the options that were given, with those of this program."""
+    """Return the options that were given, with the options of this program."""
     options = {name: value for name, value in settings.options.items() if name != "ignore_config"}
     if settings.interface == "udp_multicast":
         # Frames stay on this host unless an option states otherwise.

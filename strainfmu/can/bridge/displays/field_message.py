@@ -88,7 +88,7 @@ class FieldMessages:
         return np.rint(chosen).astype(int).ravel().tolist() if np.all(np.isfinite(chosen)) else []
 
     def _other_inputs(self, given: Mapping[str, float]) -> dict[str, Any]:
-        """Return the arguments of a step for what is ``given`` beside q_inf, Mach number and altitude."""
+        """Return the arguments of a step for what is ``given`` besides q_inf, Mach number and altitude."""
         found: dict[str, Any] = given_flow({name: given.get(name, np.nan) for name in self._air_data})
         if self._temperatures:
             found[TEMPERATURE] = np.array([given.get(name, np.nan) for name in self._temperatures])

@@ -62,7 +62,7 @@ class EstimatorFacts:
     score_limit : envelope score above which it says OUTSIDE [1], None if it states none.
     ranges : smallest and largest coefficient that the snapshots of its map cover [1], by name.
     validity : flight conditions that they cover, as texts with their units, by quantity.
-    load_groups : groups of the loads that it gives beside the five.
+    load_groups : groups of the loads that it gives in addition to the five.
     sensors : names of its auxiliary sensors.
     """
 
@@ -117,8 +117,8 @@ def estimator_facts(fmu: Path) -> EstimatorFacts:
 def health_text(result: CycleResult, score_limit: float | None) -> str | None:
     """Return what is outside in a result of health OUTSIDE, None of others.
 
-    The state alone does not tell. A score above its limit shows that the coefficients are outside; below it, it is
-    the flow.
+    The state alone does not show the reason. A score above its limit shows that the coefficients are outside;
+    below it, the flow is outside.
     """
     if result.health != HealthState.OUTSIDE:
         return None

@@ -29,7 +29,7 @@ _WATCH_PERIOD = 0.25
 
 
 def freshness_file(key_file: Path, end: str) -> Path:
-    """Return where the freshness value of one ``end`` of the bus lies unless it is stated: beside the key."""
+    """Return where the freshness value of one ``end`` of the bus lies unless it is stated: next to the key."""
     return key_file.with_name(f"{key_file.name}.{end}.json")
 
 

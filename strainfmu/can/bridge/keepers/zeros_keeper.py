@@ -1,4 +1,4 @@
-"""What a bridge does with the zeros of a tare beside using them: zeros.toml, and a line for its summary."""
+"""What a bridge does with the zeros of a tare besides using them: zeros.toml, and a line for its summary."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class ZerosKeeper:
 
     Parameters
     ----------
-    path : of zeros.toml; those of the latest tare stay.
+    path : of zeros.toml; the zeros of the latest tare stay.
     gauge_names : in the order of the zeros.
     source : where they come from, for the file.
     on_zeros : called with them.

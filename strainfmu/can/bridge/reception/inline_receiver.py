@@ -21,7 +21,7 @@ EXPECTED_LATE = 0.5
 
 
 class InlineReceiver(ReceiverBase):
-    """Reads one bus whenever it is told to; the socket's own buffer holds what comes meanwhile.
+    """Reads one bus whenever it is called; the socket's own buffer holds what comes meanwhile.
 
     A frame has the time at which the kernel received it, so that its age holds the time for which it waited; it is
     never older than a time that :meth:`collect` has returned.

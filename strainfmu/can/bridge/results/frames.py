@@ -76,7 +76,7 @@ class ResultFrames:
         self._details = [_ResultFrame(layout) for layout in no_result if layout.name == DETAIL]
 
     def of_result(self, result: CycleResult) -> list[Frame]:
-        """Return the frames of one result; those of a result with further causes hold their details too."""
+        """Return the frames of one result; frames of a result with further causes hold their details too."""
         values = _result_values(result, self._configuration)
         if self._others:
             values |= self._others.values(result.other_outputs if result.quality.has_coefficients else {})

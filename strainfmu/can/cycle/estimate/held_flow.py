@@ -53,8 +53,8 @@ class FlowState:
     mach_number, altitude : by navigation [1] and [m].
     lost : causes of what was known before and is not any more: navigation, a temperature, an auxiliary sensor, a
         flow parameter or its standard deviation.
-    other_inputs : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], deviations of
-        navigation, flow parameters and their deviations, by name of the estimator's input.
+    other_inputs : temperatures [K], readings of auxiliary sensors, thrust [N], p_inf [Pa], standard
+        deviations of navigation, flow parameters and their standard deviations, by name of the estimator's input.
     """
 
     dynamic_pressure: float = nan
@@ -193,7 +193,7 @@ class FlowFrame:
 
 
 class HeldFlow:
-    """Holds q_inf, Mach number, altitude, temperatures, flow parameters and deviations, each for itself.
+    """Holds q_inf, Mach number, altitude, temperatures, flow parameters and sigmas, each for itself.
 
     Parameters
     ----------

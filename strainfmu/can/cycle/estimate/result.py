@@ -105,7 +105,7 @@ _USABLE = frozenset(int(state) for state in USABLE_STATES)
 _OK, _VALID = int(HealthState.OK), Quality.VALID
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})
-"""The deviations need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
+"""The sigmas need not hold: OUTSIDE comes ahead of INCONSISTENT and SUSPECT, so it is no better than they."""
 _UNCONFIRMED = (
     Cause.HIDDEN_DELAY | Cause.UNPROVEN_RESTART | Cause.SECOND_SENDER | Cause.SECOND_BRIDGE | Cause.PERIOD
 )

@@ -76,7 +76,7 @@ class EstimatorStep:
         return Quality.DEGRADED if is_lost and quality in (Quality.VALID, Quality.UNPROTECTED) else quality
 
     def _quality_of(self, step: StepResult, causes: Cause) -> tuple[Quality, Cause]:
-        """Return the quality of a step's outputs, and the causes with those of the estimator's health."""
+        """Return the quality of a step's outputs, and the causes with the causes of the estimator's health."""
         return quality_of_step(step, causes, self._is_protected)
 
     def _is_finite(self, step: StepResult) -> bool:

@@ -1,6 +1,6 @@
 """A tare on the running bus: strains of a window of cycles, while loads are known, become the zeros of the gauges.
 
-The window is judged as that of a recording is (:meth:`strainfmu.Estimator.tare`); besides, the dynamic pressure
+The window is judged as a recording's is (:meth:`strainfmu.Estimator.tare`); besides, the dynamic pressure
 must be known and the sender proven in every cycle of it.
 """
 

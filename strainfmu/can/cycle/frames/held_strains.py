@@ -1,7 +1,7 @@
 """Strains that come more slowly than cycles: each frame is held until the next one or the end of its time-out.
 
-Where frames have a sample time, it is that of the cycle's frames: the age of held strains follows from both, and a
-repeated old frame is old. Elsewhere it counts from the reception.
+Where frames have a sample time, it is the time of the cycle's frames: the age of held strains follows from both,
+and a repeated old frame is old. Elsewhere it counts from the reception.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class HeldStrains:
         self._verdict = np.zeros(layout.n_gauges, dtype=bool)
 
     def take(self, arrival: Arrival) -> None:
-        """Hold a frame in place of the last one of its slot."""
+        """Hold a frame instead of the last one of its slot."""
         self._last[arrival.slot] = arrival
         self._new.add(arrival.slot)
 
@@ -92,7 +92,7 @@ def held_strains(layout: InputLayout) -> HeldStrains | None:
 
 
 def gauge_periods(layout: InputLayout) -> np.ndarray:
-    """Return (n_d,) the period of the frame that holds each gauge [s]; that of cycles but for held ones."""
+    """Return (n_d,) the period of the frame that holds each gauge [s]; the period of cycles but for held ones."""
     periods = np.full(layout.n_gauges, layout.cycle_time)
     for slot in layout.held_slots:
         frame = layout.strain_frames[slot]

@@ -23,7 +23,7 @@ class OwnFrames:
     def __init__(self, keys: Iterable[int]) -> None:
         self.keys = frozenset(keys)
         self.by_identifier = False
-        """Take every frame with one of the keys for an own one, as in the log of a bus that does not tell."""
+        """Take every frame with one of the keys for an own one, as in a log that does not mark own frames."""
         self._sent: dict[int, deque[bytes]] = {key: deque(maxlen=_REMEMBERED) for key in self.keys}
         self._lock = Lock()
 

@@ -56,7 +56,7 @@ class _Slot:
     selector : multiplexer's signal and value, None of a frame without.
     check : of CRC and counter, None without protection.
     machine : E2E state.
-    trusted_by : the same, or that of the trailer, which covers frames of strains.
+    trusted_by : the same, or the trailer's, which covers frames of strains.
     record : all of it for compiled code.
     numbers : status, sample time, configuration and counter of the last frame; 0 of what it does not hold.
     is_timed, is_counted : the frame holds a sample time, and a counter.
@@ -232,7 +232,7 @@ class Reception:
         return self._second.was_heard(now)
 
     def is_trusted(self, slot: int) -> bool:
-        """Return whether the E2E state of a frame is VALID; a strain frame has that of its trailer, if any."""
+        """Return whether the E2E state of a frame is VALID; a strain frame has its trailer's state, if any."""
         return self._slots[slot].trusted_by.record.state == VALID
 
     def miss_cycle(self) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, function, pointer
 
 _WORDS = 1 << 20
-"""Of 64 bits: the place of a word takes 20 bits of a CRC-32, and those of two bits in it the other 12."""
+"""Of 64 bits: the place of a word takes 20 bits of a CRC-32, and the places of two bits in it the other 12."""
 
 
 class SeenFrames:

@@ -16,7 +16,7 @@ third times the first alarm: a foreign sender that comes seldom is foreign in be
 
 
 class SecondSender:
-    """Follows the signs; which of two senders is the true one cannot be told.
+    """Follows the signs; which of two senders is the true one cannot be determined.
 
     Parameters
     ----------

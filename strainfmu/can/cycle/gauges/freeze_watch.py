@@ -8,9 +8,9 @@ Scatter: a sender that repeats old strains and changes their last bit never repe
 differences of the readings, in which load hardly appears, then have less variance than noise gives them. A CUSUM
 test of the variance, one for each frame and one for all gauges, has the log-likelihood ratio of LOW_VARIANCE
 times the usual variance against the usual one as its increment (E. S. Page, Biometrika 41, 1954). Gauges that were
-found by their repeated readings do not count in it: healthy ones beside them stay in use.
+found by their repeated readings do not count in it: healthy ones next to them stay in use.
 
-The usual variance is that of the stated noise, or what has been seen in this run where that is less.
+The usual variance is the variance of the stated noise, or what has been seen in this run where that is less.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ FALSE_ALARM = 1e-12
 """Maximum probability per frame and cycle of taking healthy gauges for frozen."""
 
 SHORTEST_RUN = 3
-"""Repetitions that count: an amplifier may sample at a third of the rate at which it sends."""
+"""Repetitions that count: an amplifier may sample at one third of the rate at which it sends."""
 
 LOW_VARIANCE = 0.2
 """Variance of a frozen frame's scatter that the test is made for, as part of the usual one."""
@@ -50,12 +50,12 @@ _ALIVE = 25
 """Repetitions in a row beyond which a gauge says nothing about the usual variance."""
 
 _QUIET = 0.2
-"""Noise in quantisation steps that is assumed at the start: less than that of most gauges."""
+"""Noise in quantisation steps that is assumed at the start: less than the noise of most gauges."""
 
 _SMALLEST_SCATTER = 0.3
 """Usual variance [quantisation steps^2] below which scatter is not judged.
 
-It is that of noise of half a step; with less of it, scatter depends on where in a step the strain lies."""
+It is the scatter of noise of half a step; with less of it, scatter depends on where in a step the strain lies."""
 
 _HELD, _LARGEST_EVIDENCE = 5.0, 35.0
 """Evidence above which the usual variance is not learned, and beyond which it is not counted."""

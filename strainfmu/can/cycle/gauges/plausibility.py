@@ -64,7 +64,7 @@ class _Checks(Record):
 class GaugeChecks:
     """Checks n_d gauges over successive cycles, in compiled code.
 
-    ``periods`` (n_d,) [s] are those of gauges that come more slowly than cycles; None if none does.
+    ``periods`` (n_d,) [s] are of gauges that come more slowly than cycles; None if none does.
     Cycles that are ``is_dated`` have a sample time.
     A bad gauge is used again after ``heal_cycles`` good values in a row. A gauge whose frame is missing keeps its
     state.

@@ -2,9 +2,9 @@
 
 A gauge at rest reads round(u + s z): u in -1/2 .. 1/2 is where its strain lies in a quantisation step, s the
 standard deviation of its noise in steps, z standard normal and new every cycle. The probability that m + 1
-readings in a row are equal is sum_j p_j(u)^(m + 1), p_j(u) that of reading j. Of a gauge that reads exactly zero
-it is taken at the worst u, the middle of a step: there all unloaded gauges may be. Elsewhere u is uniform, and
-the mean over u is taken.
+readings in a row are equal is sum_j p_j(u)^(m + 1), p_j(u) the probability of reading j. Of a gauge that
+reads exactly zero it is taken at the worst u, the middle of a step: there all unloaded gauges may be. Elsewhere
+u is uniform, and the mean over u is taken.
 """
 
 from __future__ import annotations

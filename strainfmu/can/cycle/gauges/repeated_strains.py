@@ -1,7 +1,7 @@
-"""Strains that repeat those of an earlier cycle bit by bit, as a sender sends that repeats a buffer.
+"""Strains that repeat an earlier cycle's bit by bit, as a sender sends that repeats a buffer.
 
-The readings of each frame and of each cycle are kept as a hash of 64 bits, at most PLACES of them; also those of
-frames that were refused by counter or time. The noise of the gauges gives the probability that two frames have
+The readings of each frame and of each cycle are kept as a hash of 64 bits, at most PLACES of them, also of frames
+that were refused by counter or time. The noise of the gauges gives the probability that two frames have
 the same readings (:mod:`~strainfmu.can.cycle.gauges.quantised_noise`). Times the number of hashes, it bounds
 the probability that chance repeats any of them. Below FALSE_ALARM the strains are old. Frames of few gauges, or on
 rigs so quiet that chance repeats them, are not kept.
@@ -37,7 +37,7 @@ class _Repeats(Record):
 
 
 class RepeatedStrains:
-    """Remembers the readings of cycles, for compiled code; ``noise`` is that of the gauges."""
+    """Remembers the readings of cycles, for compiled code; ``noise`` is the gauges' noise."""
 
     def __init__(self, noise: GaugeNoise) -> None:
         probability = FreezeWatch(noise).log_repeated()

@@ -81,7 +81,7 @@ class Cause(IntFlag):
     UNPROVEN_RESTART = 1 << 17
     """The sender's time has jumped, and nothing proves that it is not a recording."""
     SECOND_SENDER = 1 << 18
-    """Frames with correct CRC whose counter is that of other strains, or again and again out of sequence."""
+    """Frames with correct CRC whose counter belongs to other strains, or again and again out of sequence."""
     SECOND_BRIDGE = 1 << 19
     """Result frames on our identifiers that are not ours."""
     TARE_RUNNING = 1 << 20
@@ -101,7 +101,7 @@ class Cause(IntFlag):
     PERIOD = 1 << 26
     """The sender's period is not the stated one, so limits counted in cycles are wrong."""
     REPEATS = 1 << 27
-    """The strains are those of an earlier cycle, bit by bit, which noise does not allow: not used."""
+    """The strains are an earlier cycle's, bit by bit, which noise does not allow: not used."""
 
 
 MORE_CAUSES = 1 << 15
