@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import pi
 
 _MICROSTRAIN = (
-    *("um/m", "µm/m", "μm/m", "µε", "με", "microstrain"),
-    *(f"{micro}{strain}" for micro in "uµμ" for strain in ("e", "E", "strain", "Strain")),
+    *("um/m", "µm/m", "μm/m", "microstrain"),
+    *(f"{micro}{strain}" for micro in "uµμ" for strain in ("e", "E", "ε", "strain", "Strain")),
 )
 
 STRAIN_UNITS = {

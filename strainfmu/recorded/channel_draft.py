@@ -21,6 +21,7 @@ from strainfmu.recorded.columns.column_names import (
     is_signal,
     last_part,
     quantity_of,
+    some_of,
     strain_number,
 )
 from strainfmu.recorded.columns.temperature_columns import is_temperature, temperature_quantities
@@ -48,7 +49,7 @@ class ChannelDraft:
     time : channel of the time, None where it is found without an entry.
     has_time : whether the recording has times.
     units : unit of each channel that states one.
-    free : channels that are in no entry and might be gauges.
+    free : channels that are in no entry, those that might be gauges first.
     """
 
     source: Path
@@ -72,6 +73,16 @@ class ChannelDraft:
         counts = [f"{list(self.reason.values()).count(how)} {how}" for how in (BY_NAME, BY_ORDER)]
         return f"{len(self.channel)} of {len(self.gauges)} gauges have a channel: {', '.join(counts)}"
 
+    def remarks(self) -> list[str]:
+        """Return what the file lacks: gauges without a channel, channels without an entry or a unit."""
+        without_unit = [name for name in self.channel.values() if self._unit(name) is None]
+        found = {
+            "without a channel": self.missing,
+            "without an entry, not read": self.free,
+            "without a unit, which [defaults] of the file must state": tuple(without_unit),
+        }
+        return [f"{what}: {some_of(names)}" for what, names in found.items() if names]
+
     def text(self) -> str:
         """Return the file, with a comment on what to check."""
         head = (_printable(line) for line in self._head())
@@ -81,6 +92,7 @@ class ChannelDraft:
         yield f"# Channels of {self.recording.name} for the gauges of {self.source.name}, proposed by name."
         yield "# Check every entry, correct it, and then run:"
         yield f"#   strainfmu estimate {self.source} {self.recording} -o loads.csv --channels THIS_FILE"
+        yield "# The file of a ground test names it under [readings]: channels."
         yield "# All entries: docs/howto/recorder_channels.md"
         yield ""
         if self.time is not None:
@@ -147,7 +159,8 @@ def write_draft(source: Path, recording: Path, output: Path) -> ChannelDraft:
     """
     if output.exists():
         raise InputError(
-            f"{output}: expected a new file, got one that is there and may have been corrected by hand"
+            f"{output}: expected a new file, got one that is there and may have been corrected by hand; "
+            "delete it, or state another name by -o"
         )
     draft = channel_draft(source, recording)
     write_bytes_atomically(output, draft.text().replace("THIS_FILE", str(output)).encode())
@@ -171,16 +184,13 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
     channel = _named(gauges, others)
     reason = dict.fromkeys(channel, BY_NAME)
     flow = _flow_pairs(quantities, [name for name in others if name not in channel.values()])
-    left = [
-        name
-        for name in others
-        if name not in {*channel.values(), *flow.values()} and units.get(name, "um/m") in SIGNAL_UNITS
-    ]
+    free = [name for name in others if name not in {*channel.values(), *flow.values()}]
+    left = [name for name in free if units.get(name, "um/m") in SIGNAL_UNITS]
     missing = [gauge for gauge in gauges if gauge not in channel]
     if len(left) == len(missing):
         channel |= zip(missing, left, strict=True)
         reason |= dict.fromkeys(missing, BY_ORDER)
-        left = []
+        free, left = [name for name in free if name not in left], []
     return ChannelDraft(
         source=source,
         recording=recording,
@@ -191,7 +201,7 @@ def channel_draft(source: Path, recording: Path) -> ChannelDraft:
         time=time,
         has_time=has_time,
         units=units,
-        free=tuple(left),
+        free=(*left, *(name for name in free if name not in left)),
     )
 
 

@@ -248,7 +248,14 @@ def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
             r"case\.2\.window_s: 'pad': expected times of .*, 0 to 1.95 s, got \[9\.0, 9\.5\]",
         ),
         (FILE.replace("window_s = [1.0, 1.95]", "row = 41"), r"case\.2\.row: 'pad': expected at most 40"),
-        (FILE.replace("window_s = [1.0, 1.95]\n", ""), r"case\.2\.window_s: entry is missing, expected it or row"),
+        (
+            FILE.replace("window_s = [1.0, 1.95]\n", ""),
+            r"case\.2\.window_s: 'pad': entry is missing, expected it or row",
+        ),
+        (
+            FILE.replace("window_s = [0.0, 0.95]\n", "").replace("window_s = [1.0, 1.95]\n", ""),
+            r"case\.1\.window_s: 'level': entry is missing.*\n.*case\.2\.window_s: 'pad': entry is missing",
+        ),
         (FILE.replace('recording = "test.csv"\n', ""), r"case\.1\.recording: entry is missing"),
         (FILE.replace("test.csv", "other.csv"), r"other\.csv: no such file"),
         (

@@ -14,7 +14,7 @@ from builder.calibration.ground_test.load_test import LoadCase, LoadStep, LoadTe
 from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFile
 from builder.calibration.ground_test.reading_noise import window_variances
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import FaultsError, InputError
 from strainfmu.recorded.columns.column_names import Wanted
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -158,6 +158,7 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
         As :func:`load_test`.
     """
     places, notes = _places(file), list[str]()
+    _refuse_without_time(file, places)
     recordings: Recordings = {}
     for place in places:
         if place.source not in recordings:
@@ -260,6 +261,17 @@ def _rounding(places: Sequence[_Place], recordings: Recordings) -> FloatArray:
     return np.array([by_source[place.source] for place in places])
 
 
+def _refuse_without_time(file: LoadTestFile, places: Sequence[_Place]) -> None:
+    """Refuse readings of which the file does not state when they were recorded: a line each."""
+    missing = [
+        f"{file.path}: {one.entry}.window_s: {one.name}: entry is missing, expected it or row"
+        for one in places
+        if one.row is None and one.window is None
+    ]
+    if missing:
+        raise FaultsError("\n".join(missing))
+
+
 def _refuse_overlaps(file: LoadTestFile, places: Sequence[_Place]) -> None:
     """Refuse readings that are of the same samples of a recording."""
     ordered = sorted(places, key=lambda place: (str(place.source[0]), place.window is None, place.start))
@@ -308,8 +320,7 @@ def _window(file: LoadTestFile, place: _Place, time: FloatArray, strain: FloatAr
                 f"{where}.row: {place.name}: expected at most {len(time)}, the recording's rows, got {place.row}"
             )
         return strain[place.row - 1 : place.row]
-    if place.window is None:
-        raise InputError(f"{where}.window_s: entry is missing, expected it or row")
+    assert place.window is not None, "as _refuse_without_time found"
     first, last = place.window
     within = (time >= first) & (time <= last)
     # Windows may end where the next sample would be.

@@ -6,6 +6,7 @@ import threading
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -28,9 +29,9 @@ class Score:
     Attributes
     ----------
     cycles, answered, published : number of cycles sent, with a result, with coefficients.
-    rms_error, mean_sigma : (5,) [1].
+    rms_error, mean_sigma : (5,) [1]; the error is NaN where the truth is not known.
     rms_error_of_range : (5,) over the range of the truth, NaN where it is constant.
-    coverage : (5,) fraction with the truth inside 3 sigma.
+    coverage : (5,) fraction with the truth inside 3 sigma, NaN where it is not known.
     qualities : results by quality.
     """
 
@@ -42,6 +43,11 @@ class Score:
     mean_sigma: list[float]
     coverage: list[float]
     qualities: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether there are results with coefficients, and a truth to compare them with."""
+        return any(isfinite(one) for one in self.rms_error)
 
 
 class Listener:
@@ -100,6 +106,7 @@ def score_answers(
     with np.errstate(invalid="ignore", divide="ignore"):
         rms = np.sqrt((error**2).mean(axis=0)) if used.any() else np.full(5, np.nan)
         of_range = np.where(spread > _RANGE_OF_NONE, rms / spread, np.nan)
+    inside = (np.abs(error) <= 3.0 * sigma[used]).mean(axis=0) if used.any() else np.full(5, np.nan)
     nothing = np.full(5, np.nan)
     return Score(
         cycles=len(truth),
@@ -108,6 +115,6 @@ def score_answers(
         rms_error=rms.tolist(),
         rms_error_of_range=of_range.tolist(),
         mean_sigma=(sigma[used].mean(axis=0) if used.any() else nothing).tolist(),
-        coverage=((np.abs(error) <= 3.0 * sigma[used]).mean(axis=0) if used.any() else nothing).tolist(),
+        coverage=np.where(np.isfinite(rms), inside, np.nan).tolist(),
         qualities=dict(qualities),
     )

@@ -28,12 +28,17 @@ class ObservedBridge:
     recorder: Recorder | None
     publisher: Publisher | None
 
-    def notes(self) -> list[str]:
-        """Close the recording and return a line on each watcher."""
-        lines = []
+    def close_recording(self) -> None:
+        """Close the recording with what a replay must know of the run; further calls do nothing."""
         if self.recorder is not None:
             bridge = self.ready.bridge
             self.recorder.close(bridge.known, bridge.skips, bridge.unanswered)
+
+    def notes(self) -> list[str]:
+        """Close the recording and return a line on each watcher."""
+        lines = []
+        self.close_recording()
+        if self.recorder is not None:
             lines.append(
                 f"{self.recorder.path}: {self.recorder.recorded} frames recorded, {self.recorder.lost} lost"
             )
@@ -125,7 +130,9 @@ def observed_bridge(
             )
             watchers.append(publisher.result)
             stack.callback(publisher.close)
-        yield ObservedBridge(ready, recorder, publisher)
+        observed = ObservedBridge(ready, recorder, publisher)
+        stack.callback(observed.close_recording)
+        yield observed
 
 
 def _bus_report(bridge: Bridge, name: str) -> dict[str, Any]:

@@ -77,10 +77,7 @@ def channels(
     from strainfmu.recorded.channel_draft import write_draft
 
     draft = write_draft(source, data, output)
-    lines = [f"{output}: written; {draft.summary()}"]
-    if draft.missing:
-        shown = ", ".join(draft.missing[:6]) + (" .." if len(draft.missing) > 6 else "")
-        lines.append(f"without a channel: {shown}")
+    lines = [f"{output}: written; {draft.summary()}", *draft.remarks()]
     lines.append(f"check it, then: strainfmu estimate {source} {data} -o loads.csv --channels {output}")
     for line in lines:
         Console().print(line, highlight=False, markup=False, soft_wrap=True)
@@ -269,7 +266,8 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
         lines.append(f"{data}: {summary.refused} samples refused by the FMU: no coefficients")
     if summary.unused:
         some = ", ".join(summary.unused[:6]) + (" ..." if len(summary.unused) > 6 else "")
-        lines.append(f"{data}: {len(summary.unused)} columns not used: {some}")
+        number = len(summary.unused)
+        lines.append(f"{data}: {number} {'column' if number == 1 else 'columns'} not used: {some}")
     lines += summary.notes
     return lines
 

@@ -64,7 +64,9 @@ def send(
     ] = 20.0,
     report: Annotated[
         Path | None,
-        typer.Option(metavar="X.json", help="Write the errors of the bridge's results, if the truth is known."),
+        typer.Option(
+            metavar="X.json", help="Write the errors of the bridge's results; a plant or a scenario has the truth."
+        ),
     ] = None,
 ) -> None:
     """Send strains on a CAN bus as a vehicle would, with faults on request.
@@ -130,12 +132,14 @@ def send(
     with samples as opened:
         sent, score = _send(options, layout, opened, planned, duration, described.tare_at)
     console.print(_sent_table(sent))
-    if score is not None:
+    if score is not None and score.has_errors:
         console.print(score_table(score, "Results heard on the bus against truth"))
+    elif score is not None:
+        console.print(f"results heard on the bus: {_score_caption(score)}", highlight=False, soft_wrap=True)
     if report is not None:
         from strainfmu.files import write_bytes_atomically
 
-        if score is None:
+        if score is None or (score.published and not score.has_errors):
             raise InputError("--report: no results in form fd with a known truth, nothing to report")
         write_bytes_atomically(report, json.dumps(asdict(score), indent=1).encode())
 

@@ -29,7 +29,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
     "Ground test": {
         "loadtest": "docs/howto/design_ground_test.md",
-        "calibrate": "docs/explanation/calibration.md",
+        "calibrate": "docs/howto/calibrate_map.md",
     },
     "Bus": {
         "dbc": "docs/reference/can.md",

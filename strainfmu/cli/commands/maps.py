@@ -79,7 +79,10 @@ def export(
     fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
     scalars: Annotated[
         bool,
-        typer.Option("--scalars", help="With --fmi 3: the scalar variables of FMI 2, for tools without arrays."),
+        typer.Option(
+            "--scalars",
+            help="With --fmi 3: the scalar variables of FMI 2, for tools without arrays, as fmpy.simulate_fmu.",
+        ),
     ] = False,
     platforms: Annotated[
         str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
@@ -139,6 +142,11 @@ def export(
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
+        Console().print(note, highlight=False, markup=False, soft_wrap=True)
+    if version == "3" and not scalars:
+        note = (
+            "note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none"
+        )
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
     if kind == "python":
         from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS, PYTHON_HOSTS

@@ -88,7 +88,10 @@ def read_description(path: str | PathLike[str]) -> Any:
     except Exception as error:  # fmpy raises whatever its zip and XML readers do
         raise InputError(f"{path}: damaged, or not an FMU") from error
     if description.fmiVersion != "2.0" or description.coSimulation is None:
-        raise InputError(f"{path}: expected an FMU for FMI 2.0 co-simulation, got FMI {description.fmiVersion}")
+        raise InputError(
+            f"{path}: expected an FMU for FMI 2.0 co-simulation, got FMI {description.fmiVersion}; an estimator's "
+            "is written by 'strainfmu export' without --fmi 3"
+        )
     return description
 
 

@@ -59,7 +59,7 @@ _AIR_DATA = "air_data."
 _OF_FLIGHT = ("autopilot.valid[", "schedule.fault_kind[", "schedule.fault_value[")
 """The same of what else the FMUs of ``strainfmu fly`` put out; of another instance it may be a mask to heed."""
 
-CHANNEL_FILE_HINT = "name the gauges in a channel file: see 'strainfmu channels --help'"
+CHANNEL_FILE_HINT = "name the gauges in a channel file, which 'strainfmu channels MAP DATA' proposes"
 """What to do where a recording has names of its own."""
 
 _INDEX = re.compile(r"strain\[([0-9]+)\]")
@@ -276,6 +276,9 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
     else:
         hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
     others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
+    strains = (one for one in names if one in (*wanted.gauge_names, "strain") or strain_number(one) is not None)
+    if next(strains, None) is None:
+        return f"column '{first}': unknown name{others}; no column is a gauge or strain[i]: {way}"
     return f"column '{first}': unknown name{others}; {hint}, leave it out by --ignore-columns '{first}', or {way}"
 
 

@@ -20,6 +20,7 @@ from snippets import ROOT, snippets
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.tools.two_processes import private_port
 from strainfmu.cosim.estimators.description import gauge_names_of
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator
@@ -47,7 +48,9 @@ def bench(tmp_path: Path) -> tuple[Path, list[str], str]:
     commands += re.findall(r"`(strainfmu replay [^`]*)`", text[text.index(SECTION) :])
     assert [one.value for one in files] == ["bus.toml"]
     http = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    bus = files[0].text.replace("239.74.163.7", GROUP).replace("127.0.0.1:8780", http)
+    # A port of its own: another run of this test on the machine would be a second bridge on the bus.
+    bus = files[0].text.replace("127.0.0.1:8780", http)
+    bus = bus.replace('"239.74.163.7"\n', f'"{GROUP}"\noptions = {{ port = {private_port()} }}\n')
     bus = bus.replace("127.0.0.1:9870", f"127.0.0.1:{free_port(socket.SOCK_DGRAM)}")
     (tmp_path / "bus.toml").write_text(bus, encoding="utf-8")
     demo = tmp_path / "demo"

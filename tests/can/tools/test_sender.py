@@ -241,6 +241,9 @@ def test_score_by_hand() -> None:
     np.testing.assert_allclose(score.rms_error_of_range, np.array(score.rms_error) / 0.1, rtol=1e-6)
     assert score.coverage == [0.5] * 5
     assert score.qualities == {"VALID": 2, "DEGRADED": 1}
+    unknown = score_answers(received, layout, truth=[np.full(5, np.nan)] * 2, cycle_time=CYCLE)
+    assert (unknown.published, unknown.has_errors, score.has_errors) == (2, False, True)
+    assert np.isnan(unknown.coverage).all(), "no truth is not a truth outside"
 
 
 def test_send_needs_exactly_one_source(run: Run, synthetic: SyntheticFiles) -> None:

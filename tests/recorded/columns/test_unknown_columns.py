@@ -44,7 +44,20 @@ def test_an_unknown_column_is_refused(name: str, hint: str, tmp_path: Path) -> N
     shown = name.partition(" [")[0]
     assert str(error.value).startswith(f"{data}: column '{shown}': unknown name; {hint}")
     assert f", leave it out by --ignore-columns '{shown}', or name the gauges in" in str(error.value)
-    assert str(error.value).endswith("a channel file: see 'strainfmu channels --help'")
+    assert str(error.value).endswith("a channel file, which 'strainfmu channels MAP DATA' proposes")
+
+
+def test_a_recording_without_any_gauge_is_sent_to_the_channel_file(tmp_path: Path) -> None:
+    data = tmp_path / "d.csv"
+    data.write_text("time;SG01_ax [um/m];SG02_ax [um/m];q_inf [kPa]\n0;0;0;90\n")
+    with (
+        pytest.raises(
+            InputError, match=r"no column is a gauge or strain\[i\]: .*'strainfmu channels MAP DATA'"
+        ) as error,
+        open_strains(data, Wanted(gauge_names=("axial_1", "axial_2"))),
+    ):
+        pass
+    assert "--ignore-columns" not in str(error.value), "it would leave out one gauge after the other"
 
 
 def test_a_gauge_misspelt_is_named(tmp_path: Path) -> None:
