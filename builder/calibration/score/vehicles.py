@@ -144,7 +144,7 @@ class Score:
                 "faults": len(faults),
                 "disagrees": not found.agrees,
                 "outside": {one.kind: one.chance for one in outside.kinds},
-                "said": [one.kind for one in outside.found],
+                "said": list(dict.fromkeys(one.kind for one in (*found.model.causes, *outside.found))),
                 "steps": found.steps,
             },
         )
