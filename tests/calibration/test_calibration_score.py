@@ -94,7 +94,7 @@ def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, rat
 def test_a_tested_vehicle_flies_as_one_that_is_known(
     vehicle: Vehicle, snapshots: Snapshots, table: FlowTable
 ) -> None:
-    """And the errors that the calibration has no parameter for show in chi-square."""
+    """And errors that no tolerance states are named and estimated, so that the readings fit."""
     finer = COARSE.model_copy(update={"element_length_mm": 30.0})
     vehicle = vehicle.model_copy(update={"resolution": Resolutions(map=COARSE, truth=finer)})
     options = SetupOptions(cases=(12,), flights=20, draws=2, errors=LoadErrors(), with_outside=True)
@@ -108,10 +108,8 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(
     assert found["case 2", "12 cases"]["pooled_coverage_percent"] > 99.0
     fit = {state: one["chi_square_per_reading"] for (kind, state), one in found.items() if kind == "case 2"}
     assert 0.9 < fit["12 cases"][1] < 1.1
-    taper, second = (fit[f"12 cases, {kind}"] for kind in OUTSIDE)
-    assert taper[0] > 1.15
-    assert second[1] > 1.05
-    assert fit["12 cases, single samples"][0] > 10.0
+    for kind in OUTSIDE_KINDS:
+        assert 0.85 < fit[f"12 cases, {kind}"][1] < 1.15, kind
     said = {row["state"]: row["said"] for row in rows if "said" in row}
     kinds = (*OUTSIDE, NOISE)
     assert said == {"12 cases": []} | {f"12 cases, {a}": [b] for a, b in zip(OUTSIDE_KINDS, kinds, strict=True)}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.calibration.estimate.cause import Cause
+from builder.calibration.estimate.causes import freed
 from builder.calibration.estimate.outside_terms import NOISE, OutsideKind, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
@@ -101,6 +103,17 @@ def test_noise_larger_than_stated_is_not_taken_for_a_wall(blank: ReadingsModel) 
     assert [one.kind for one in model.found] == [NOISE]
     assert model.noise_factor == pytest.approx(4.0, rel=0.1)
     assert f"scatter {model.noise_factor:.2g} times as much as stated" in model.lines[0]
+
+
+def test_noise_is_said_over_what_the_file_states(blank: ReadingsModel) -> None:
+    """What the estimate counts with already is part of it."""
+    found = calibrated(blank, 4, noise=4.0)
+    cause = Cause(where="noise", kind="noise", entries=np.zeros(0, dtype=np.int64), wide=np.zeros(0), factor=2.0)
+    counting = estimate(freed(found.model, cause), found.used, start=found.vector)
+    model = outside_model(counting)
+    assert model.noise_factor == pytest.approx(2.0, rel=0.1)
+    assert model.over_stated == pytest.approx(4.0, rel=0.1)
+    assert f"scatter {model.over_stated:.2g} times as much as stated" in model.lines[0]
 
 
 def test_what_the_file_sets_free_is_estimated(blank: ReadingsModel, prior: AsBuilt) -> None:

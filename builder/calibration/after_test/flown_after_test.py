@@ -95,14 +95,12 @@ def allowed_vehicles(
     pressure = net_pressure(structure, true, table, drawing).T
     nominal = structure.strain_operator(structure.exactly_built())
     change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
-    slope = parameter_derivatives(
-        lambda one: structure.strain_operator(one) @ pressure, remaining.parameters, remaining.uncertain
-    )
+    slope = parameter_derivatives(structure.strain_operator, remaining.parameters, remaining.uncertain)
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,
         change=change.T,
-        slope={key: np.ascontiguousarray(one.T) for key, one in slope.items()},
+        slope={key: np.ascontiguousarray((one @ pressure).T) for key, one in slope.items()},
         factor=vector * np.sqrt(np.maximum(value, 0.0)),
         where=slices(structure.counts),
     )

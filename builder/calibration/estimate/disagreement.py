@@ -25,7 +25,7 @@ MISFIT = 3.0
 
 def unexplained(found: Estimate, outside: OutsideModel) -> str:
     """Return what speaks against a map of ``found``, in one clause; empty where every error has a name."""
-    noise = min(max(outside.noise_factor, 1.0), MOST_NOISE)
+    noise = max(min(outside.noise_factor, MOST_NOISE / outside.counted), 1.0)
     name, size = found.farthest
     against = []
     if not found.per_reading <= MISFIT * noise**2:

@@ -96,11 +96,18 @@ class OutsideModel:
     Attributes
     ----------
     kinds : every kind, the noise last.
-    noise_factor : standard deviation of the readings over what is stated [1].
+    noise_factor : standard deviation of the readings over the noise that the estimate counts with [1].
+    counted : that noise over what is stated [1].
     """
 
     kinds: tuple[OutsideKind, ...]
     noise_factor: float
+    counted: float = 1.0
+
+    @property
+    def over_stated(self) -> float:
+        """Standard deviation of the readings over what is stated [1]."""
+        return self.counted * self.noise_factor
 
     @property
     def found(self) -> tuple[OutsideKind, ...]:
@@ -115,7 +122,7 @@ class OutsideModel:
     def _lines(self, one: OutsideKind) -> list[str]:
         if one.kind == NOISE:
             return [
-                f"outside the model: the readings scatter {self.noise_factor:.2g} times as much as stated; state "
+                f"outside the model: the readings scatter {self.over_stated:.2g} times as much as stated; state "
                 "their noise (readings.reading_std_um_per_m, or windows of more samples) and calibrate again"
             ]
         named = [term for term in one.terms if abs(term.size) > NAMED * term.std] or [
@@ -146,7 +153,7 @@ def outside_model(found: Estimate) -> OutsideModel:
     scale = max(factor**2, 1.0) if of_noise.chance < ALARM else 1.0
     keys = list(held)
     kinds = [_kind(kind, keys, size, scale * covariance) for kind in KINDS if _places(kind, keys)]
-    return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor)
+    return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor, counted=model.noise_factor)
 
 
 def _noise(weight: FloatArray, left: FloatArray) -> tuple[OutsideKind, float]:

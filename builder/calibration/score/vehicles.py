@@ -133,6 +133,7 @@ class Score:
         found, faults = calibrate_with_faults(setup.models[count].with_readings(reading[rows]))
         outside = outside_model(found)
         remaining = remaining_after(found)
+        said = [one.kind for one in found.model.causes] + [one.kind for one in outside.found]
         return Knowledge(
             state=f"{count} cases" + (f", {kind}" if kind else ""),
             remaining=remaining,
@@ -144,7 +145,7 @@ class Score:
                 "faults": len(faults),
                 "disagrees": not found.agrees,
                 "outside": {one.kind: one.chance for one in outside.kinds},
-                "said": [one.kind for one in outside.found],
+                "said": list(dict.fromkeys(said)),
                 "steps": found.steps,
             },
         )

@@ -151,7 +151,7 @@ def outside_table(outside: OutsideModel) -> Table:
             [f"{one.kind}, region {term.region + 1}", "%", 100.0 * term.size, 100.0 * term.std, "", ""]
             for term in one.terms
         ]
-        whole = ("noise", "stated", outside.noise_factor) if one.kind == NOISE else (f"{one.kind}, all", "", "")
+        whole = ("noise", "stated", outside.over_stated) if one.kind == NOISE else (f"{one.kind}, all", "", "")
         rows.append([*whole, "", one.statistic / one.freedom, one.chance])
     columns = (
         Column("error"),

@@ -197,11 +197,12 @@ class AsBuiltStructure:
         states, split = self.states, self.states.rows.split
         even, thin, thick = states.forces
         force = nodal_force(even, load)
+        whole = split(force)
         within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
         lighter, heavier = ([nodal_force(one, load) for one in part] if within else [] for part in (thin, thick))
-        amplitude, uneven_load, region_mass = states.nominal.strain(split(force)), None, None
+        amplitude, uneven_load, region_mass = states.nominal.strain(whole), None, None
         of_thin, of_thick = (
-            np.array([one.strain(split(f)) for one, f in zip(part, forces or [force] * len(part), strict=False)])
+            np.array([one.strain(split(forces[k]) if forces else whole) for k, one in enumerate(part)])
             for part, forces in ((states.thin, lighter), (states.thick, heavier))
         )
         if within:
@@ -214,15 +215,15 @@ class AsBuiltStructure:
             region_mass = np.array([states.nominal.strain(split(one * force)) for one in share])
         table = _table(
             amplitude,
-            (states.fore.strain(split(force)), states.aft.strain(split(force))),
+            (states.fore.strain(whole), states.aft.strain(whole)),
             (of_thin, of_thick),
             np.array(
                 [
-                    [one.strain(split(f)) for f in (force, rolled_quarter(force, wave))]
+                    [one.strain(part) for part in (whole, split(rolled_quarter(force, wave)))]
                     for wave, one in zip(WAVES, states.uneven, strict=True)
                 ]
             ),
-            np.array([one.strain(split(force)) for one in states.soft]),
+            np.array([one.strain(whole) for one in states.soft]),
         )
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):

@@ -223,8 +223,10 @@ def uneven_adjoint(
     found = np.zeros((len(WAVES), len(changes), len(SIDES), len(expected.x), *shape))
     sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
     reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
-    of_surface = solved(solver, np.array([change.rows(expected.x, n) for change in changes]))
-    found[:, :, SIDES.index(0)] = of_surface
+    rows = np.array([change.rows(expected.x, n) for change in changes])
+    moved = rows.any(axis=-1)  # the surface moves at the stations of a region alone
+    rows[moved] = solved(solver, rows[moved])
+    found[:, :, SIDES.index(0)] = rows
     for wave, side in reached:
         adjoint = expected.at_gauges(n + wave * side)
         forces = [change.forces(adjoint, n, n + wave * side) for change in changes]

@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -71,14 +72,17 @@ class ForceRows:
         InputError
             Forces within the wall go round the body faster than harmonic LOW - 1.
         """
-        within = force.copy()
+        outer, within = force[:, :, self.outer], force[:, :LOW].copy()
         within[:, :, self.outer] = 0.0
-        if np.abs(within[:, LOW:]).max(initial=0.0) > ROUNDING * np.abs(force).max(initial=0.0):
+        high = force[:, LOW:, self.inner]
+        if max(high.max(initial=0.0), -high.min(initial=0.0)) > ROUNDING * np.abs(force).max(initial=0.0):
             raise InputError(f"load: expected harmonics up to {LOW - 1} within the wall, got higher ones")
-        return (
-            force[:, :, self.outer].reshape(2, force.shape[1], -1),
-            within[:, :LOW].reshape(2, min(LOW, force.shape[1]), -1),
-        )
+        return outer.reshape(2, force.shape[1], -1), within.reshape(*within.shape[:2], -1)
+
+    @cached_property
+    def inner(self) -> IntArray:
+        """(n,) the other nodes."""
+        return np.setdiff1d(np.arange(self.n_nodes), self.outer)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

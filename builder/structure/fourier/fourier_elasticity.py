@@ -10,6 +10,7 @@ Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), sec
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -241,7 +242,16 @@ class HarmonicSolver:
 
         Forces are in newton per :func:`roll_integral`.
         """
-        return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load)))
+        dof = self._dof
+        if dof is None:
+            return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load)))
+        found = np.zeros(load.shape[::-1])  # rows are right hand sides, as the factors take them
+        found[:, dof] = self.factor.solve(load.T[:, dof].T).T
+        return found.T
+
+    @cached_property
+    def _dof(self) -> IntArray | None:
+        return _selected(self.free)
 
 
 def factor_harmonic(

@@ -85,8 +85,15 @@ class FourierStructure:
         return float(front), float(aft)
 
     def surface_points(self, surface: str) -> SurfacePoints:
-        """Return the quadrature points of ``"outer"`` or ``"inner"``: edge point * n_roll + roll index."""
-        meridian = self._meridian(surface)
+        """Return the quadrature points of ``"outer"`` or ``"inner"``: edge point * n_roll + roll index.
+
+        They are kept for the next time.
+        """
+        if surface not in self._points:
+            self._points[surface] = self._surface_points(self._meridian(surface))
+        return self._points[surface]
+
+    def _surface_points(self, meridian: _Meridian) -> SurfacePoints:
         n, roll = len(meridian.x), self._roll
         sine, cosine = np.tile(np.sin(roll), n), np.tile(np.cos(roll), n)
         x, r, n_x, n_r, width = (
@@ -102,7 +109,9 @@ class FourierStructure:
         """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface."""
         meridian = self._meridian(surface)
         n_roll = len(self._roll)
-        local = _cylindrical(force.reshape(-1, n_roll, 3), self._roll)
+        rings = force.reshape(-1, n_roll, 3)
+        loaded = np.flatnonzero(rings.any(axis=(1, 2)))  # a pad loads few of them
+        local = _cylindrical(rings[loaded], self._roll)
         m_phi = np.arange(self.max_harmonic + 1)[:, None] * self._roll
         cosine, sine = np.cos(m_phi), np.sin(m_phi)
         along, around = local[..., :2], local[..., 2]
@@ -111,7 +120,7 @@ class FourierStructure:
         family[0, ..., 2] = np.einsum("mp,qp->mq", sine, around, optimize=True)
         family[1, ..., :2] = np.einsum("mp,qpc->mqc", sine, along, optimize=True)
         family[1, ..., 2] = -np.einsum("mp,qp->mq", cosine, around, optimize=True)
-        return self._scattered(family, meridian.shape)
+        return self._scattered(family, meridian.shape[loaded])
 
     def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:
         """Return nodal forces of forces (k, 3) [N] at points of the outer surface."""
@@ -184,6 +193,11 @@ class FourierStructure:
             raise InputError(
                 f"known loads of {what}: expected a wall of one material, got structure.regions or frames"
             )
+
+    @cached_property
+    def _points(self) -> dict[str, SurfacePoints]:
+        """Points of the surfaces that were asked for."""
+        return {}
 
     @cached_property
     def _roll(self) -> FloatArray:

@@ -162,18 +162,20 @@ def balanced(structure: LoadedStructure, force: FloatArray) -> FloatArray:
 def _pad_weight(structure: LoadedStructure, points: SurfacePoints, pad: PadForce | PadPressure) -> FloatArray:
     """Return the raised cosine of a pad times area (n,) [m2]."""
     check_stations(structure.outer_span, np.array([pad.station]))
-    x, y, z = points.position.T
-    along = (x - pad.station) / pad.half_length
+    along = (points.position[:, 0] - pad.station) / pad.half_length
+    near = np.flatnonzero(np.abs(along) < 1.0)
+    along, (y, z) = along[near], points.position[near, 1:].T
     turn = np.arctan2(y, z) - pad.roll_angle
     around = (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / pad.half_angle
-    within = (np.abs(along) < 1.0) & (np.abs(around) < 1.0)
-    weight = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * within * points.area
+    within = np.abs(around) < 1.0
+    weight = np.zeros(len(points.area))
+    weight[near] = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * within * points.area[near]
     if np.count_nonzero(weight) < 16:
         raise InputError(
             f"pad: {2e3 * pad.half_length:g} mm by {2.0 * np.rad2deg(pad.half_angle):g} deg is too small for the "
             "mesh, take a point force or a finer mesh"
         )
-    return np.asarray(weight)
+    return weight
 
 
 def _distributed(structure: LoadedStructure, load: DistributedForce) -> FloatArray:

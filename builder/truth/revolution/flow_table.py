@@ -125,7 +125,6 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
                 f"{name}: {values.min():.6g} to {values.max():.6g} found, {low:.6g} to {high:.6g} known"
             )
     n_mach, n_incidence, n_x, n_m = table.harmonic.shape
-    flat = table.harmonic.reshape(n_mach, n_incidence, -1)
     along_mach = CubicSpline(table.mach_knots, np.eye(n_mach), axis=0)(mach)
     knots = np.concatenate([-table.incidence_knots[::-1], table.incidence_knots])
     weight = CubicSpline(knots, np.eye(2 * n_incidence), axis=0)(incidence)
@@ -136,8 +135,8 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
     for sign in (1.0, -1.0):
         of_parity = parity == sign
         both = along_mach[:, :, None] * (direct + sign * mirrored)[:, None, :]
-        values = both.reshape(len(mach), -1) @ flat.reshape(n_mach * n_incidence, -1)
-        out[:, :, of_parity] = values.reshape(len(mach), n_x, n_m)[:, :, of_parity]
+        values = both.reshape(len(mach), -1) @ table.harmonic[..., of_parity].reshape(n_mach * n_incidence, -1)
+        out[:, :, of_parity] = values.reshape(len(mach), n_x, -1)
     return out
 
 
