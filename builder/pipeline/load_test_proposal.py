@@ -36,7 +36,7 @@ HEAD = (
 
 KINDS = {
     "attitude": "",
-    "zero": "zero reading: the vehicle as in the first case, nothing else acts",
+    "zero reading": "zero reading: the vehicle as in the first case, nothing else acts",
     "check": "check load: predicted by calibrate, not fitted",
     "repeat": "repeated: take the rig off and set it up again; ",
     "load": "",
@@ -162,7 +162,7 @@ def time_line(plan: LoadPlan, schedule: Schedule) -> str:
             ("load", "load cases"),
             ("repeat", "repeated"),
             ("check", "check loads"),
-            ("zero", "zero readings"),
+            ("zero reading", "zero readings"),
         )
         if kinds[kind]
     ]

@@ -23,6 +23,7 @@ from builder.study.study_file import Design, StudyFile, designs_of, load_study, 
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.files import fingerprint, write_bytes_atomically
 
 CSV, PARQUET, FIGURE = "study.csv", "study.parquet", "study.png"
@@ -38,7 +39,7 @@ NOT_OF_FLOWS = {
     "noise",
     "map",
     "calibration",
-    "temperature",
+    TEMPERATURE,
     "mass",
     "structure",
 }

@@ -15,6 +15,7 @@ import numpy as np
 from builder.truth.revolution.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES_KM = (12.0, 30.0)
@@ -77,6 +78,11 @@ def held_out_conditions(
 
     With full symmetry the total incidence is uniform from 0 and the roll angle of the wind is any; as listed,
     angle of attack and sideslip are uniform in their ranges.
+
+    Raises
+    ------
+    InputError
+        They have no Mach number in common.
     """
     entry, incidence = vehicle.conditions, min(largest_incidence(vehicle), float(table.incidence_knots[-1]))
 
@@ -90,14 +96,16 @@ def held_out_conditions(
         )
         return alpha, beta
 
+    lowest = max(min(entry.mach_number), float(table.mach_knots[0]))
+    highest = min(max(entry.mach_number), float(table.mach_knots[-1]))
+    if lowest > highest:
+        known = f"{table.mach_knots[0]:g} .. {table.mach_knots[-1]:g}, of the flows of the independent model"
+        raise InputError(f"conditions.mach_number: expected some within {known}, got {entry.mach_number}")
     return drawn_conditions(
         count,
         random,
         angles=angles,
-        mach_numbers=(
-            max(min(entry.mach_number), float(table.mach_knots[0])),
-            min(max(entry.mach_number), float(table.mach_knots[-1])),
-        ),
+        mach_numbers=(lowest, highest),
         altitudes_km=drawn_altitudes_km(vehicle),
         is_inside=lambda one: one.total_incidence <= incidence,
     )

@@ -41,7 +41,7 @@ def test_zero_readings_stand_between_and_at_the_end(attitudes: int) -> None:
     first = [f"attitude {k}" for k in range(attitudes)] or ["no load"]
     again = [f"{first[0]}, between", f"{first[0]}, at the end"]
     assert [one.case.name for one in order] == [*first, "a", "b", again[0], "a (2)", "check, c", again[1]]
-    kinds = ["load", "load", "zero", "repeat", "check", "zero"]
+    kinds = ["load", "load", "zero reading", "repeat", "check", "zero reading"]
     assert [one.kind for one in order][len(first) :] == kinds
 
 

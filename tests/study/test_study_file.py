@@ -11,6 +11,8 @@ from builder.study.study_file import designs_of, load_study, vehicle_of
 from builder.vehicle.file import IC3X, Vehicle
 from strainfmu.errors import InputError
 
+pytestmark = pytest.mark.fast
+
 SWEEP = '"structure.wall_thickness_mm" = [3.0, 4.0, 5.0]\n"map.estimator" = ["linear", "nonlinear"]\n'
 
 

@@ -53,7 +53,7 @@ class RunCase:
     Attributes
     ----------
     case : name and loads.
-    kind : "attitude", "zero", "load", "repeat" or "check".
+    kind : "attitude", "zero reading", "load", "repeat" or "check".
     number : of a load or a repeat, in the plan; of others -1.
     """
 
@@ -80,7 +80,8 @@ def run_order(plan: LoadPlan) -> list[RunCase]:
         loads.append(RunCase(case=Candidate(name=f"check, {case.name}", loads=case.loads), kind="check"))
     middle = (len(loads) + 1) // 2
     again = [
-        RunCase(case=Candidate(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero") for when in ZERO
+        RunCase(case=Candidate(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero reading")
+        for when in ZERO
     ]
     # Turned to all attitudes first, and back to the one of the loads.
     found = [RunCase(case=case, kind="attitude") for case in lead]
@@ -96,7 +97,7 @@ def whole_time(plan: LoadPlan, schedule: Schedule) -> float:
     return float(
         np.sum(
             [
-                schedule.reading_time if one.kind == "zero" else schedule.time_of(one.case)
+                schedule.reading_time if one.kind == "zero reading" else schedule.time_of(one.case)
                 for one in run_order(plan)
             ]
         )

@@ -16,6 +16,7 @@ from strainfmu.estimator.air_inputs import INERTIAL_NAMES as INERTIAL_NAMES
 from strainfmu.estimator.air_inputs import STATIC_PRESSURE as STATIC_PRESSURE
 from strainfmu.estimator.air_inputs import STD as STD
 from strainfmu.estimator.other_loads import ROLLING
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -276,7 +277,7 @@ def _unknown_text(unknown: Sequence[str], names: Sequence[str], wanted: Wanted) 
     else:
         hint = f"expected a gauge, strain[i], time, {', '.join(wanted.flow)}"
     others = "" if len(unknown) == 1 else f", and of {len(unknown) - 1} others: {some_of(unknown[1:])}"
-    strains = (one for one in names if one in (*wanted.gauge_names, "strain") or strain_number(one) is not None)
+    strains = (one for one in names if one in (*wanted.gauge_names, STRAIN) or strain_number(one) is not None)
     if next(strains, None) is None:
         return f"column '{first}': unknown name{others}; no column is a gauge or strain[i]: {way}"
     return f"column '{first}': unknown name{others}; {hint}, leave it out by --ignore-columns '{first}', or {way}"
