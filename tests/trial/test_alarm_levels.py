@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, genpareto
 
-from builder.trial.alarm_levels import alarm_levels, alarm_scales
+from builder.trial.alarm_levels import RATE, alarm_levels, alarm_scales
 from builder.trial.tail_quantile import tail_quantile
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.health import chi_square_limit
 
 pytestmark = pytest.mark.fast
 
@@ -25,16 +25,18 @@ def test_tail_quantile_is_that_of_the_law(law: object, probability: float) -> No
 
 
 def test_levels_of_the_theory_are_found_on_data_of_the_theory() -> None:
-    """Chi-square and the largest of 54 squared normals, independent: the rate of any alarm is the stated one."""
+    """Chi-square and the largest of 54 squared normals, independent: each has half of the rate."""
     random, n, freedom = np.random.default_rng(3), 300_000, 49
     chi_square = random.chisquare(freedom, size=n) / chi_square_limit(freedom)
     outlier = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
     levels = alarm_levels(chi_square, outlier, np.ones(n), random.uniform(size=n))
     assert levels.slope == 0.0
-    assert levels.chi_square_scale == pytest.approx(1.0, abs=0.06)
-    assert levels.outlier_scale == pytest.approx(1.0, abs=0.12)
+    half = 0.5 * RATE
+    expected = chi2(freedom).isf(half) / chi_square_limit(freedom)
+    assert levels.chi_square_scale == pytest.approx(expected, abs=0.06)
+    assert levels.outlier_scale == pytest.approx(chi2(1).isf(half / 54) / chi2(1).isf(1e-4 / 54), abs=0.12)
     rate = np.mean((chi_square > levels.chi_square_scale) | (outlier > levels.outlier_scale))
-    assert 0.5 * FALSE_ALARM_PROBABILITY < rate < 2.0 * FALSE_ALARM_PROBABILITY
+    assert 0.5 * RATE < rate < 2.0 * RATE
 
 
 def test_levels_follow_what_rises_with_the_incidence() -> None:
@@ -54,18 +56,18 @@ def test_levels_follow_what_rises_with_the_incidence() -> None:
     assert levels.slope == pytest.approx(0.3, abs=0.06)
     scales = np.array([[levels.chi_square_scale], [levels.outlier_scale]])
     followed = (ratios[:, other] > scales * (1.0 + levels.slope * (expected[other] - 1.0))).any(axis=0)
-    assert 0.5 * FALSE_ALARM_PROBABILITY < followed.mean() < 2.0 * FALSE_ALARM_PROBABILITY
+    assert 0.5 * RATE < followed.mean() < 2.0 * RATE
     tenth = np.floor(10.0 * incidence[other]).astype(int)
     assert max(followed[tenth == k].mean() for k in range(10)) < 3.0 * followed.mean()
     fixed = (ratios[:, other] > alarm_scales(ratios[:, one])[:, None]).any(axis=0)
     assert np.mean(tenth[fixed] == 9) > 0.5
 
 
-def test_three_tests_share_the_stated_rate() -> None:
+def test_three_tests_share_the_rate() -> None:
     random = np.random.default_rng(4)
     ratios = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 400_000)) ** 2
     scales = alarm_scales(ratios)
     again = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 2_000_000)) ** 2
     rates = np.mean(again > scales[:, None], axis=1)
-    assert 0.5 * FALSE_ALARM_PROBABILITY < rates.sum() < 2.0 * FALSE_ALARM_PROBABILITY
+    assert 0.5 * RATE < rates.sum() < 2.0 * RATE
     assert np.all(np.abs(rates / rates.mean() - 1.0) < 0.7)
