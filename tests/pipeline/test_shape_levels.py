@@ -103,7 +103,7 @@ def test_levels_follow_from_the_flights(monkeypatch: pytest.MonkeyPatch) -> None
     assert facts["samples"] == 4000
     assert facts["used"]
     assert 0.5 < found.manifold.chi_square_scale < 1.5
-    worse = with_entries(vehicle, "noise", apparent_strain_um_per_m=0.05)
+    worse = with_entries(vehicle, "noise", apparent_strain_um_per_m=0.03)
     raised = with_shape_levels(worse, made, structure, flows, Silent())
     assert raised.manifold is not None
     assert raised.manifold.chi_square_scale > 1.1 * found.manifold.chi_square_scale
