@@ -66,7 +66,8 @@ EXCEPTIONS: dict[str, str] = {
 }
 """What stays in a string of the code with such a word in it, and why."""
 
-COMMANDS: dict[str, Any] = {"strainfmu": get_command(app), **get_command(app).commands}  # type: ignore[attr-defined]
+PROGRAM: Any = get_command(app)  # annotated as a command; an app of several is a group
+COMMANDS: dict[str, Any] = {"strainfmu": PROGRAM, **PROGRAM.commands}
 """The program and its commands, of typer's click, by name."""
 
 

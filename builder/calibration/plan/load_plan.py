@@ -126,8 +126,8 @@ def load_plan(
     flight = flight_sensitivity(parts, exact)
     lead = attitudes or [Candidate(name="no load", loads=())]
     sample_std = exact.noise_std if noise is None else np.full(as_built.n_gauges, noise)
-    told = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
-    first, bare = told[: len(lead)], told[len(lead) :]
+    sensitivities = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
+    first, bare = sensitivities[: len(lead)], sensitivities[len(lead) :]
     start = known = no_knowledge(flight)
     for one in first:
         known = known.after(one)

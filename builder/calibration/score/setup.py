@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -182,3 +184,16 @@ def blank_test(vehicle: Vehicle, structure: AsBuiltStructure, count: int, errors
 def rows_of_test(count: int, largest: int, n_cases: int) -> Sequence[int]:
     """Return the rows of ``count`` pads and of the attitudes among the cases of the largest test."""
     return [*range(count), *range(largest, n_cases)]
+
+
+def score_parser(name: str, description: str | None) -> argparse.ArgumentParser:
+    """Return the parser of ``python -m builder.calibration.score.NAME`` with the files that it reads."""
+    found = argparse.ArgumentParser(
+        prog=f"python -m builder.calibration.score.{name}",
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    found.add_argument("vehicle", type=Path, help="vehicle file")
+    found.add_argument("snapshots", type=Path, help="snapshots.h5 of its map")
+    found.add_argument("flows", type=Path, help="independent_flows.h5")
+    return found

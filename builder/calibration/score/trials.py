@@ -39,6 +39,7 @@ from builder.calibration.score.setup import (
     blank_test,
     flights_of,
     properties_of,
+    score_parser,
 )
 from builder.calibration.score.smooth_vehicles import LoadTables, SmoothVehicles, smooth_vehicles
 from builder.calibration.score.trial_rows import Row, rows_of
@@ -275,14 +276,7 @@ def trials(setup: TrialSetup, rows: Sequence[Row], numbers: Sequence[int]) -> It
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    found = argparse.ArgumentParser(
-        prog="python -m builder.calibration.score.trials",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    found.add_argument("vehicle", type=Path, help="vehicle file")
-    found.add_argument("snapshots", type=Path, help="snapshots.h5 of its map")
-    found.add_argument("flows", type=Path, help="independent_flows.h5")
+    found = score_parser("trials", __doc__)
     found.add_argument("--draws", type=int, default=20, help="vehicles of each row")
     found.add_argument("--first", type=int, default=0, help="number of the first draw, its seed")
     found.add_argument("--rows", nargs="+", default=[], help="names of rows; all by default")

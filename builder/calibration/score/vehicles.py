@@ -32,7 +32,7 @@ from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import WINDOW, TestedStructure, ground_test
 from builder.calibration.score.flown import flown_errors
-from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, rows_of_test, setup_of
+from builder.calibration.score.setup import READING_STD, Setup, SetupOptions, rows_of_test, score_parser, setup_of
 from builder.calibration.score.summary import BEFORE, EQUATIONS, EXACT, errors_of, summary, table
 from builder.campaign.snapshots import load_snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
@@ -210,14 +210,7 @@ def rows_of(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
 
 def parser() -> argparse.ArgumentParser:
     """Return the command's arguments."""
-    found = argparse.ArgumentParser(
-        prog="python -m builder.calibration.score.vehicles",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    found.add_argument("vehicle", type=Path, help="vehicle file")
-    found.add_argument("snapshots", type=Path, help="snapshots.h5 of its map")
-    found.add_argument("flows", type=Path, help="independent_flows.h5")
+    found = score_parser("vehicles", __doc__)
     found.add_argument("--vehicles", type=int, default=40, help="how many")
     found.add_argument("--first", type=int, default=0, help="number of the first one")
     found.add_argument("--cases", type=int, nargs="+", default=[12], help="pads of the tests")

@@ -93,7 +93,7 @@ def mapped_layout(
 
 
 _OTHERS = "*"
-"""In place of a gauge: all that are not listed."""
+"""Stands for all gauges that are not listed."""
 
 
 class _Mapper:

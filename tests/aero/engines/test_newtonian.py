@@ -184,7 +184,7 @@ def test_low_on_slender_cones() -> None:
 
 @pytest.mark.parametrize(("half_angle_deg", "mach_number"), [(10.0, 7.0), (10.0, 4.0), (15.0, 3.0), (20.0, 6.0)])
 def test_tangent_cones(half_angle_deg: float, mach_number: float) -> None:
-    """C_p on cones is that of Taylor-Maccoll flow but for 4 %, M sin(delta) at least 0.7."""
+    """C_p on cones is within 4 % of Taylor-Maccoll flow, M sin(delta) at least 0.7."""
     exact = taylor_maccoll_pressure(radians(half_angle_deg), mach_number) - 1.0
     found = tangent_cone_pressure_ratio(mach_number, np.array([np.sin(radians(half_angle_deg))]))[0] - 1.0
     assert found == pytest.approx(exact, rel=0.04)
