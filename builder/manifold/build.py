@@ -11,6 +11,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.noise.inertia import manoeuvre_strain
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
@@ -103,6 +104,7 @@ def manifold_map(
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
         considered_response=found.considered,
+        considered_strain=manoeuvre_strain(vehicle),
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.noise.inertia import UNLISTED, InertiaStrain, strain_by_inertia
+from builder.inverse.noise.inertia import UNLISTED, InertiaStrain, manoeuvre_strain, strain_by_inertia
 from builder.stress.hardware_kinds import stated_class
-from builder.stress.kind import Hardware, Kind, as_read
+from builder.stress.kind import Hardware, Kind, KindClass, as_read
 from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
@@ -135,8 +135,9 @@ class InertialUnit:
 def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
     """Return masses in a manoeuvre, and vibration.
 
-    A vehicle without a section [mass] flies the masses of its file, too, where its materials have a density: no
-    strain separates them from air loads.
+    A vehicle without a section [mass] flies the masses of its file, too, where its materials have a density. The
+    nonlinear estimator expects them at ``noise.manoeuvre_load_factor``; no linear map separates them from air
+    loads.
     """
     if vehicle.mass is not None:
         return _stated_kinds(vehicle, vehicle.mass)
@@ -145,26 +146,32 @@ def inertia_kinds(vehicle: Vehicle) -> list[Kind]:
 
 
 def _unknown_kinds(vehicle: Vehicle) -> list[Kind]:
-    """Return kinds of a vehicle whose map does not include inertia."""
+    """Return kinds of a vehicle without a section [mass]."""
     entry = Mass()
     wall = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G)
     extra = Manoeuvre(vehicle=vehicle, entry=entry, load_factor=LATERAL_G, with_listed=False, extra=EXTRA_KG)
     vibration = Vibration(vehicle=vehicle, entry=entry, amplitude=AMPLITUDE)
     lateral, bending = f"{LATERAL_G:g} g lateral", f"{1e6 * AMPLITUDE:g} um/m"
+    load_factor = vehicle.noise.manoeuvre_load_factor
+    is_expected = vehicle.map.estimator != "linear" and manoeuvre_strain(vehicle) is not None
+    of_wall: KindClass = stated_class(LATERAL_G, load_factor) if is_expected else "unobservable"
+    of_other: KindClass = "outside" if is_expected else "unobservable"
     cure = "A section [mass] in the vehicle file includes it in sigma; an inertial unit then takes it off."
+    expected = f"Sigma includes the wall's mass at {load_factor:g} g." if is_expected else cure
     listed = (
-        ("inertia of the masses", lateral, "Masses of the file, accelerated to the leeward side.", wall),
+        (of_wall, "inertia of the masses", lateral, "Masses of the file, accelerated to the leeward side.", wall),
         (
+            of_other,
             "inertia of a mass that is not listed",
             f"{EXTRA_KG:g} kg at mid-body, {lateral}",
             "A mass at mid-body that the file does not list, without the others.",
             extra,
         ),
-        ("vibration", bending, "First bending mode at any phase, across any axis.", vibration),
+        (of_other, "vibration", bending, "First bending mode at any phase, across any axis.", vibration),
     )
     return [
-        Kind(error=error, size=size, group="unobservable", what=f"{what} {cure}", readings=one.readings)
-        for error, size, what, one in listed
+        Kind(error=error, size=size, group=group, what=f"{what} {expected}", readings=one.readings)
+        for group, error, size, what, one in listed
     ]
 
 

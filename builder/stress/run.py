@@ -115,8 +115,8 @@ def run_stress(
         refuse_without_independent_model(pipeline.flown or pipeline.vehicle)
         check_before_long_work(pipeline.vehicle, conditions)
         make_map(pipeline)
-        vehicle = pipeline.flown or pipeline.vehicle
         inverse_map = load_inverse_map(pipeline.path(MAP))
+        vehicle = of_estimator(pipeline.flown or pipeline.vehicle, inverse_map)
     else:
         inverse_map = load_inverse_map(map_path)
         vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
@@ -153,7 +153,7 @@ def _content(path: Path) -> str:
 
 
 def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
-    """Return ``vehicle`` with the flight conditions that ``inverse_map`` states, as far as it does."""
+    """Return ``vehicle`` with the estimator of ``inverse_map`` and the flight conditions that it states."""
     held = inverse_map.provenance
     ranges = {
         one.column: sorted({(1e-3 if one.name == ALTITUDE else 1.0) * float(value) for value in held[key]})
@@ -162,9 +162,15 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     }
     conditions = vehicle.conditions.model_copy(update=ranges)
     absolute = inverse_map.form == "absolute"
-    of_form = {"estimator": "linear"} if absolute else {"gamma": 1.0}
+    of_form = {} if absolute else {"gamma": 1.0}
     entries = vehicle.map.model_copy(update={"form": inverse_map.form, **of_form})
-    return vehicle.model_copy(update={"conditions": conditions, "map": entries})
+    return of_estimator(vehicle.model_copy(update={"conditions": conditions, "map": entries}), inverse_map)
+
+
+def of_estimator(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
+    """Return ``vehicle`` with the estimator of ``inverse_map``, which its file may leave to the build."""
+    estimator = "linear" if inverse_map.manifold is None else "nonlinear"
+    return vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": estimator})})
 
 
 def vehicle_and_flows(

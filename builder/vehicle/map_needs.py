@@ -26,6 +26,10 @@ OF_THE_NONLINEAR = (
 """Entries of [map] that the tables of the nonlinear estimator take alone."""
 
 
+LOAD_FACTOR = "manoeuvre_load_factor"
+"""The entry of [noise] that the nonlinear estimator takes alone."""
+
+
 def why_linear(vehicle: Vehicle) -> str | None:
     """Return why the file allows no tables of the nonlinear estimator, by its entry; None where it allows them."""
     entry = vehicle.map
@@ -41,7 +45,7 @@ def why_linear(vehicle: Vehicle) -> str | None:
 
 
 def unused_entries(vehicle: Vehicle) -> Iterator[str]:
-    """Yield a line for every entry of [map] that the file states and its map does not use.
+    """Yield a line for every entry of [map] or [noise] that the file states and its map does not use.
 
     They are no fault: `compare` makes maps of either estimator and of either case from the same file.
     """
@@ -50,6 +54,8 @@ def unused_entries(vehicle: Vehicle) -> Iterator[str]:
         for name in OF_THE_NONLINEAR:
             if name in entry.model_fields_set:
                 yield f"map.{name}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"
+        if LOAD_FACTOR in vehicle.noise.model_fields_set:
+            yield f"noise.{LOAD_FACTOR}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"
     if entry.case == 1 and entry.prior_modes is not None:
         yield "map.prior_modes: not used, it is for case 2, and the map's is 1"
 

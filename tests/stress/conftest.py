@@ -10,7 +10,9 @@ from coarse_vehicle import COARSE
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
 from builder.pipeline.built_sensors import flown_sensors
+from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.stages import take_snapshots
 from builder.reporting import Silent
 from builder.stress import flights
@@ -85,4 +87,17 @@ def heavy_trial(trial: Range, flown_snapshots: Snapshots) -> Range:
         model=trial.model,
         inverse_map=build_inverse_map(heavy, flown_snapshots, structure),
         effort=Effort(conditions=40, draws=4),
+    )
+
+
+@pytest.fixture(scope="session")
+def nonlinear_trial(trial: Range, flown_snapshots: Snapshots) -> Range:
+    """The same vehicle with a map of the nonlinear estimator."""
+    vehicle = with_estimator(trial.vehicle, "nonlinear")
+    structure = structural_model(vehicle, COARSE, [vehicle.gauges.layout])
+    return Range(
+        vehicle=vehicle,
+        model=trial.model,
+        inverse_map=with_manifold(trial.inverse_map, vehicle, flown_snapshots, structure),
+        effort=trial.effort,
     )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from builder.pipeline.chosen_estimator import with_estimator
 from builder.stress.inertia_kinds import inertia_kinds
 from builder.stress.kind import Kind
 from builder.stress.kinds import all_kinds
@@ -41,6 +43,20 @@ def test_a_map_without_masses_errs_and_does_not_show_it(trial: Range, heavy_tria
     assert trial.score(manoeuvre).score.undetected > 0.2
 
 
+@pytest.mark.parametrize("error", [ERRORS[0], ERRORS[2], ERRORS[4]])
+def test_the_nonlinear_estimator_expects_manoeuvres(nonlinear_trial: Range, error: str) -> None:
+    kind = kind_of(nonlinear_trial, error)
+    assert nonlinear_trial.score(kind).missed == ()
+    without = replace(nonlinear_trial.inverse_map.manifold, considered_strain=None)
+    blind = Range(
+        vehicle=nonlinear_trial.vehicle,
+        model=nonlinear_trial.model,
+        inverse_map=replace(nonlinear_trial.inverse_map, manifold=without),
+        effort=nonlinear_trial.effort,
+    )
+    assert blind.score(kind).score.undetected > 0.02
+
+
 def test_the_inertial_unit_sharpens(heavy_trial: Range) -> None:
     without, measured = (heavy_trial.score(kind_of(heavy_trial, error)).score for error in ERRORS[:2])
     assert measured.rms[1] < 0.2 * without.rms[1]
@@ -55,6 +71,8 @@ def test_vibration_that_is_stated_shows_in_health(heavy_trial: Range) -> None:
 
 def test_the_class_follows_from_the_file(trial: Range) -> None:
     assert [kind.group for kind in inertia_kinds(trial.vehicle)] == 3 * ["unobservable"]
+    nonlinear = with_estimator(trial.vehicle, "nonlinear")
+    assert [kind.group for kind in inertia_kinds(nonlinear)] == ["within", "outside", "outside"]
     weak = trial.vehicle.model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
     assert [kind.group for kind in inertia_kinds(weak)] == ["outside", "within", *(3 * ["outside"]), "within"]
 

@@ -123,3 +123,13 @@ def with_considered_error(inverse_map: InverseMap) -> InverseMap:
     factor = 0.03 * np.random.default_rng(5).standard_normal(manifold.response.shape[2])
     error = manifold.response * factor[:, None, None]
     return replace(inverse_map, manifold=replace(manifold, considered_response=error))
+
+
+def with_considered_strain(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with two considered errors of strain alone, much as strain changes with the incidence."""
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    at = [exact_response(6.0, *crossflow, 5e3) for crossflow in ((0.07, 0.03), (0.075, 0.03), (0.07, 0.035))]
+    change = np.stack([at[1] - at[0], at[2] - at[0]], axis=1)[: manifold.n_gauges]
+    strain = change * (1.0 + 0.1 * np.random.default_rng(6).standard_normal(change.shape))
+    return replace(inverse_map, manifold=replace(manifold, considered_strain=strain))

@@ -34,6 +34,7 @@ HARDWARE = (
     "other errors of all gauges, as of clocking and wall",
 )
 NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
+MANOEUVRES = "mass of the wall in manoeuvres"
 """The sources of the nonlinear estimator's variance, with :data:`NOISE`, :data:`OFF_TABLES` and
 :data:`~builder.inverse.noise.flow_models.FLOW_MODELS`."""
 
@@ -153,7 +154,7 @@ def _sources_of(
     found = reference.posterior(state, sample, reference.strain_covariance(state))
     pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
     considered = reference.considered(state, sample, found)
-    joint = found.covariance[0] + np.outer(considered, considered)
+    joint = found.covariance[0] + considered.T @ considered
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
@@ -173,8 +174,12 @@ def _sources_of(
         **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
         NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
-    if manifold.considered_tables is not None:
-        parts[FLOW_MODELS] = (slopes @ considered)[FIVE_LOADS] ** 2
+    n_flow = 0 if manifold.considered_tables is None else 1
+    by_error = (considered @ slopes[FIVE_LOADS].T) ** 2
+    if n_flow:
+        parts[FLOW_MODELS] = by_error[0]
+    if len(by_error) > n_flow:
+        parts[MANOEUVRES] = by_error[n_flow:].sum(axis=0)
     covariance = wider * (slopes[FIVE_LOADS] @ joint @ slopes[FIVE_LOADS].T)
     return {name: wider * part for name, part in parts.items()}, covariance
 

@@ -227,6 +227,7 @@ HARDWARE_ERRORS = (
     "region_modulus_percent",
     "joint_softness_mm",
     "transverse_sensitivity_percent",
+    "manoeuvre_load_factor",
 )
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
 
@@ -252,6 +253,10 @@ class Noise(Section):
     ``joint_softness_mm`` of the wall's material would. Each gauge reads ``transverse_sensitivity_percent`` of the
     strain across it. These are 0 by default. Errors by region or joint need a
     body of revolution.
+
+    ``manoeuvre_load_factor`` is the specific force of manoeuvres [g] along each axis, which widens the uncertainty
+    of the nonlinear estimator by the strain of the wall's own mass. It counts for a held body of revolution on the
+    Fourier model whose materials have densities, and not with a section [mass], which has its own.
 
     ``nuisance_file`` is a CSV file next to the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
@@ -282,6 +287,7 @@ class Noise(Section):
     region_modulus_percent: float = Field(default=0.0, ge=0.0, le=50.0)
     joint_softness_mm: float = Field(default=0.0, ge=0.0, le=1e3)
     transverse_sensitivity_percent: float = Field(default=0.0, ge=0.0, le=50.0)
+    manoeuvre_load_factor: float = Field(default=2.5, ge=0.0, le=1e3)
     navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
     navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
     standard_atmosphere_percent: float = Field(default=100.0 * DEVIATION_OF_AIR, ge=1e-3, le=100.0)

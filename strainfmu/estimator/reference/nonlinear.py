@@ -290,23 +290,31 @@ class NonlinearReference:
         return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
 
     def considered(self, state: FloatArray, sample: Sample, found: Posterior) -> FloatArray:
-        """Return (4 + m,) errors of state and loads where strain and loads have the considered error.
+        """Return (k, 4 + m) errors of state and loads where strain and loads have the considered errors.
 
-        Its amplitude is standard normal; the residual r leaves it the variance 1 / (1 + h' P h) about
-        h' P r / (1 + h' P h), and the sum of the squares counts.
+        They are independent combinations of those of the map; the flow's is in the first alone. Amplitudes are
+        standard normal; the residual r leaves them the covariance C = (1 + H' P H)^-1 about C H' P r, and the mean
+        of their products counts.
 
         Source: Schmidt, Advances in Control Systems 3 (1966) 293.
         """
-        tables, m = self.manifold.considered_tables, self.manifold.n_loads
-        if tables is None:
-            return np.zeros(N_STATES + m)
-        error = evaluate(tables, state[None]).value[0]
+        strain, loads = self.considered_at(state)
         seen = found.precision[0, : self.n_d] @ self.residual(state, sample)
-        precision = 1.0 + error[: self.n_d] @ found.precision[0, : self.n_d, : self.n_d] @ error[: self.n_d]
-        mean = error[: self.n_d] @ seen / precision
-        own = np.concatenate([np.zeros(N_STATES), error[self.n_d :]])
-        turned = found.gain[0, :, : self.n_d] @ error[: self.n_d] - own
-        return np.asarray(np.sqrt(1.0 / precision + mean**2) * turned)
+        precision = np.eye(len(strain)) + strain @ found.precision[0, : self.n_d, : self.n_d] @ strain.T
+        covariance = np.linalg.inv(precision)
+        mean = covariance @ (strain @ seen)
+        own = np.hstack([np.zeros((len(strain), N_STATES)), loads])
+        turned = strain @ found.gain[0, :, : self.n_d].T - own
+        return np.asarray(np.linalg.cholesky(covariance + np.outer(mean, mean)).T @ turned)
+
+    def considered_at(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return strain (k, n_d) and loads (k, m) of the considered errors at ``state``, the flow's first."""
+        tables, m = self.manifold.considered_tables, self.manifold.n_loads
+        of_flow = np.zeros((0, self.n_d + m)) if tables is None else evaluate(tables, state[None]).value
+        alone = self.manifold.considered_strain
+        of_strain = np.zeros((0, self.n_d)) if alone is None else alone.T
+        strain = np.vstack([of_flow[:, : self.n_d], of_strain])
+        return strain, np.vstack([of_flow[:, self.n_d :], np.zeros((len(of_strain), m))])
 
     def residual(self, state: FloatArray, sample: Sample) -> FloatArray:
         """Return (n,) rows of ``sample`` less those at ``state``, 0 of what is not known."""
@@ -319,7 +327,7 @@ class NonlinearReference:
         covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
         found = self.posterior(state, sample, covariance)
         considered = self.considered(state, sample, found)
-        whole = found.covariance[0] + np.outer(considered, considered)
+        whole = found.covariance[0] + considered.T @ considered
         air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
         return NonlinearEstimate(
             **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),

@@ -51,6 +51,8 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     }
     if manifold.considered_tables is not None:
         parts["considered"] = _considered(inverse_map, manifold.considered_tables)
+    if manifold.considered_strain is not None:
+        parts["considered_strain"] = {"strain": manifold.considered_strain.T}
     if inverse_map.has_other_loads:
         parts["flight_loads"] = _other_loads(manifold)
     if manifold.parameters is not None:
@@ -72,7 +74,7 @@ def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
 
 
 def _considered(inverse_map: InverseMap, tables: FlightTables) -> Values:
-    """Return the tables of strain and all loads of the considered error."""
+    """Return the tables of strain and all loads of the considered error of the flow."""
     return {
         **vars(channel_tables(tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
         "fixed_response": tables.fixed_response,

@@ -70,6 +70,8 @@ class ManifoldMap:
         none.
     considered_response : as ``response``, of an error that widens the standard deviations of the estimates and
         corrects nothing (Schmidt's considered parameter), at one standard deviation; None for none.
+    considered_strain : (n_d, k) strain of further such errors, which no air load makes, at one standard deviation
+        each [m/m]; None for none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     parameters : what flow parameters change; None where the map holds none.
@@ -100,6 +102,7 @@ class ManifoldMap:
     shape_scale: float = 1.0
     discrepancy_shapes: FloatArray | None = None
     considered_response: FloatArray | None = None
+    considered_strain: FloatArray | None = None
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
@@ -126,6 +129,8 @@ class ManifoldMap:
             shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
         if self.considered_response is not None:
             shapes["considered_response"] = self.response.shape
+        if self.considered_strain is not None:
+            shapes["considered_strain"] = (n_d, *self.considered_strain.shape[1:2])
         if self.crossflow_range is not None:
             shapes["crossflow_range"] = (2, 2)
         if self.sensor_gain_std is not None or self.sensor_common_gain_std is not None:
@@ -269,6 +274,7 @@ UNITS = {
     "incidence_knots": "rad",
     "response": "1/Pa, m2, m3",
     "considered_response": "1/Pa, m2, m3",
+    "considered_strain": "m/m",
     "fixed_response": "m/m, N, N.m",
     "gauge_covariance": "(m/m)^2",
     "error_strain": "1/Pa",

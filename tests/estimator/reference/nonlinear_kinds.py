@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from flight_maps import whole_map, with_considered_error
+from flight_maps import whole_map, with_considered_error, with_considered_strain
 from linear_kinds import in_use, known_sensors
 from other_load_maps import with_further_tables
 from parameter_maps import with_errors_of_parameters, with_parameter_tables
@@ -44,7 +44,9 @@ KINDS = {
     "temperature": Kind(make=lambda: with_temperature(whole_map())),
     "sensors_temperature": Kind(make=lambda: with_temperature(with_sensors(with_further_tables(whole_map())))),
     "zeros": Kind(make=whole_map, has_zeros=True),
-    "considered": Kind(make=lambda: with_considered_error(with_further_tables(whole_map()))),
+    "considered": Kind(
+        make=lambda: with_considered_strain(with_considered_error(with_further_tables(whole_map())))
+    ),
     "parameters": Kind(
         make=lambda: with_errors_of_parameters(with_parameter_tables(with_further_tables(whole_map())))
     ),

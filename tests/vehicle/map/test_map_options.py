@@ -109,6 +109,7 @@ def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
         "region_modulus_percent": 0.0,
         "joint_softness_mm": 0.0,
         "transverse_sensitivity_percent": 0.0,
+        "manoeuvre_load_factor": 2.5,
     }
     assert set(stated) == set(HARDWARE_ERRORS)
     plain = Noise(std_um_per_m=0.4)

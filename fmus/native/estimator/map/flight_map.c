@@ -140,9 +140,18 @@ static void take_errors(MapFile *file, FlightMap *map, size_t n) {
     }
 }
 
-int considered_parse(MapFile *file, size_t n_rows, FlightMap *map) {
-    map->considered = map->tables; /* for the knots */
-    return tables_parse(file, "considered", n_rows, &map->considered);
+int considered_parse(MapFile *file, size_t n_gauges, size_t n_loads, FlightMap *map) {
+    if (map_has(file, "considered")) {
+        map->considered = map->tables; /* for the knots */
+        map->n_considered = 1;
+        tables_parse(file, "considered", n_gauges + n_loads, &map->considered);
+    }
+    if (map_has(file, "considered_strain")) {
+        const size_t count = map_length(file, "considered_strain.strain", 0, 1, MAX_CONSIDERED - map->n_considered);
+        map->considered_strain = map_doubles(file, "considered_strain.strain", count, n_gauges);
+        map->n_considered += count;
+    }
+    return file->good;
 }
 
 int flight_map_parse(MapFile *file, size_t n_gauges, FlightMap *map) {

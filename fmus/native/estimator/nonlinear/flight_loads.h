@@ -16,11 +16,10 @@ typedef struct {
 
 PressureErrors flight_pressure_errors(const FlightSolver *solver);
 
-/* The product of derivatives by the state and a change of the state. */
-double flight_along(const double *by_state, const double *shift);
-
-/* The error of a load where strain and that load have the considered error at a fixed state; `turned` as below. */
-double flight_considered(const FlightSolver *solver, size_t load, const double *turned);
+/* What considered error `error` adds to a load: by its change of the state, of which `by_state` are the derivatives,
+   and at a fixed state, `scale` of it; `turned` as below. */
+double flight_considered(const FlightSolver *solver, size_t error, size_t load, const double *turned, double scale,
+                         const double *by_state);
 
 /* L^-1 of `count` covariances with strain (count, n_gauges), per p_inf^2, in turned (count, n). */
 void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned);

@@ -86,7 +86,6 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
         scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
     const double square = solver->factor_pressure * solver->factor_pressure;
     double by_state[N_STATES], of_coefficient[N_STATES];
-    const double *shift = solver->considered.shift, own_error = flight_considered(solver, N_LOADS + j, turned);
     const double load = flight_corrected(solver, &other_loads->response, j, turned, by_state);
     const double left = square * other_loads->map.variance[j] - lane_dot(solver->n, turned, turned);
     const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain determines wholly, rounding leaves less */
@@ -94,11 +93,14 @@ static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *so
     for (size_t k = 0; k < N_STATES; k++) {
         of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];
     }
-    const double load_error = flight_along(by_state, shift) + own_error;
-    const double coefficient_error = flight_along(of_coefficient, shift) + scale * own_error;
-    const double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining + load_error * load_error;
-    const double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining
-                         + coefficient_error * coefficient_error;
+    double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
+    double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
+    for (size_t e = 0; e < map->n_considered; e++) {
+        const double load_error = flight_considered(solver, e, N_LOADS + j, turned, 1.0, by_state);
+        const double both_error = flight_considered(solver, e, N_LOADS + j, turned, scale, of_coefficient);
+        variance += load_error * load_error;
+        of_both += both_error * both_error;
+    }
     const double *widening = solver->solution.widening + N_STATES;
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;

@@ -269,10 +269,12 @@ void flight_settle(FlightSolver *solver) {
     found->chi_square = solver->cost - cost_of_angles(solver);
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
     flight_set_loads(solver);
-    const double *shift = solver->considered.shift;
-    for (size_t i = 0; i < N_STATES; i++) {
-        for (size_t j = 0; j < N_STATES; j++) {
-            found->widened_covariance[i * N_STATES + j] += shift[i] * shift[j];
+    for (size_t e = 0; e < solver->map->n_considered; e++) {
+        const double *shift = solver->considered.shift[e];
+        for (size_t i = 0; i < N_STATES; i++) {
+            for (size_t j = 0; j < N_STATES; j++) {
+                found->widened_covariance[i * N_STATES + j] += shift[i] * shift[j];
+            }
         }
     }
     set_navigation_residuals(solver);

@@ -5,11 +5,10 @@
 
 size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges);
-    const size_t considered = map->considered.n_rows == 0
-                                ? 0
-                                : flight_tables_doubles(&map->considered) + response_doubles(&map->considered) + n;
-    return considered + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
-         + SEARCH_STARTS * SEARCH_STATES * n + (6 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes) * n;
+    const size_t of_tables =
+        map->considered.n_rows == 0 ? 0 : flight_tables_doubles(&map->considered) + response_doubles(&map->considered);
+    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
+         + SEARCH_STARTS * SEARCH_STATES * n + (6 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes + map->n_considered) * n;
 }
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
@@ -46,8 +45,8 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     if (map->considered.n_rows > 0) {
         flight_tables_arrays(&map->considered, &solver->considered.tables, doubles);
         response_arrays(&map->considered, &solver->considered.response, doubles);
-        solver->considered.strain = taken(doubles, n);
     }
+    solver->considered.strain = taken(doubles, map->n_considered * n);
     solver->sample.used = *bytes;
     *bytes += n_gauges;
     widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);

@@ -58,13 +58,14 @@ typedef struct {
 
 #define KEPT_SEARCHES 2 /* with all of navigation, and without what is inconsistent */
 
-/* The considered error at the state of the problem, see strainfmu/estimator/tables/manifold_map.py; of maps without, 0. */
+/* The considered errors at the state of the problem, see strainfmu/estimator/tables/manifold_map.py, as independent
+   combinations of them. */
 typedef struct {
-    FlightTables tables;
+    FlightTables tables;    /* of the first, in maps that have it */
     Response response;
-    double *strain;         /* (n) L^-1 of its strain */
-    double size;            /* of it, in its standard deviations */
-    double shift[N_STATES]; /* of the state */
+    double *strain;         /* (n_considered, n) L^-1 of the strain of each */
+    double part[MAX_CONSIDERED];            /* what each has of the first, in its standard deviations; 0 without tables */
+    double shift[MAX_CONSIDERED][N_STATES]; /* of the state, by each */
 } Considered;
 
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */

@@ -20,7 +20,7 @@ static int parse(Flight *flight, MapFile *file) {
     known->present = inputs->map->has_known;
     if (!flight_map_parse(file, n, &flight->map)
         || (map_has(file, "flight_loads") && !flight_other_loads_parse(file, &flight->map, n, n_loads, loads))
-        || (map_has(file, "considered") && !considered_parse(file, n + N_LOADS + n_loads, &flight->map))
+        || !considered_parse(file, n, N_LOADS + n_loads, &flight->map)
         || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))) {
         return 0;
     }
