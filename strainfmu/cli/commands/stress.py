@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -115,19 +116,19 @@ def stress(
 
 
 def _show(console: Console, result: StressResult) -> None:
-    table = Table(title=escape(f"{result.vehicle}: errors on the truth model, samples [%]"))
-    for heading in ("error", "size", "class", "detected", "undetected", "rms/bound", ""):
-        is_text = heading in ("error", "size", "class", "")
-        table.add_column(heading, justify="left" if is_text else "right", no_wrap=heading == "error")
+    missed = ", * target missed" if result.missed else ""
+    title = escape(f"{result.vehicle}: errors on the truth model, samples [%]{missed}")
+    table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
+    table.add_column("error, size", overflow="fold")
+    for heading in ("class", "detected", "undetected", "rms/bound"):
+        table.add_column(heading, justify="left" if heading == "class" else "right", no_wrap=True)
     for one in result.entries:
         table.add_row(
-            escape(one["error"]),
-            escape(one["size"]),
+            escape(f"{one['error']}, {one['size']}"),
             one["class"],
             f"{one['detected_percent']:.2f}",
-            f"{one['undetected_percent']:.2f}",
+            f"{one['undetected_percent']:.2f}" + ("*" if one["missed"] else ""),
             _of_bound(one),
-            "missed" if one["missed"] else "",
         )
     console.print(table)
     _show_missed(console, result)

@@ -292,7 +292,7 @@ class NonlinearReference:
     def considered(self, state: FloatArray, sample: Sample, found: Posterior) -> FloatArray:
         """Return (k, 4 + m) errors of state and loads where strain and loads have the considered errors.
 
-        They are independent combinations of those of the map; the flow's is in the first alone. Amplitudes are
+        They are independent combinations of the map's errors; the flow's is in the first alone. Amplitudes are
         standard normal; the residual r leaves them the covariance C = (1 + H' P H)^-1 about C H' P r, and the mean
         of their products counts.
 
