@@ -8,6 +8,7 @@ share their names. Lines that are one command of strainfmu run in this process, 
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -15,7 +16,9 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +35,7 @@ AFTER_THE_TUTORIAL = ("docs/howto/choose_gauges_and_case.md",)
 """Pages that repeat the build of the second tutorial, in its ``results``: the files are reused."""
 LINE_BY_LINE = ("strainfmu", "printf", "sed")
 """Commands that share nothing but files: a block of these alone can be run line by line."""
+NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?(?![\w])")
 HEAD_START = 3.0
 """Seconds that a block in the background has before the next one begins."""
 
@@ -44,11 +48,12 @@ def environment() -> dict[str, str]:
 
 
 def run_shell(snippet: Snippet, folder: Path, env: dict[str, str]) -> None:
-    """Run a block as one script that ends at its first failing line."""
+    """Run a block as one script that ends at its first failing line; print what it prints."""
     command = ["bash", "-e", "-o", "pipefail", "-c", snippet.text]
     done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, timeout=1800, check=False)
     expected = int(snippet.value) if snippet.kind == "fails" else 0
     assert done.returncode == expected, f"{snippet}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    print(done.stdout, end="")
 
 
 def own_commands(line: str) -> list[list[str]]:
@@ -93,6 +98,40 @@ def run_python(snippet: Snippet, names: dict[str, Any]) -> None:
     exec(code, names)
 
 
+def check_output(snippet: Snippet, printed: str) -> None:
+    """Compare what a block printed with the page: words, and numbers within five units of their last digit.
+
+    A line of three dots on the page stands for any lines. Numbers that are zero but for rounding agree.
+    """
+    assert snippet.output is not None
+    lines = [" ".join(line.split()) for line in printed.splitlines() if line.strip()]
+    at, skips = 0, False
+    for line in [" ".join(line.split()) for line in snippet.output.splitlines() if line.strip()]:
+        if line == "...":
+            skips = True
+            continue
+        agrees = [n for n in range(at, len(lines)) if same_line(line, lines[n])]
+        assert agrees, f"{snippet}: expected {line!r} in\n{printed}"
+        assert skips or agrees[0] == at, f"{snippet}: prints more than the page shows ahead of {line!r}\n{printed}"
+        at, skips = agrees[0] + 1, False
+    assert skips or at == len(lines), f"{snippet}: prints more than the page shows\n{printed}"
+
+
+def same_line(shown: str, printed: str) -> bool:
+    """Return whether two lines are the same, numbers within five units of the last digit that is ``shown``."""
+    if NUMBER.sub("#", shown) != NUMBER.sub("#", printed):
+        return False
+    return all(map(same_number, NUMBER.findall(shown), NUMBER.findall(printed)))
+
+
+def same_number(shown: str, printed: str) -> bool:
+    """Return whether ``printed`` is what a page has ``shown``, or both are zero but for rounding."""
+    digits, _, exponent = shown.lower().partition("e")
+    unit = 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
+    size = max(abs(float(shown)), abs(float(printed)))
+    return size < 1e-5 or abs(float(shown) - float(printed)) <= 5.0 * unit * (1.0 + 1e-9)
+
+
 def run_page(name: str, folder: Path, *, slow: bool) -> None:
     """Run the blocks of a page in ``folder``, those marked slow only if ``slow``."""
     names: dict[str, Any] = {"__name__": "__main__"}
@@ -107,10 +146,14 @@ def run_page(name: str, folder: Path, *, slow: bool) -> None:
             continue
         if snippet.kind == "file":
             (folder / snippet.value).write_text(snippet.text, encoding="utf-8")
-        elif snippet.language == "sh":
-            (run_shell if slow else run_lines)(snippet, folder, environment())
-        else:
-            run_python(snippet, names)
+            continue
+        with redirect_stdout(StringIO()) as printed:
+            if snippet.language == "sh":
+                (run_shell if slow else run_lines)(snippet, folder, environment())
+            else:
+                run_python(snippet, names)
+        if snippet.output is not None:
+            check_output(snippet, printed.getvalue())
         if behind is not None:
             behind.send_signal(signal.SIGINT)
             assert behind.wait(timeout=60) == 0, snippet

@@ -121,6 +121,17 @@ def test_air_data_are_those_of_the_condition() -> None:
     assert np.all(air.is_identified)
 
 
+def test_without_incidence_its_error_is_all_of_the_crossflow_and_the_roll_angle_any() -> None:
+    """The state is symmetric: the wind has no direction along which to take the error."""
+    strain = exact_response(6.2, 0.0, 0.0, 5e3)[:N_D]
+    found = Estimator(whole_map()).estimate(strain, mach_number=6.2, static_pressure=5e3)
+    std = dict(zip(found.air_data.names, found.air_data.std, strict=True))
+    assert found.air_data.value[2] < 1e-4
+    assert std["total_incidence"] == pytest.approx(np.hypot(*found.air_data.std[:2]), rel=1e-3)
+    assert std["wind_roll_angle"] == pytest.approx(np.pi / np.sqrt(3.0))
+    assert not found.air_data.is_identified[3]
+
+
 def test_one_sample_is_a_row_of_several() -> None:
     """One estimate for strain of one axis, as of the linear estimator; steps on their own are the same."""
     estimator, flow = Estimator(whole_map()), navigation(CONDITION)

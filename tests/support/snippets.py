@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -37,6 +37,7 @@ class Snippet:
     text : its lines.
     kind : one of :data:`KINDS`, or "run".
     value : what stands behind the kind.
+    output : the block of text that follows it with nothing between, which it prints; None for none.
     """
 
     page: str
@@ -45,6 +46,7 @@ class Snippet:
     text: str
     kind: str
     value: str
+    output: str | None = None
 
     def __str__(self) -> str:
         return f"{self.page}:{self.line}"
@@ -60,12 +62,14 @@ def pages() -> list[Path]:
 def snippets(page: Path) -> list[Snippet]:
     """Return the blocks of ``page`` that are run, written to a file, or marked."""
     found, marks = [], ("run", "")
-    fence, language, start, lines = "", "", 0, []
+    fence, language, start, lines, follows = "", "", 0, [], False
     for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), start=1):
         if fence:
             if line.strip() == fence:
+                if language == "text" and follows and marks == ("run", ""):
+                    found[-1] = replace(found[-1], output="\n".join(lines) + "\n")
                 found.append(_snippet(page, start, language, lines, marks))
-                fence, marks = "", ("run", "")
+                fence, marks, follows = "", ("run", ""), language in RUN
             else:
                 lines.append(line)
             continue
@@ -75,7 +79,7 @@ def snippets(page: Path) -> list[Snippet]:
         elif mark:
             marks = (mark["kind"], mark["value"])
         elif line.strip() and not line.startswith("<!--"):
-            marks = ("run", "")
+            marks, follows = ("run", ""), False
     return [snippet for snippet in found if snippet.language in RUN or snippet.kind != "run"]
 
 

@@ -38,7 +38,7 @@ from strainfmu.estimator.reference.pressure_source import (
     measured_directions,
     pressure_source,
 )
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 """Number of air data, and their smallest standard deviation over the value."""
@@ -214,7 +214,11 @@ def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, Flo
     step = 1e-30  # of a complex argument: derivatives to the last digit
     jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
     value = air_data_at(state[None])[0]
-    std = np.sqrt(np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian))
+    variance = np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian)
+    # Without incidence the wind has no direction: its error is all of the incidence.
+    any_direction = (MIN_INCIDENCE / value[2]) ** 2 * (covariance[U, U] + covariance[W, W])
+    variance[2:4] += any_direction * np.array([1.0, value[2] ** -2])
+    std = np.sqrt(variance)
     std[5:] = value[5:] * lognormal_std(std[5:] / value[5:])
     std[3] = min(std[3], np.pi / np.sqrt(3.0))  # of a roll angle that may be any
     return value, std

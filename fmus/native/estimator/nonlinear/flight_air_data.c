@@ -84,8 +84,12 @@ void flight_air_data(const FlightMap *map, const double *prior_std, const Soluti
     row[AIR_PRESSURE][STATE_PRESSURE] = pressure;
     row[AIR_DYNAMIC][STATE_MACH] = 2.0 * dynamic / mach;
     row[AIR_DYNAMIC][STATE_PRESSURE] = dynamic;
+    /* Without incidence the wind has no direction: its error is all of the incidence. */
+    const double *covariance = found->widened_covariance, part = least / incidence;
+    const double any = part * part * (covariance[STATE_U * N_STATES + STATE_U] + covariance[STATE_W * N_STATES + STATE_W]);
+    const double added[N_AIR_DATA] = {[TOTAL_INCIDENCE] = any, [WIND_ROLL_ANGLE] = any / (incidence * incidence)};
     for (int i = 0; i < N_AIR_DATA; i++) {
-        const double variance = quadratic(N_STATES, row[i], found->widened_covariance, row[i]);
+        const double variance = quadratic(N_STATES, row[i], covariance, row[i]) + added[i];
         std[i] = sqrt(variance > 0.0 ? variance : 0.0);
     }
     for (int i = AIR_PRESSURE; i <= AIR_DYNAMIC; i++) {
