@@ -25,7 +25,7 @@ LARGEST_SCALE = 3.0
 """Factor on an alarm level from which map and independent model do not agree: then the level stays the
 theory's."""
 
-RATE = 0.65 * FALSE_ALARM_PROBABILITY
+RATE = 0.6 * FALSE_ALARM_PROBABILITY
 """Rate that levels are set for: on flows that they were not set on, the rate is 1.4 to 1.5 times as large."""
 
 PARTS, RATE_OF_PARTS = 10, 2e-3

@@ -123,11 +123,12 @@ def _default(field: FieldInfo) -> str:
     needed = [one.what for one in field.metadata if isinstance(one, NeededBy)]
     if field.is_required() or needed:
         return f"required with {needed[0]}" if needed else "required"
-    if field.default is None or isinstance(field.default, BaseModel):
+    default = field.get_default(call_default_factory=True)
+    if default is None or default in ({}, []) or isinstance(default, BaseModel):
         return ""
-    if isinstance(field.default, bool):
-        return f"`{str(field.default).lower()}`"
-    return f"`{field.default!r}`".replace("'", '"')
+    if isinstance(default, bool):
+        return f"`{str(default).lower()}`"
+    return f"`{default!r}`".replace("'", '"')
 
 
 def _limits(field: FieldInfo, name: str) -> str:
