@@ -48,11 +48,11 @@ def nominal_kinds() -> list[Kind]:
             error="nothing wrong",
             size="vehicle of the file",
             group="within",
-            what="The independent model without hardware errors, with gauge noise.",
+            what="The independent model without installation errors, with gauge noise.",
             outside_target=0.1,
         ),
         Kind(
-            error="all hardware errors",
+            error="all installation errors",
             size="drawn at their stated sizes",
             group="within",
             what="Vehicles as built; every sigma is meant for these.",
@@ -61,7 +61,7 @@ def nominal_kinds() -> list[Kind]:
             outside_target=0.1,
         ),
         Kind(
-            error="all hardware errors",
+            error="all installation errors",
             size="drawn at twice their stated sizes",
             group="outside",
             what="Vehicles built worse than stated: a third of their errors is beyond twice the stated size.",

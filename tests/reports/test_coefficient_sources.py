@@ -47,7 +47,7 @@ def test_sigma_without_sources(report: BuildReport) -> None:
         assert row[0] == name
         np.testing.assert_allclose(row[1:], found.std_without([name]))
     last = report_tables(report)["sigmas_without"].rows[-1]
-    assert (last[0] == "all hardware errors") == bool(found.hardware)
+    assert (last[0] == "all installation errors") == bool(found.hardware)
     if found.hardware:
         np.testing.assert_allclose(last[1:], found.std_without(found.hardware))
     assert found.std_without(found.names) == pytest.approx(0.0, abs=1e-6 * found.std.max())

@@ -120,7 +120,7 @@ def test_page_and_numbers_hold_the_same_sentences(report: BuildReport, html: str
     for lines in summary.values():
         assert all(line in opening for line in lines)
     assert all(name in opening for name in report.coefficients.names)
-    hardware = re.search(r"(\d+) of these are hardware errors. Without them .* C_N ([\d.]+) %", opening)
+    hardware = re.search(r"(\d+) of these are installation errors. Without them .* C_N ([\d.]+) %", opening)
     assert (hardware is not None) == bool(report.coefficients.hardware)
     if hardware:
         found = report.coefficients

@@ -28,7 +28,7 @@ def kind_of(trial: Range, error: str, size: str) -> Kind:
     ("error", "size"),
     [
         ("nothing wrong", "vehicle of the file"),
-        ("all hardware errors", "drawn at their stated sizes"),
+        ("all installation errors", "drawn at their stated sizes"),
         ("Young's modulus", "+1 %"),
         ("wall thickness", "+2 %"),
         ("roll of the layout", "+1 deg"),

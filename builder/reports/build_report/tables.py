@@ -21,7 +21,7 @@ from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 MICRO = SCALES["um/m"]
 MICROSTRAIN_PER_KPA = 1e9
 MAX_PAIRS = 200
-ALL_HARDWARE = "all hardware errors"
+ALL_HARDWARE = "all installation errors"
 
 
 def report_tables(report: BuildReport) -> dict[str, Table]:
