@@ -22,7 +22,7 @@ from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
-from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
 from strainfmu.cosim.estimators.step import (
     OTHER_LOAD_OUTPUTS,
     PARAMETERS,
@@ -368,11 +368,6 @@ def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
     return groups_of_outputs(load_inverse_map(source))
 
 
-def form_of_profile(profile: str) -> str:
-    """Return the form of results for a profile."""
-    return {"fd64": "fd", SECURED_PROFILE: "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
-
-
 def result_form(options: BridgeOptions, layout: InputLayout) -> str:
     """Return the form of the result frames, stated or the input's.
 
@@ -384,7 +379,7 @@ def result_form(options: BridgeOptions, layout: InputLayout) -> str:
     form = options.result_form
     if form is None:
         if options.dbc is None:
-            return form_of_profile(options.profile)
+            return result_form_of(options.profile)
         return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
     if form not in RESULT_FORMS:
         raise InputError(f"results.form: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")

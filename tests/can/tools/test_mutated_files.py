@@ -148,12 +148,14 @@ def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -
     path.write_bytes(content)
     sound = ends(path)
     assert sound.code == 0, sound.errors
-    found = []
+    found, longest, largest = [], 0.0, 0
     for seed in seeds:
         path.write_bytes(changed(kind, content, seed))
-        problem = ends(path).problem()
-        if problem:
+        ended = ends(path)
+        longest, largest = max(longest, ended.duration), max(largest, ended.memory)
+        if problem := ended.problem():
             found.append(f"seed {seed}: {problem}")
+    print(f"{kind}: {len(seeds)} mutations, at most {longest:.1f} s and {largest / 2**20:.0f} MiB")
     return found
 
 
