@@ -240,7 +240,7 @@ class CycleJudge:
         apart = (arrival.sample_time * frame.tick - now + 0.5 * whole) % whole - 0.5 * whole
         if abs(apart) > self._settings.max_age * self._layout.cycle_time:
             return FrameClass.TOO_OLD
-        self._taring.ask(arrival.plan.numbers(arrival.frame.data)[frame.request or 0])
+        self._taring.ask(int(arrival.plan.raw(arrival.frame.data)[frame.request or 0]))
         return FrameClass.USED
 
     def keep_pace(self, cycle: Cycle) -> None:

@@ -22,9 +22,6 @@ MF4 = ".mf4"
 _BUS_EVENT, _BUS, _CAN = 2, 2, 2
 """Flag of a channel group whose records are events of a bus, type of its source, and of the bus (ASAM MDF 4)."""
 
-READ_SUFFIXES = (*LOG_SUFFIXES, MF4)
-"""Formats of logs that are read; all but MF4 are also recorded."""
-
 FRAME_CHANNEL = "CAN_DataFrame"
 """Channel of an MF4 file that holds the frames of a bus (ASAM MDF, bus logging)."""
 
