@@ -169,21 +169,7 @@ def make_core(
         An option or a file is wrong.
     """
     checked_cycle_time(options.cycle_time, "cycle time")
-    settings = BridgeSettings(
-        max_age=options.max_age,
-        stuck_cycles=options.stuck_cycles,
-        zero_cycles=options.zero_cycles,
-        gauge_noise=options.gauge_noise,
-        clock_rate=options.clock_rate,
-        clock_tolerance=options.clock_tolerance,
-        hidden_age=options.hidden_age,
-        learn_time=options.learn_time,
-        max_uncertainty=float("inf") if options.max_uncertainty is None else options.max_uncertainty,
-        synchronised=options.synchronised,
-        synchronised_shift=options.synchronised_shift,
-        period_tolerance=options.period_tolerance,
-        accepts_restart=options.restart == "accept",
-    )
+    settings = BridgeSettings.of(options)
     layout, configuration = step_input_layout(step, options, gauge_names)
     groups = load_groups_of(step)
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, groups)

@@ -282,7 +282,7 @@ def test_proofs_of_a_restart(clock: float, counter: int, is_proven: bool) -> Non
     assert n_valid(results) == 40
 
 
-ACCEPTING = BridgeSettings(accepts_restart=True)
+ACCEPTING = BridgeSettings(restart="accept")
 
 
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
