@@ -170,7 +170,7 @@ def make_core(
     """
     checked_cycle_time(options.cycle_time, "cycle time")
     settings = BridgeSettings.of(options)
-    layout, configuration = step_input_layout(step, options, gauge_names)
+    layout, configuration = input_layout(options, gauge_names, reading_units_of(step), step)
     groups = load_groups_of(step)
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, groups)
     options.identifiers.checked(1, len(results))
@@ -217,18 +217,13 @@ def _taring(
 def input_layout(
     options: BridgeOptions,
     gauge_names: Sequence[str],
-    sensor_names: Sequence[str] = (),
-    parameter_names: Sequence[str] = (),
-    parameter_std_names: Sequence[str] = (),
-    flow_names: Sequence[str] = (),
     readings: Mapping[str, str] | None = None,
+    step: Step | None = None,
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
-    ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for flow
-    parameters, which a mapping may name, and ``parameter_std_names`` its inputs for their sigmas;
-    ``flow_names`` are all of its other inputs; ``readings`` are the units of its inputs for auxiliary sensors
-    and thrust, by name.
+    ``readings`` are the units of the estimator's inputs for auxiliary sensors and thrust, by name; ``step`` is the
+    estimator, whose other inputs a mapping may name.
 
     Raises
     ------
@@ -258,10 +253,10 @@ def input_layout(
         load_mapping(options.mapping),
         gauge_names=gauge_names,
         name=str(options.mapping),
-        sensor_names=sensor_names,
-        parameter_names=parameter_names,
-        parameter_std_names=parameter_std_names,
-        flow_names=flow_names,
+        sensor_names=() if step is None else sensor_names_of(step),
+        parameter_names=() if step is None else parameter_names_of(step),
+        parameter_std_names=() if step is None else parameter_std_names_of(step),
+        flow_names=() if step is None else other_inputs(step),
         readings=readings,
     )
     return layout, configuration_of(options.dbc.name, of_all)
@@ -279,22 +274,9 @@ def map_input_layout(options: BridgeOptions, source: Path) -> tuple[InputLayout,
 
     names, readings = map_gauge_names(source), map_reading_units(source)
     if options.dbc is None:
-        return input_layout(options, names, readings=readings)[0], names, readings
-    with open_step(source) as ready:  # a mapping may name every input of the estimator
-        return step_input_layout(ready.step, options, names)[0], names, readings
-
-
-def step_input_layout(step: Step, options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
-    """Return what :func:`input_layout` does for the inputs of an estimator."""
-    return input_layout(
-        options,
-        gauge_names,
-        sensor_names=sensor_names_of(step),
-        parameter_names=parameter_names_of(step),
-        parameter_std_names=parameter_std_names_of(step),
-        flow_names=other_inputs(step),
-        readings=reading_units_of(step),
-    )
+        return input_layout(options, names, readings)[0], names, readings
+    with open_step(source) as ready:
+        return input_layout(options, names, readings, ready.step)[0], names, readings
 
 
 def key_of(options: BridgeOptions) -> AuthenticationKey | None:
