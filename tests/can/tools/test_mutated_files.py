@@ -159,9 +159,9 @@ def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -
     return found
 
 
-@pytest.mark.parametrize("seed", [15, 21, 37, 51])
+@pytest.mark.parametrize("seed", [15, 21, 37, 51, 251, 311, 436])
 def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    """By a crash, a loop, or a message of its own; it is read in a process apart."""
+    """By a crash, a loop, a message of its own, gigabytes, or times without end; it is read in a process apart."""
     assert problems("mf4", range(seed, seed + 1), synthetic, tmp_path) == []
 
 
