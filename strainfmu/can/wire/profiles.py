@@ -37,9 +37,9 @@ from strainfmu.units import STRAIN_UNITS
 _FOLDER = Path(__file__).parents[1] / "profiles"
 _SHARED = "signals"
 
-PROFILES = tuple(sorted(path.stem for path in _FOLDER.glob("*.toml") if path.stem != _SHARED))
-
 SECURED_PROFILE = "fd64-sec"
+
+PROFILES = ("fd64", "classic-le", "classic-be", "float2", SECURED_PROFILE)
 
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"

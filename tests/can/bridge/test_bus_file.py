@@ -83,7 +83,7 @@ def test_a_replay_keeps_what_is_not_stated() -> None:
         ("[clock]\nhidden_ms = '5'\n", r"clock.hidden_ms: expected a number \[ms\], got '5'"),
         ("[trust]\nstuck_cycles = 1.5\n", r"trust.stuck_cycles: expected a whole number \[cycles\], got '1.5'"),
         ("[input]\nextended = 1\n", "input.extended: expected true or false, got '1'"),
-        ("[input]\nprofile = 'fd65'\n", "input.profile: expected one of classic-be, .*, got 'fd65'"),
+        ("[input]\nprofile = 'fd65'\n", "input.profile: expected one of fd64, .*, got 'fd65'"),
         ("[input]\ndbc = 'a.dbc'\nprofile = 'fd64'\n", "input.profile: expected without input.dbc, got both"),
         ("[input]\ndbc = 'a.dbc'\n", "input.strain: expected a signal for each gauge of input.dbc, got none"),
         ("[input.strain]\ng1 = 'R.S'\n", "input.strain: unknown entry"),
