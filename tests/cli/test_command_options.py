@@ -98,6 +98,13 @@ def test_old_options_name_the_entry_that_replaces_them(command: str, run: Run) -
         assert f"{option}: state it as entry {name} of [{table}] in the bus file" in errors
 
 
+@pytest.mark.parametrize("command", ["bridge", "send"])
+def test_the_bus_file_leaves_at_most_ten_options(command: str) -> None:
+    """Arguments and --help aside: everything else is an entry of the bus file."""
+    options = [one for one in get_command(app).commands[command].params if one.opts[0].startswith("--")]
+    assert len([one for one in options if "--help" not in one.opts]) <= 10
+
+
 @pytest.mark.parametrize("option", OLD_SOURCES)
 def test_old_sources_of_send_name_what_replaces_them(option: str, run: Run) -> None:
     code, _, errors = run("send", option, "x")

@@ -18,7 +18,7 @@ from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.settings import BridgeSettings, StateMachineSettings
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame_layout import FLOAT, FlowSignal, FrameLayout, InputFrame, InputLayout, SignalLayout
-from strainfmu.can.wire.profile_signals import header_5, sample_time_signal, status_signal
+from strainfmu.can.wire.profiles import header_5, shared_signal
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import other_inputs
@@ -119,7 +119,7 @@ def _frame(name: str, identifier: int, n: int) -> InputFrame:
         name=name,
         identifier=identifier,
         length=64,
-        signals=(*header_5(), status_signal(24, 8), sample_time_signal(32), *numbers),
+        signals=(*header_5(), shared_signal("status", 24), shared_signal("sample_time", 32), *numbers),
         is_fd=True,
         protection=Protection(5, identifier),
         cycle_time=CYCLE,

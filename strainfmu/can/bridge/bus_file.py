@@ -14,7 +14,8 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.options import RESTARTS, RESULT_FORMS, BridgeOptions
+from strainfmu.can.bridge.options import RESULT_FORMS, BridgeOptions
+from strainfmu.can.settings import RESTARTS
 from strainfmu.can.wire.dbc_files import MAPPING_TABLE
 from strainfmu.can.wire.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError

@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from strainfmu.can.settings import StatedLimits
 from strainfmu.can.wire.profiles import Identifiers
 
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
-RESTARTS = ("confirm", "accept")
-
 
 @dataclass(frozen=True, kw_only=True)
-class BridgeOptions:
-    """Options of a user; times in seconds.
+class BridgeOptions(StatedLimits):
+    """Options of a user, with the limits that may be stated; times in seconds.
 
     Attributes
     ----------
@@ -26,12 +25,6 @@ class BridgeOptions:
     result_form : one of RESULT_FORMS, None for the input's.
     key_file : key of profile fd64-sec, None of others.
     freshness_file : where the freshness value is remembered across runs, None for next to the key.
-    stuck_cycles, zero_cycles, max_age : as of :class:`~strainfmu.can.settings.BridgeSettings`.
-    clock_rate, clock_tolerance, hidden_age, learn_time, synchronised, synchronised_shift : as there.
-    max_uncertainty : as there; None for no limit.
-    period_tolerance : as there.
-    restart : one of RESTARTS: a restarted sender needs a proof, or none.
-    gauge_noise : standard deviation of the gauges' noise at rest [m/m], None for what the estimator was made with.
     zeros : file of what the gauges read without strain (zeros.toml), None for what the FMU was exported with.
     tare : map of the same gauges, with which tares are taken on command; None: they are not.
     tare_cycles : window of a tare [cycles].
@@ -50,21 +43,8 @@ class BridgeOptions:
     identifiers: Identifiers = field(default_factory=Identifiers)
     dynamic_pressure: float | None = None
     result_form: str | None = None
-    stuck_cycles: int | None = None
-    zero_cycles: int | None = None
-    gauge_noise: float | None = None
-    max_age: float = 5.0
     key_file: Path | None = None
     freshness_file: Path | None = None
-    clock_rate: float = 0.0
-    clock_tolerance: float = 1e-4
-    hidden_age: float = 0.01
-    learn_time: float = 600.0
-    max_uncertainty: float | None = None
-    restart: str = "confirm"
-    period_tolerance: float = 0.2
-    synchronised: float | None = None
-    synchronised_shift: float = 0.0
     zeros: Path | None = None
     tare: Path | None = None
     tare_cycles: int = 500

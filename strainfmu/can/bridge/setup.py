@@ -22,7 +22,7 @@ from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.wire.libraries import import_can
-from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
 from strainfmu.cosim.estimators.step import (
     OTHER_LOAD_OUTPUTS,
     PARAMETERS,
@@ -169,22 +169,8 @@ def make_core(
         An option or a file is wrong.
     """
     checked_cycle_time(options.cycle_time, "cycle time")
-    settings = BridgeSettings(
-        max_age=options.max_age,
-        stuck_cycles=options.stuck_cycles,
-        zero_cycles=options.zero_cycles,
-        gauge_noise=options.gauge_noise,
-        clock_rate=options.clock_rate,
-        clock_tolerance=options.clock_tolerance,
-        hidden_age=options.hidden_age,
-        learn_time=options.learn_time,
-        max_uncertainty=float("inf") if options.max_uncertainty is None else options.max_uncertainty,
-        synchronised=options.synchronised,
-        synchronised_shift=options.synchronised_shift,
-        period_tolerance=options.period_tolerance,
-        accepts_restart=options.restart == "accept",
-    )
-    layout, configuration = step_input_layout(step, options, gauge_names)
+    settings = BridgeSettings.of(options)
+    layout, configuration = input_layout(options, gauge_names, reading_units_of(step), step)
     groups = load_groups_of(step)
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, groups)
     options.identifiers.checked(1, len(results))
@@ -231,18 +217,13 @@ def _taring(
 def input_layout(
     options: BridgeOptions,
     gauge_names: Sequence[str],
-    sensor_names: Sequence[str] = (),
-    parameter_names: Sequence[str] = (),
-    parameter_std_names: Sequence[str] = (),
-    flow_names: Sequence[str] = (),
     readings: Mapping[str, str] | None = None,
+    step: Step | None = None,
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
-    ``sensor_names`` are the temperature sensors of the estimator, ``parameter_names`` its inputs for flow
-    parameters, which a mapping may name, and ``parameter_std_names`` its inputs for their sigmas;
-    ``flow_names`` are all of its other inputs; ``readings`` are the units of its inputs for auxiliary sensors
-    and thrust, by name.
+    ``readings`` are the units of the estimator's inputs for auxiliary sensors and thrust, by name; ``step`` is the
+    estimator, whose other inputs a mapping may name.
 
     Raises
     ------
@@ -272,10 +253,10 @@ def input_layout(
         load_mapping(options.mapping),
         gauge_names=gauge_names,
         name=str(options.mapping),
-        sensor_names=sensor_names,
-        parameter_names=parameter_names,
-        parameter_std_names=parameter_std_names,
-        flow_names=flow_names,
+        sensor_names=() if step is None else sensor_names_of(step),
+        parameter_names=() if step is None else parameter_names_of(step),
+        parameter_std_names=() if step is None else parameter_std_names_of(step),
+        flow_names=() if step is None else other_inputs(step),
         readings=readings,
     )
     return layout, configuration_of(options.dbc.name, of_all)
@@ -293,22 +274,9 @@ def map_input_layout(options: BridgeOptions, source: Path) -> tuple[InputLayout,
 
     names, readings = map_gauge_names(source), map_reading_units(source)
     if options.dbc is None:
-        return input_layout(options, names, readings=readings)[0], names, readings
-    with open_step(source) as ready:  # a mapping may name every input of the estimator
-        return step_input_layout(ready.step, options, names)[0], names, readings
-
-
-def step_input_layout(step: Step, options: BridgeOptions, gauge_names: Sequence[str]) -> tuple[InputLayout, int]:
-    """Return what :func:`input_layout` does for the inputs of an estimator."""
-    return input_layout(
-        options,
-        gauge_names,
-        sensor_names=sensor_names_of(step),
-        parameter_names=parameter_names_of(step),
-        parameter_std_names=parameter_std_names_of(step),
-        flow_names=other_inputs(step),
-        readings=reading_units_of(step),
-    )
+        return input_layout(options, names, readings)[0], names, readings
+    with open_step(source) as ready:
+        return input_layout(options, names, readings, ready.step)[0], names, readings
 
 
 def key_of(options: BridgeOptions) -> AuthenticationKey | None:
@@ -368,11 +336,6 @@ def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
     return groups_of_outputs(load_inverse_map(source))
 
 
-def form_of_profile(profile: str) -> str:
-    """Return the form of results for a profile."""
-    return {"fd64": "fd", SECURED_PROFILE: "fd", "classic-be": "classic-be"}.get(profile, "classic-le")
-
-
 def result_form(options: BridgeOptions, layout: InputLayout) -> str:
     """Return the form of the result frames, stated or the input's.
 
@@ -384,7 +347,7 @@ def result_form(options: BridgeOptions, layout: InputLayout) -> str:
     form = options.result_form
     if form is None:
         if options.dbc is None:
-            return form_of_profile(options.profile)
+            return result_form_of(options.profile)
         return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
     if form not in RESULT_FORMS:
         raise InputError(f"results.form: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")

@@ -28,7 +28,7 @@ from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
-from strainfmu.can.wire.profile_signals import LARGEST_DYNAMIC_PRESSURE
+from strainfmu.can.wire.profiles import LARGEST_DYNAMIC_PRESSURE
 from strainfmu.cosim.estimators.step import Step, needs_pressure, noise_of, sensor_range_of
 from strainfmu.errors import InputError
 

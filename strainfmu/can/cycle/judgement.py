@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan, nan
+from math import inf, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -145,7 +145,7 @@ class CycleJudge:
             is_fixed=flow.is_fixed,
             period=layout.cycle_time,
             max_age=settings.max_age * layout.cycle_time,
-            max_uncertainty=settings.max_uncertainty,
+            max_uncertainty=inf if settings.max_uncertainty is None else settings.max_uncertainty,
             hidden_age=settings.hidden_age,
             n_late=0,
             longest_late=settings.recovery_cycles,
@@ -240,7 +240,7 @@ class CycleJudge:
         apart = (arrival.sample_time * frame.tick - now + 0.5 * whole) % whole - 0.5 * whole
         if abs(apart) > self._settings.max_age * self._layout.cycle_time:
             return FrameClass.TOO_OLD
-        self._taring.ask(arrival.plan.numbers(arrival.frame.data)[frame.request or 0])
+        self._taring.ask(int(arrival.plan.raw(arrival.frame.data)[frame.request or 0]))
         return FrameClass.USED
 
     def keep_pace(self, cycle: Cycle) -> None:

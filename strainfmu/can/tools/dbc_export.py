@@ -7,14 +7,13 @@ from pathlib import Path
 
 from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.bridge.setup import (
-    form_of_profile,
     map_gauge_names,
     map_load_groups,
     map_reading_units,
 )
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout
-from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.can.wire.profiles import Identifiers, profile_layout, result_form_of
 from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.files import write_bytes_atomically
 
@@ -77,6 +76,6 @@ def all_layouts(
         has_tare=has_tare,
         readings=readings,
     )
-    results = result_layouts(form_of_profile(profile), identifiers, cycle_time, groups)
+    results = result_layouts(result_form_of(profile), identifiers, cycle_time, groups)
     identifiers.checked(len(layout.frames), len(results))
     return [*(frame.layout for frame in layout.frames), *results]

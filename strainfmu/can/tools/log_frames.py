@@ -22,8 +22,8 @@ MF4 = ".mf4"
 _BUS_EVENT, _BUS, _CAN = 2, 2, 2
 """Flag of a channel group whose records are events of a bus, type of its source, and of the bus (ASAM MDF 4)."""
 
-READ_SUFFIXES = (*LOG_SUFFIXES, MF4)
-"""Formats of logs that are read; all but MF4 are also recorded."""
+_LARGEST_TIME = 2.0**53 / 1e6
+"""Time [s] from which on a float does not hold whole microseconds: no time stamp, but a damage."""
 
 FRAME_CHANNEL = "CAN_DataFrame"
 """Channel of an MF4 file that holds the frames of a bus (ASAM MDF, bus logging)."""
@@ -97,7 +97,10 @@ def log_frames(
         )
         try:
             for message in _reader(path, raw):
-                time = whole_microseconds(message.timestamp + (origin if path.suffix.lower() == ".asc" else 0.0))
+                stamp = message.timestamp + (origin if path.suffix.lower() == ".asc" else 0.0)
+                if not abs(stamp) <= _LARGEST_TIME:
+                    raise ValueError(f"a time stamp of {stamp:g} s")
+                time = whole_microseconds(stamp)
                 state.backwards += time < last
                 last = max(time, last)
                 count += 1
@@ -107,7 +110,7 @@ def log_frames(
         except damaged as error:
             if count == 0:
                 raise InputError(f"{path}: damaged, or no log of this format") from error
-            state.ends_early = f"the log ends in the middle of a frame, after {count} whole ones"
+            state.ends_early = f"the log is damaged, or ends in the middle of a frame, after {count} whole ones"
     if progress is not None:
         progress(size, size)
 

@@ -24,8 +24,6 @@ FRESHNESS_BYTES = 6
 AUTHENTICATOR_BYTES = 8
 """Bytes of the authenticator in a frame; NIST SP 800-38B asks for at least 64 bits."""
 
-SECURED_BYTES = FRESHNESS_BYTES + AUTHENTICATOR_BYTES
-
 MESSAGE_BITS = 32
 """Bits of the message counter, the low part of the freshness value; the trip counter is above them."""
 

@@ -11,12 +11,15 @@ import numpy as np
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
 from strainfmu.can.wire.frame_layout import FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
-from strainfmu.can.wire.signal_plan import checked_signal
+from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN
 
 _WIDTH, _WHOLE = 64, 1 << 64
 _KINDS = (UNSIGNED, SIGNED, FLOAT)
 """In the order of strainbus.h."""
+
+FLOAT_LENGTHS = (16, 32, 64)
+"""Bits of a float (IEEE 754)."""
 
 
 class _Decoder(Record):
@@ -146,3 +149,25 @@ def _place(signal: SignalLayout) -> tuple[int, int, int]:
 
 def _integers(numbers: Sequence[Any]) -> IntArray:
     return np.array(numbers, dtype=np.int64)
+
+
+def checked_signal(signal: SignalLayout, layout: FrameLayout) -> SignalLayout:
+    """Return a signal of ``layout`` that can be decoded.
+
+    Raises
+    ------
+    InputError
+        It does not fit into the frame or into 64 bits, or is of a kind that does not exist.
+    """
+    where = f"frame '{layout.name}', signal '{signal.name}'"
+    if not 1 <= signal.length <= _WIDTH:
+        raise InputError(f"{where}: {signal.length} bits found, 1 to {_WIDTH} allowed")
+    if signal.kind not in (UNSIGNED, SIGNED, FLOAT):
+        raise InputError(f"{where}: expected unsigned, signed or float, got kind '{signal.kind}'")
+    if signal.kind == FLOAT and signal.length not in FLOAT_LENGTHS:
+        raise InputError(f"{where}: a float of {signal.length} bits found, 16, 32 or 64 allowed")
+    if not (np.isfinite(signal.scale) and signal.scale != 0.0 and np.isfinite(signal.offset)):
+        raise InputError(f"{where}: expected finite numbers, got scale {signal.scale:g}, offset {signal.offset:g}")
+    if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
+        raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
+    return signal

@@ -11,6 +11,7 @@ from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any, TypeVar
 
+from strainfmu.can.wire.cycle_plan import checked_signal
 from strainfmu.can.wire.dbc_lookup import MappedDatabase
 from strainfmu.can.wire.dbc_signals import selector_value, signal_layout
 from strainfmu.can.wire.flow_units import to_si
@@ -29,7 +30,6 @@ from strainfmu.can.wire.frame_layout import (
 )
 from strainfmu.can.wire.mixed_rates import PERIODS_HELD, cycle_time_of, with_rates
 from strainfmu.can.wire.profiles import signal_names
-from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
@@ -336,7 +336,8 @@ class _Mapper:
             sender=message.senders[0] if message.senders else "",
             multiplexer=multiplexer,
         )
-        SignalPlan(layout)  # refuses what cannot be decoded
+        for signal in layout.signals:
+            checked_signal(signal, layout)
         return layout
 
     def _switch(self, message: Any, signals: list[Any], where: str) -> Any:

@@ -165,10 +165,6 @@ class FlowSignal:
     to_si: float = 1.0
     offset: float = 0.0
 
-    def si(self, value: float) -> float:
-        """Return ``value`` of the signal in SI units."""
-        return value * self.to_si + self.offset
-
 
 @dataclass(frozen=True, kw_only=True)
 class InputFrame:

@@ -1,68 +1,55 @@
-"""The five profiles, frame layouts that need no DBC file: fd64, classic-le, classic-be, float2 and fd64-sec.
+"""The profiles, frame layouts that need no DBC file: each is one file of the folder ``profiles``.
 
-fd64: 27 gauges per CAN FD frame of 64 bytes, each frame under E2E profile 5. fd64-sec: 20 gauges per frame, each
-frame authenticated as well. The others: plain frames of 8 bytes, as strain amplifiers send them (4 x 16 bit,
-2 x float32), closed by a trailer whose CRC covers the whole cycle.
+A file states the frames of any number of gauges and sensors; signals.toml holds the signals that profiles share.
+The names of gauges and sensors, their number, identifiers, period and configuration number come from the user: no
+DBC file could hold them all, so that ``strainfmu dbc`` writes one from the same frames.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
 
-from strainfmu.can.wire.authenticator import SECURED_BYTES, AuthenticationKey, Secured
+from strainfmu.can.wire.authenticator import AuthenticationKey, Secured
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame import EXTENDED_FLAG
 from strainfmu.can.wire.frame_layout import (
-    ALTITUDE,
     BIG,
-    DYNAMIC_PRESSURE,
+    FLOW_QUANTITIES,
     LITTLE,
-    MACH_NUMBER,
     FlowSignal,
     FrameLayout,
     InputFrame,
     InputLayout,
+    SignalLayout,
 )
-from strainfmu.can.wire.profile_signals import (
-    altitude_signal,
-    configuration_signal,
-    float_strain_signal,
-    freshness_signals,
-    header_1,
-    header_5,
-    mach_signal,
-    pressure_signal,
-    sample_time_signal,
-    short_sample_time,
-    status_signal,
-    strain_signal,
-)
-from strainfmu.can.wire.reading_frames import (
-    READINGS_PER_FD_FRAME,
-    READINGS_PER_SECURED_FRAME,
-    reading_frames,
-)
-from strainfmu.can.wire.tare_frame import tare_frame
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.units import STRAIN_UNITS
+
+_FOLDER = Path(__file__).parents[1] / "profiles"
+_SHARED = "signals"
 
 SECURED_PROFILE = "fd64-sec"
 
 PROFILES = ("fd64", "classic-le", "classic-be", "float2", SECURED_PROFILE)
 
-GAUGES_PER_FD_FRAME, GAUGES_PER_SECURED_FRAME = 27, 20
-
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"
 
-_NAVIGATION_DATA_ID = 0x5200
-_PRESSURE_DATA_ID = 0x5300
-_STRAIN_DATA_ID = 0x5301
-_MICRO = 1e-6
-_NAVIGATION_TEXT = "Mach number and altitude by navigation; optional: a sender without them does not send it"
+E2E_CRC, E2E_COUNTER = "E2E_CRC", "E2E_Counter"
+"""Signals of the end-to-end protection, which are written when all others are."""
+
+_READING = "reading"
+_UNITS = {"1": "m/m"}
+"""Units of FMI that a DBC file writes otherwise."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +98,85 @@ def configuration_of(profile: str, gauge_names: Sequence[str]) -> int:
     return 1 + int.from_bytes(digest[:2], "big") % 65534
 
 
+def signal_names(gauge_names: Sequence[str], kind: str = "gauge") -> list[str]:
+    """Return a distinct C identifier for every gauge, or other ``kind`` of sensor, as DBC files require."""
+    names: list[str] = []
+    for number, gauge in enumerate(gauge_names, start=1):
+        name = re.sub(r"\W+", "_", gauge, flags=re.ASCII)[:28]
+        if not re.match(r"[A-Za-z_]", name) or name in names:
+            name = f"{kind}_{number}_{name}"[:32]
+        names.append(name)
+    return names
+
+
+@cache
+def _stated(name: str) -> Mapping[str, Any]:
+    """Return what the file of a profile states, and of the profile that it is like, or the shared signals."""
+    return tomllib.loads((_FOLDER / f"{name}.toml").read_text("utf-8"))
+
+
+LARGEST_DYNAMIC_PRESSURE: float = _stated(_SHARED)["dynamic_pressure"]["maximum"]
+"""Dynamic pressure [Pa] above which there are no coefficients."""
+
+
+@cache
+def _profile(name: str) -> Mapping[str, Any]:
+    """Return what a profile states; what it is like states the entries and signals that it does not."""
+    own = _stated(name)
+    before = _profile(own["like"]) if "like" in own else {"signal": _stated(_SHARED)}
+    return {**_merged(before, own), "signal": {**before["signal"], **own.get("signal", {})}}
+
+
+def _merged(before: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of ``before``, in their order, replaced by entries of ``own``, table by table."""
+    merged = {**before, **own}
+    for name, entry in own.items():
+        if isinstance(entry, Mapping) and isinstance(before.get(name), Mapping):
+            merged[name] = _merged(before[name], entry)
+    return merged
+
+
+def result_form_of(profile: str) -> str:
+    """Return the form of the result frames for a profile."""
+    return str(_profile(profile)["results"])
+
+
+def shared_signal(field: str, first_bit: int) -> SignalLayout:
+    """Return the signal ``field`` of signals.toml, little endian, at its place in a frame."""
+    return _signal(_stated(_SHARED)[field], first_bit, LITTLE)
+
+
+def header_5() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 5."""
+    return shared_signal("crc_5", 0), shared_signal("counter_5", 16)
+
+
+def header_1() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 1."""
+    return shared_signal("crc_1", 0), shared_signal("counter_1", 8)
+
+
+def _signal(stated: Mapping[str, Any], first_bit: int, byte_order: str, **known: Any) -> SignalLayout:
+    """Return a signal; ``byte_order`` is for one that states none, ``known`` are fields that the user gives.
+
+    A big endian signal begins with the highest bit of its first byte.
+    """
+    fields = {name: value for name, value in stated.items() if name in SignalLayout.__dataclass_fields__}
+    fields = {"byte_order": byte_order, **fields, **known}
+    start = first_bit + 7 if fields["byte_order"] == BIG else first_bit
+    choices = tuple((number, text) for number, text in stated.get("choices", ()))
+    return SignalLayout(**{**fields, "start": start, "choices": choices})
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Measured:
+    """A gauge by its number, or another input of the estimator by its name; its signal, and its unit if stated."""
+
+    source: int | str
+    name: str
+    unit: str = ""
+
+
 def profile_layout(
     profile: str,
     gauge_names: Sequence[str],
@@ -137,259 +203,131 @@ def profile_layout(
         raise InputError(
             f"key: expected profile {SECURED_PROFILE}, got '{profile}', whose frames are not authenticated"
         )
-    identifiers = identifiers or Identifiers()
-    readings = readings or {}
-    configuration = configuration_of(profile, (*gauge_names, *readings))
+    identifiers, readings = identifiers or Identifiers(), readings or {}
     names = signal_names(gauge_names)
-    if profile in ("fd64", SECURED_PROFILE):
-        layout = _fd64(profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration)
-        layout = replace(layout, key=key)
-    else:
-        layout = _classic(
-            profile, names, cycle_time=cycle_time, identifiers=identifiers, configuration=configuration
-        )
-    of_sensors = _reading_frames(layout, identifiers, configuration, readings)
-    layout = replace(layout, flow_frames=(*layout.flow_frames, *of_sensors))
-    if has_tare:
-        layout = replace(layout, command=_tare_command(layout, identifiers, configuration))
-    identifiers.checked(len(layout.frames), 1)
-    return layout
-
-
-def _reading_frames(
-    layout: InputLayout, identifiers: Identifiers, configuration: int, readings: Mapping[str, str]
-) -> tuple[InputFrame, ...]:
-    """Return the frames of auxiliary sensors and thrust, on identifiers behind the other frames'."""
-    is_fd, is_secured = layout.strain_frames[0].layout.is_fd, layout.name == SECURED_PROFILE
-    per_frame = READINGS_PER_SECURED_FRAME if is_secured else READINGS_PER_FD_FRAME if is_fd else 1
-    frames = reading_frames(
-        identifiers.base + len(layout.frames),
-        readings,
-        signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor"),
-        per_frame=per_frame,
-        is_extended=identifiers.is_extended,
-        cycle_time=layout.cycle_time,
-        sender=SENDER,
-        configuration=configuration if is_fd else None,
-        byte_order=BIG if layout.name == "classic-be" else LITTLE,
+    reading_names = signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor")
+    held = {
+        STRAIN: [_Measured(source=index, name=name) for index, name in enumerate(names)],
+        _READING: [
+            _Measured(source=one, name=name, unit=_UNITS.get(unit, unit))
+            for (one, unit), name in zip(readings.items(), reading_names, strict=True)
+        ],
+    }
+    maker = _Maker(
+        _profile(profile), cycle_time, identifiers, configuration_of(profile, (*gauge_names, *readings))
     )
-    if is_secured:
-        return tuple(replace(one, layout=_secured(one.layout, 64)) for one in frames)
-    return frames
-
-
-def _tare_command(layout: InputLayout, identifiers: Identifiers, configuration: int) -> InputFrame:
-    """Return the frame of a tare, on the identifier behind the other frames'."""
-    is_fd = layout.strain_frames[0].layout.is_fd
-    command = tare_frame(
-        identifiers.base + len(layout.frames),
-        is_extended=identifiers.is_extended,
-        cycle_time=layout.cycle_time,
-        sender=SENDER,
-        configuration=configuration if is_fd else None,
-        byte_order=BIG if layout.name == "classic-be" else LITTLE,
-    )
-    is_secured = layout.name == SECURED_PROFILE
-    return replace(command, layout=_secured(command.layout, 32)) if is_secured else command
-
-
-def signal_names(gauge_names: Sequence[str], kind: str = "gauge") -> list[str]:
-    """Return a distinct C identifier for every gauge, or other ``kind`` of sensor, as DBC files require."""
-    names: list[str] = []
-    for number, gauge in enumerate(gauge_names, start=1):
-        name = re.sub(r"\W+", "_", gauge, flags=re.ASCII)[:28]
-        if not re.match(r"[A-Za-z_]", name) or name in names:
-            name = f"{kind}_{number}_{name}"[:32]
-        names.append(name)
-    return names
-
-
-def _fd64(
-    profile: str, names: list[str], cycle_time: float, identifiers: Identifiers, configuration: int
-) -> InputLayout:
-    """Return the layout of profile fd64 or fd64-sec."""
-    is_secured = profile == SECURED_PROFILE
-    per_frame = GAUGES_PER_SECURED_FRAME if is_secured else GAUGES_PER_FD_FRAME
-    head = (*header_5(), status_signal(24, 8), sample_time_signal(32))
-    frames = []
-    for number, first in enumerate(range(0, len(names), per_frame)):
-        chosen = names[first : first + per_frame]
-        strains = tuple(strain_signal(name, 64 + 16 * index, LITTLE) for index, name in enumerate(chosen))
-        layout = FrameLayout(
-            name=f"Strain{number + 1}",
-            identifier=identifiers.base + 1 + number,
-            length=64,
-            signals=(*head, *strains, configuration_signal(64 + 16 * per_frame, configuration)),
-            is_extended=identifiers.is_extended,
-            is_fd=True,
-            protection=Protection(5, _STRAIN_DATA_ID + number),
-            cycle_time=cycle_time,
-            sender=SENDER,
-            comment="Strains; all frames of a cycle have the same counter and sample time",
-        )
-        indices = tuple(range(len(head), len(head) + len(chosen)))
-        frames.append(
-            InputFrame(
-                layout=_secured(layout, 64) if is_secured else layout,
-                indices=indices,
-                gauges=tuple(range(first, first + len(chosen))),
-                to_strain=(_MICRO,) * len(chosen),
-                sample_time=3,
-                status=2,
-                configuration=len(head) + len(chosen),
-            )
-        )
-    pressure = FrameLayout(
-        name="DynamicPressure",
-        identifier=identifiers.base,
-        length=16,
-        signals=(*head, pressure_signal(64, LITTLE), configuration_signal(96, configuration)),
-        is_extended=identifiers.is_extended,
-        is_fd=True,
-        protection=Protection(5, _PRESSURE_DATA_ID),
-        cycle_time=cycle_time,
-        sender=SENDER,
-        comment="Dynamic pressure; send it ahead of the strains of the same time",
-    )
-    navigation = FrameLayout(
-        name="Navigation",
-        identifier=identifiers.base + 1 + len(frames),
-        length=16,
-        signals=(
-            *head,
-            mach_signal(64, LITTLE),
-            altitude_signal(80, LITTLE),
-            configuration_signal(96, configuration),
-        ),
-        is_extended=identifiers.is_extended,
-        is_fd=True,
-        protection=Protection(5, _NAVIGATION_DATA_ID),
-        cycle_time=cycle_time,
-        sender=SENDER,
-        comment=_NAVIGATION_TEXT,
-    )
-    if is_secured:
-        pressure, navigation = _secured(pressure, 32), _secured(navigation, 32)
-    flow_frames = (
-        InputFrame(layout=pressure, flow=_pressure_at(4), sample_time=3, status=2, configuration=5),
-        InputFrame(layout=navigation, flow=_navigation_at(4), sample_time=3, status=2, configuration=6),
-    )
+    frames = maker.frames(held, has_tare)
+    identifiers.checked(len(frames), 1)
     return InputLayout(
         name=profile,
         n_gauges=len(names),
-        strain_frames=tuple(frames),
-        flow_frames=flow_frames,
+        strain_frames=tuple(frame for frame in frames if frame.gauges),
+        flow_frames=tuple(frame for frame in frames if frame.flow),
+        trailer=next((frame for frame in frames if frame.is_trailer), None),
+        command=next((frame for frame in frames if frame.request is not None), None),
         cycle_time=cycle_time,
+        key=key,
     )
 
 
-def _secured(layout: FrameLayout, length: int) -> FrameLayout:
-    """Return ``layout`` with ``length`` bytes, of which the last are freshness value and authenticator."""
-    assert layout.protection is not None
-    end = length - SECURED_BYTES
-    return replace(
-        layout,
-        length=length,
-        signals=(*layout.signals, *freshness_signals(8 * end)),
-        protection=replace(layout.protection, end=end),
-        secured=Secured(layout.protection.data_id, end),
-    )
+@dataclass(frozen=True)
+class _Maker:
+    """Makes the frames of a profile of what its file states, with period [s], identifiers and configuration."""
 
+    profile: Mapping[str, Any]
+    cycle_time: float
+    identifiers: Identifiers
+    configuration: int
 
-def _classic(
-    profile: str, names: list[str], cycle_time: float, identifiers: Identifiers, configuration: int
-) -> InputLayout:
-    """Return the layout of a profile of 8 byte frames."""
-    order = BIG if profile == "classic-be" else LITTLE
-    per_frame = 2 if profile == "float2" else 4
-    frames = []
-    for number, first in enumerate(range(0, len(names), per_frame)):
-        chosen = names[first : first + per_frame]
-        if profile == "float2":
-            strains = tuple(float_strain_signal(name, 32 * index) for index, name in enumerate(chosen))
-        else:
-            strains = tuple(
-                strain_signal(name, 16 * index + (7 if order == BIG else 0), order)
-                for index, name in enumerate(chosen)
-            )
+    def frames(self, held: Mapping[str, Sequence[_Measured]], has_tare: bool) -> list[InputFrame]:
+        """Return all frames in the order of their identifiers; ``held`` are gauges and readings."""
+        made: list[InputFrame] = []
+        for name, stated in self.profile["frame"].items():
+            if "request" in stated["fields"] and not has_tare:
+                continue
+            repeated = next((kind for kind in held if kind in stated["fields"]), None)
+            if repeated is None:
+                made.append(self._frame(name, stated, len(made), 0, ()))
+                continue
+            size = stated["per_frame"]
+            for number, first in enumerate(range(0, len(held[repeated]), size)):
+                chosen = held[repeated][first : first + size]
+                made.append(self._frame(f"{name}{number + 1}", stated, len(made), number, chosen))
+        return made
+
+    def _frame(
+        self, name: str, stated: Mapping[str, Any], place: int, number: int, chosen: Sequence[_Measured]
+    ) -> InputFrame:
+        """Return the frame at the ``place`` of all, the ``number`` of its kind, with the ``chosen`` signals."""
+        signals: list[SignalLayout] = []
+        roles: dict[str, int] = {}
+        tick = InputFrame.tick
+        for field, first_bit in stated["fields"].items():
+            definition = self.profile["signal"][field]
+            role = definition.get("role", field)
+            roles[role] = len(signals)
+            tick = definition.get("tick", tick)
+            signals += self._signals(role, definition, first_bit, chosen)
+        first = roles.get(STRAIN, roles.get(_READING, 0))
+        indices = tuple(range(first, first + len(chosen))) if STRAIN in roles else ()
+        flow = [(one, roles[one]) for one in roles if one in FLOW_QUANTITIES]
+        if _READING in roles:
+            flow = [(str(one.source), first + index) for index, one in enumerate(chosen)]
         layout = FrameLayout(
-            name=f"Strain{number + 1}",
-            identifier=identifiers.base + 1 + number,
-            length=8,
-            signals=strains,
-            is_extended=identifiers.is_extended,
-            cycle_time=cycle_time,
+            name=name,
+            identifier=self.identifiers.base + place,
+            length=stated["length"],
+            signals=tuple(signals),
+            is_extended=self.identifiers.is_extended,
+            is_fd=self.profile["fd"],
+            cycle_time=self.cycle_time,
             sender=SENDER,
-            comment="Strains, covered by the CRC of the cycle's trailer",
+            comment=stated["comment"],
         )
-        gauges = tuple(range(first, first + len(chosen)))
-        frames.append(
-            InputFrame(
-                layout=layout, indices=tuple(range(len(chosen))), gauges=gauges, to_strain=(_MICRO,) * len(chosen)
+        if "end_to_end" in stated:
+            layout = self._protected(layout, stated["end_to_end"], number, roles.get("message_counter"))
+        return InputFrame(
+            layout=layout,
+            indices=indices,
+            gauges=tuple(int(one.source) for one in chosen) if indices else (),
+            to_strain=tuple(STRAIN_UNITS[signals[index].unit] for index in indices),
+            flow=tuple(FlowSignal(quantity=quantity, index=index) for quantity, index in flow),
+            sample_time=roles.get("sample_time"),
+            tick=tick,
+            status=roles.get("status"),
+            configuration=roles.get("configuration"),
+            request=roles.get("request"),
+            is_trailer=stated.get("ends_cycle", False),
+        )
+
+    def _signals(
+        self, role: str, definition: Mapping[str, Any], first_bit: int, chosen: Sequence[_Measured]
+    ) -> list[SignalLayout]:
+        """Return the signal of a role; of strains and readings one for each of the ``chosen``, side by side."""
+        order = self.profile["byte_order"]
+        if role == "configuration":
+            return [_signal(definition, first_bit, order, initial=self.configuration)]
+        if role not in (STRAIN, _READING):
+            return [_signal(definition, first_bit, order)]
+        return [
+            _signal(
+                definition,
+                first_bit + definition["length"] * index,
+                order,
+                name=one.name,
+                unit=one.unit or definition.get("unit", ""),
+                comment=definition["comment"].replace("INPUT", str(one.source)),
             )
-        )
-    trailer = FrameLayout(
-        name="StrainTrailer",
-        identifier=identifiers.base + 1 + len(frames),
-        length=8,
-        signals=(*header_5(), status_signal(24, 8), sample_time_signal(39 if order == BIG else 32, order)),
-        is_extended=identifiers.is_extended,
-        # The configuration as DataID: a cycle with other gauges never passes the CRC.
-        protection=Protection(5, configuration),
-        cycle_time=cycle_time,
-        sender=SENDER,
-        comment="Ends a cycle; its CRC covers bytes 2 to 7, then the data of Strain1, Strain2 .. and the DataID",
-    )
-    pressure = FrameLayout(
-        name="DynamicPressure",
-        identifier=identifiers.base,
-        length=8,
-        signals=(
-            *header_1(),
-            status_signal(12, 4),
-            pressure_signal(23 if order == BIG else 16, order),
-            short_sample_time(order),
-        ),
-        is_extended=identifiers.is_extended,
-        protection=Protection(1, _PRESSURE_DATA_ID),
-        cycle_time=cycle_time,
-        sender=SENDER,
-        comment="Dynamic pressure; send it ahead of the strains of the same time",
-    )
-    navigation = FrameLayout(
-        name="Navigation",
-        identifier=identifiers.base + 2 + len(frames),
-        length=8,
-        signals=(
-            *header_1(),
-            status_signal(12, 4),
-            mach_signal(23 if order == BIG else 16, order),
-            altitude_signal(39 if order == BIG else 32, order),
-            short_sample_time(order),
-        ),
-        is_extended=identifiers.is_extended,
-        protection=Protection(1, _NAVIGATION_DATA_ID),
-        cycle_time=cycle_time,
-        sender=SENDER,
-        comment=_NAVIGATION_TEXT,
-    )
-    return InputLayout(
-        name=profile,
-        n_gauges=len(names),
-        strain_frames=tuple(frames),
-        flow_frames=(
-            InputFrame(layout=pressure, flow=_pressure_at(3), sample_time=4, tick=1e-4, status=2),
-            InputFrame(layout=navigation, flow=_navigation_at(3), sample_time=5, tick=1e-4, status=2),
-        ),
-        trailer=InputFrame(layout=trailer, sample_time=3, status=2, is_trailer=True),
-        cycle_time=cycle_time,
-    )
+            for index, one in enumerate(chosen)
+        ]
 
-
-def _pressure_at(index: int) -> tuple[FlowSignal, ...]:
-    return (FlowSignal(quantity=DYNAMIC_PRESSURE, index=index),)
-
-
-def _navigation_at(index: int) -> tuple[FlowSignal, ...]:
-    """Return Mach number and altitude, side by side from ``index`` on."""
-    return FlowSignal(quantity=MACH_NUMBER, index=index), FlowSignal(quantity=ALTITUDE, index=index + 1)
+    def _protected(
+        self, layout: FrameLayout, stated: Mapping[str, Any], number: int, freshness: int | None
+    ) -> FrameLayout:
+        """Return a frame, ``number`` of its kind, with its protection; ``freshness`` is the message counter."""
+        data_id = self.configuration if stated["data_id"] == "configuration" else stated["data_id"] + number
+        if freshness is None:
+            return replace(layout, protection=Protection(stated["profile"], data_id))
+        end = layout.signals[freshness].start // 8
+        protection = Protection(stated["profile"], data_id, end)
+        return replace(layout, protection=protection, secured=Secured(data_id, end))

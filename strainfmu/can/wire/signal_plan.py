@@ -1,29 +1,30 @@
 """The decoder and encoder of all signals of a frame, for any start, length, byte order and kind.
 
-Frames of whole bytes are decoded by one call of ``struct``, all others bit by bit through numpy. Frames are
-encoded as one long integer.
+Compiled code decodes them, see :class:`~strainfmu.can.wire.cycle_plan.CyclePlan`. Frames are encoded as one long
+integer.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, floor, nan
 from operator import itemgetter
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, UNSIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.cycle_plan import CyclePlan, checked_signal
+from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.errors import InputError
 
-_WIDTH = 64
 _FLOAT_TYPES = {16: "<f2", 32: "<f4", 64: "<f8"}
 _FLOATS = {16: struct.Struct("<e"), 32: struct.Struct("<f"), 64: struct.Struct("<d")}
-_UNSIGNED_CODES = {8: "B", 16: "H", 32: "I", 64: "q"}
-_SIGNED_CODES = {8: "b", 16: "h", 32: "i", 64: "q"}
-"""Codes of ``struct``; 64 bits always as int64."""
+_UNSIGNED_CODES = {8: "B", 16: "H", 32: "I"}
+_SIGNED_CODES = {8: "b", 16: "h", 32: "i"}
+"""Codes of ``struct`` by bits."""
 
 
 class SignalPlan:
@@ -38,19 +39,8 @@ class SignalPlan:
     def __init__(self, layout: FrameLayout) -> None:
         for signal in layout.signals:
             checked_signal(signal, layout)
-        self.length = layout.length
+        self._layout, self.length = layout, layout.length
         self.signals = layout.signals
-        self._packed = _packed(layout)
-        index = [bit_indices(signal, 8 * layout.length) for signal in layout.signals]
-        self._index = np.array(index, dtype=np.intp).reshape(-1)
-        # Only unsigned numbers of all 64 bits do not fit into int64.
-        self._unsigned = np.array([s.kind == UNSIGNED and s.length == _WIDTH for s in layout.signals], dtype=bool)
-        self._any_unsigned = bool(self._unsigned.any())
-        self._floats = [
-            (index, _FLOAT_TYPES[s.length]) for index, s in enumerate(layout.signals) if s.kind == FLOAT
-        ]
-        self._scale = np.array([s.scale for s in layout.signals])
-        self._offset = np.array([s.offset for s in layout.signals])
         self._encoders = [_encoder(signal, layout.length) for signal in layout.signals]
         whole = _whole_bytes(layout)
         self._whole = _WholeBytes(self._encoders, whole) if len(whole) > 1 else None
@@ -59,8 +49,10 @@ class SignalPlan:
             for index, one in enumerate(self._encoders)
             if self._whole is None or index not in whole
         ]
-        # The last bit stays 0: it pads unsigned numbers.
-        self._bits = np.zeros(8 * layout.length + 1, dtype=np.uint8)
+
+    @cached_property
+    def _decoder(self) -> CyclePlan:
+        return CyclePlan([self._layout], [(0, index) for index in range(len(self.signals))])
 
     def raw(self, data: bytes) -> IntArray:
         """Return the (k,) raw numbers in ``data``, sign extended; of floats, their bit patterns.
@@ -70,39 +62,11 @@ class SignalPlan:
         ValueError
             The length of ``data`` is not the frame's.
         """
-        if self._packed is not None:
-            if len(data) != self.length:
-                raise ValueError(f"expected {self.length} bytes, got {len(data)}")
-            return np.array(self._packed.unpack(data), dtype=np.int64)
-        self._bits[:-1] = np.unpackbits(np.frombuffer(data, dtype=np.uint8), bitorder="little")
-        return np.packbits(self._bits[self._index], bitorder="little").view("<i8")
-
-    def numbers(self, data: bytes) -> Sequence[int]:
-        """Return the k raw numbers in ``data`` as :meth:`raw` does, without the cost of an array."""
-        if self._packed is not None and len(data) == self.length:
-            return self._packed.unpack(data)
-        return self.raw(data).tolist()
+        return self._decoder.raw([data])
 
     def physical(self, raw: IntArray) -> FloatArray:
         """Return the (k,) values of ``raw`` in the signals' units; NaN of a float that is NaN."""
-        number = raw.astype(np.float64)
-        if self._any_unsigned:
-            number = np.where(self._unsigned, raw.view("<u8").astype(np.float64), number)
-        with np.errstate(over="ignore", invalid="ignore"):  # a value beyond float64 is refused as out of range
-            for index, kind in self._floats:
-                number[index] = raw[index : index + 1].view(kind)[0]
-            return number * self._scale + self._offset
-
-    def value_reader(self, index: int) -> Callable[[int], float]:
-        """Return a function from the raw number of a signal to its value, as :meth:`physical` has it."""
-        signal = self.signals[index]
-        scale, offset, mask, n_bytes = signal.scale, signal.offset, (1 << signal.length) - 1, signal.length // 8
-        if signal.kind == FLOAT:
-            unpack, to_bytes = _FLOATS[signal.length].unpack, int.to_bytes
-            return lambda raw: unpack(to_bytes(raw & mask, n_bytes, "little"))[0] * scale + offset
-        # Of 64 bits the largest come as negative numbers.
-        beyond = 1 << _WIDTH if signal.kind == UNSIGNED else 0
-        return lambda raw: float(raw if raw >= 0 else raw + beyond) * scale + offset
+        return self._decoder.physical(raw)
 
     def encode(self, values: FloatArray | Sequence[float]) -> bytes:
         """Return the frame that holds the (k,) ``values`` [the signals' units], nearest raw number.
@@ -283,52 +247,6 @@ def _encoder(signal: SignalLayout, n_bytes: int) -> _Encoder:
         offset=signal.offset,
         packed=_FLOATS[signal.length] if signal.kind == FLOAT else None,
     )
-
-
-def _packed(layout: FrameLayout) -> struct.Struct | None:
-    """Return the format of a frame of whole bytes, one byte order, signals in order; None of other frames."""
-    orders = {signal.byte_order for signal in layout.signals}
-    if len(orders) != 1:
-        return None
-    is_little = orders == {LITTLE}
-    code, end = "<" if is_little else ">", 0
-    for signal in layout.signals:
-        first, bit = divmod(signal.start, 8)
-        if signal.length not in _UNSIGNED_CODES or bit != (0 if is_little else 7) or first < end:
-            return None
-        kinds = _SIGNED_CODES if signal.kind == SIGNED else _UNSIGNED_CODES
-        code += f"{first - end}x{kinds[signal.length]}"
-        end = first + signal.length // 8
-    return struct.Struct(f"{code}{layout.length - end}x")
-
-
-def checked_signal(signal: SignalLayout, layout: FrameLayout) -> SignalLayout:
-    """Return a signal of ``layout`` that can be decoded.
-
-    Raises
-    ------
-    InputError
-        It does not fit into the frame or into 64 bits, or is of a kind that does not exist.
-    """
-    where = f"frame '{layout.name}', signal '{signal.name}'"
-    if not 1 <= signal.length <= _WIDTH:
-        raise InputError(f"{where}: {signal.length} bits found, 1 to {_WIDTH} allowed")
-    if signal.kind not in (UNSIGNED, SIGNED, FLOAT):
-        raise InputError(f"{where}: expected unsigned, signed or float, got kind '{signal.kind}'")
-    if signal.kind == FLOAT and signal.length not in _FLOAT_TYPES:
-        raise InputError(f"{where}: a float of {signal.length} bits found, 16, 32 or 64 allowed")
-    if not (np.isfinite(signal.scale) and signal.scale != 0.0 and np.isfinite(signal.offset)):
-        raise InputError(f"{where}: expected finite numbers, got scale {signal.scale:g}, offset {signal.offset:g}")
-    if min(signal.bits) < 0 or max(signal.bits) >= 8 * layout.length:
-        raise InputError(f"{where}: reaches beyond the frame's {layout.length} bytes")
-    return signal
-
-
-def bit_indices(signal: SignalLayout, padding: int) -> list[int]:
-    """Return the bit of the frame for each of the 64 bits of the number."""
-    bits = list(signal.bits)
-    fill = bits[-1] if signal.kind == SIGNED else padding
-    return bits + [fill] * (_WIDTH - len(bits))
 
 
 def _raw_range(signal: SignalLayout) -> tuple[float, float]:

@@ -12,11 +12,12 @@ import pickle
 import select
 import signal
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
 
-PATIENCE = 8.0
+PATIENCE = 5.0
 """How long the first look at a file may take [s], and a second more for each 20 MB of it."""
 
 _PER_BYTE = 1.0 / 20e6
@@ -127,13 +128,36 @@ def _leave_after(read: Callable[[], object], memory: int) -> NoReturn:
         os._exit(code)
 
 
-def _limit_memory(additional: int) -> None:
-    """Limit the address space to what it is now and ``additional`` bytes, where the system states what it is."""
+@contextmanager
+def limited_memory(path: Path) -> Iterator[None]:
+    """Limit this process meanwhile to the memory that a first look at ``path`` may take.
+
+    A parser that was refused memory in the child may have read on in another way; it is refused here too.
+    """
+    before = _limit_memory(MEMORY + 2 * path.stat().st_size) if hasattr(os, "fork") else None
+    try:
+        yield
+    finally:
+        if before is not None:
+            import resource
+
+            resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def _limit_memory(additional: int) -> tuple[int, int] | None:
+    """Limit the address space to what it is now and ``additional`` bytes, where the system states what it is.
+
+    Return the limits before, None where it does not.
+    """
     import resource  # POSIX alone
 
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[0])
     except (OSError, ValueError):
-        return
+        return None
+    before = resource.getrlimit(resource.RLIMIT_AS)
     limit = pages * resource.getpagesize() + additional
-    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    if before[1] != resource.RLIM_INFINITY:
+        limit = min(limit, before[1])
+    resource.setrlimit(resource.RLIMIT_AS, (limit, before[1]))
+    return before

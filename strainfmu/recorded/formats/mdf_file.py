@@ -16,7 +16,7 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.columns.column_names import TIME_NAMES
 from strainfmu.recorded.formats.channel_file import ChannelFile, Reading
-from strainfmu.recorded.formats.first_look import reads_well
+from strainfmu.recorded.formats.first_look import limited_memory, reads_well
 from strainfmu.recorded.formats.name_match import plain_name
 
 
@@ -74,7 +74,10 @@ def opened_mdf(path: Path) -> Iterator[Any]:
         raise StrainfmuError("asammdf is not installed: pip install 'strainfmu[mf4]'") from error
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    file = _opened(MDF, path) if reads_well(path, lambda: MDF(str(path)).close()) else None
+    file = None
+    if reads_well(path, lambda: MDF(str(path)).close()):
+        with limited_memory(path):
+            file = _opened(MDF, path)
     if file is None:
         kind = "MF4" if path.suffix.lower() == ".mf4" else "MDF"
         raise InputError(f"{path}: damaged, or not an {kind} file")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,7 +23,7 @@ from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.first_look import read_apart, reads_well
+from strainfmu.recorded.formats.first_look import limited_memory, read_apart, reads_well
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -118,6 +119,23 @@ def test_an_object_without_a_size_ends_the_log(synthetic: SyntheticFiles, tmp_pa
     assert np.isfinite(read_csv(tmp_path / "o.csv")["C_N [1]"]).sum() > 10
 
 
+@pytest.mark.parametrize("stamp", ["9.45e90", "1e11"])
+def test_a_time_stamp_that_is_none_ends_the_log(
+    stamp: str, synthetic: SyntheticFiles, tmp_path: Path, run: Run
+) -> None:
+    """A cycle more is no later than such a time: a replay would never reach it."""
+    log = tmp_path / "run.log"
+    with can.BLFReader(str(write_log(tmp_path / "run.blf", 40))) as sound, can.CanutilsLogWriter(str(log)) as text:
+        for message in sound:
+            text.on_message_received(message)
+    lines = log.read_text().splitlines()
+    lines[60] = re.sub(r"\([\d.]+\)", f"({stamp})", lines[60])
+    log.write_text("\n".join(lines) + "\n")
+    code, printed, columns = replayed(run, log, synthetic.map_1)
+    assert (code, "after 60 whole ones" in " ".join(printed.split())) == (0, True)
+    assert 0 < len(columns["C_N [1]"]) < 50
+
+
 HUNG = (7, 9, 13, 23, 29, 60, 62, 75, 76, 84, 91, 92)
 """Seeds of damages by which a log was replayed for hours: most are in the time of a frame."""
 
@@ -165,6 +183,15 @@ def test_a_file_that_ends_its_reader_is_damaged(tmp_path: Path) -> None:
     assert not reads_well(path, lambda: [None for _ in iter(int, 1)], patience=0.3)
     assert not reads_well(path, lambda: bytearray(3 << 30))
     assert not reads_well(path, lambda: path.joinpath("none").read_bytes())
+
+
+def test_memory_is_limited_behind_a_first_look_too(tmp_path: Path) -> None:
+    """As a parser that goes on without what it was refused would be given it then."""
+    path = tmp_path / "file"
+    path.write_bytes(b"x")
+    with limited_memory(path), pytest.raises(MemoryError):
+        bytearray(3 << 30)
+    assert len(bytearray(3 << 29)) == 3 << 29
 
 
 def test_items_come_from_a_process_apart_until_it_fails(tmp_path: Path) -> None:

@@ -148,18 +148,20 @@ def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -
     path.write_bytes(content)
     sound = ends(path)
     assert sound.code == 0, sound.errors
-    found = []
+    found, longest, largest = [], 0.0, 0
     for seed in seeds:
         path.write_bytes(changed(kind, content, seed))
-        problem = ends(path).problem()
-        if problem:
+        ended = ends(path)
+        longest, largest = max(longest, ended.duration), max(largest, ended.memory)
+        if problem := ended.problem():
             found.append(f"seed {seed}: {problem}")
+    print(f"{kind}: {len(seeds)} mutations, at most {longest:.1f} s and {largest / 2**20:.0f} MiB")
     return found
 
 
-@pytest.mark.parametrize("seed", [15, 21, 37, 51])
+@pytest.mark.parametrize("seed", [15, 21, 37, 51, 251, 311, 436])
 def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    """By a crash, a loop, or a message of its own; it is read in a process apart."""
+    """By a crash, a loop, a message of its own, gigabytes, or times without end; it is read in a process apart."""
     assert problems("mf4", range(seed, seed + 1), synthetic, tmp_path) == []
 
 

@@ -104,7 +104,7 @@ def test_a_core_trusts_what_is_sent() -> None:
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
 def test_a_flight_that_is_sent_three_times_is_valid_three_times_if_restarts_are_accepted(profile: str) -> None:
     layout, clock = profile_layout(profile, NAMES, CYCLE), Time()
-    core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(accepts_restart=True), start=50.0)
+    core = bridge_core(layout, Projection(N_GAUGES), BridgeSettings(restart="accept"), start=50.0)
     given = samples(60)
     for _ in range(3):
         bus = Bus(clock)

@@ -16,7 +16,7 @@ from strainfmu.can.cycle.states.quality import Cause, Quality, low_causes
 from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
-from strainfmu.can.wire.profile_signals import E2E_COUNTER, E2E_CRC
+from strainfmu.can.wire.profiles import E2E_COUNTER, E2E_CRC
 from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 

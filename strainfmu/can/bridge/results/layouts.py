@@ -10,8 +10,7 @@ from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
-from strainfmu.can.wire.profile_signals import header_1, header_5
-from strainfmu.can.wire.profiles import BRIDGE, Identifiers
+from strainfmu.can.wire.profiles import BRIDGE, Identifiers, header_1, header_5
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup

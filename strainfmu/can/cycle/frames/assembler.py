@@ -51,11 +51,6 @@ class Arrival:
         counter = -1 if self.counter is None else self.counter
         return np.array([status, self.sample_time or 0, 0, counter], dtype=np.int64)
 
-    @property
-    def raw(self) -> IntArray:
-        """(k,) raw numbers of its k signals."""
-        return self.plan.raw(self.frame.data)
-
 
 arrival_without_fields = object.__new__
 """Makes an Arrival whose fields are all still to be set, in half the time of making one by them."""

@@ -172,6 +172,22 @@ def test_conflicting_duplicates_take_valid_away(profile: str) -> None:
     assert n_valid(bench.run(range(80, 130))) > 25
 
 
+@pytest.mark.parametrize("profile", ["fd64", "classic-le"])
+def test_a_foreign_cycle_that_comes_first_now_and_then_takes_valid_away(profile: str) -> None:
+    """Once in 12 cycles, ahead of the true one and with its counter: longer ago than the first alarm lasts."""
+    bench = Bench(profile)
+    assert n_valid(bench.run(range(50))) > 40
+    results = []
+    for number in range(50, 410):
+        if number % 12 == 0:
+            results += bench.give(bench.cycle(number, number * CYCLE, seed=1))
+            results += bench.give(bench.cycle(number, number * CYCLE + 2e-3))
+        else:
+            results += bench.give(bench.cycle(number, number * CYCLE))
+    assert n_valid(results[:20]) <= 12, "until the first foreign cycle is found by the true one behind it"
+    assert n_valid(results[60:]) == 0, "in between as well"
+
+
 def test_results_of_another_bridge_take_valid_away() -> None:
     bench = Bench()
     bench.run(range(50))
@@ -266,7 +282,7 @@ def test_proofs_of_a_restart(clock: float, counter: int, is_proven: bool) -> Non
     assert n_valid(results) == 40
 
 
-ACCEPTING = BridgeSettings(accepts_restart=True)
+ACCEPTING = BridgeSettings(restart="accept")
 
 
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])

@@ -75,7 +75,7 @@ def test_a_sender_that_samples_more_slowly_than_it_sends_repeats_nothing() -> No
 
 
 def test_a_stand_that_repeats_its_stimulus_says_so() -> None:
-    for settings in (BridgeSettings(accepts_restart=True), BridgeSettings(stuck_cycles=0)):
+    for settings in (BridgeSettings(restart="accept"), BridgeSettings(stuck_cycles=0)):
         assert not any(result.causes & Cause.REPEATS for result in results_of(BUFFER, settings=settings))
 
 
