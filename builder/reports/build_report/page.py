@@ -144,7 +144,7 @@ def _without_hardware(found: CoefficientSources) -> list[Block]:
         for name, fraction in zip(COEFFICIENT_NAMES, found.std_of_range * ratio, strict=True)
         if np.isfinite(fraction)
     ]
-    text = f"{len(found.hardware)} of these are installation errors. Without them the sigmas over the range would be "
+    text = f"{len(found.hardware)} of these are installation errors. Without them sigma over the range would be "
     return [Paragraph(f"{text}{', '.join(parts)}.")]
 
 
