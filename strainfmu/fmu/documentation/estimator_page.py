@@ -52,7 +52,7 @@ _LIMITS = (
 
 _FLIGHT_LIMITS = (
     "sigma is one standard deviation: gauge noise, installation errors, pressure off the tables, and the flight "
-    "state that strain and navigation leave open. C_A is the fore-body's: base pressure is not measured by strain.",
+    "state that strain and navigation leave open. C_A is the fore-body's: strain does not measure base pressure.",
     _LIMITS[1],
     "The start value of a strain is no reading: a gauge whose strain was never set is left out, and health.state "
     "is INVALID while none is set. It is INVALID too where all strains are exactly 0.",
