@@ -21,6 +21,7 @@ from builder.placement.limits import Limits
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
+from builder.reports.page.pdf import write_pdf
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
@@ -78,7 +79,7 @@ def propose_gauges(
     curves = None
     if with_curves:
         with reporter.stage("Curves") as progress:
-            curves = accuracy_curves(study, limits, aim, progress)
+            curves = accuracy_curves(study, limits, aim, found.sites, progress)
     return ProposedGauges(study=study, placement=found, curves=curves)
 
 
@@ -124,8 +125,9 @@ def left_out(vehicle: Vehicle) -> list[str]:
         "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
         "layout states it"
     )
-    if vehicle.sensors is not None:
-        found.append("sensors: auxiliary sensors are not counted; with them fewer gauges do")
+    if vehicle.sensors is not None and vehicle.sensors.of_structure:
+        names = ", ".join(f"sensors.{name}" for name in vehicle.sensors.of_structure)
+        found.append(f"{names}: not counted; with them fewer gauges do")
     return found
 
 
@@ -150,7 +152,9 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page; ``layout`` is a name of the vehicle file or a layout file (CSV).
+    """Write the review of a layout as a page, and as PDF next to it.
+
+    ``layout`` is a name of the vehicle file or a layout file (CSV).
 
     Raises
     ------
@@ -165,7 +169,9 @@ def review_layout(
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models"):
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
-    write_page(placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found), path)
+    page = placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found)
+    write_page(page, path)
+    write_pdf(page, path.with_suffix(".pdf"))
     return found
 
 

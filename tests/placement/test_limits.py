@@ -28,7 +28,10 @@ def candidates(vehicle: Vehicle) -> Candidates:
     [
         (Limits(gauges=81), "--gauges: 81 found, the candidates and the zones leave room for 80"),
         (Limits(gauges=9, spacing=5.0), "--gauges: 9 found, --spacing of 5000 mm and the zones leave room for 2"),
-        (Limits(gauges=1, zones=(Zone(first=0.0, last=4.0),)), "--forbid, --spacing: expected candidates outside"),
+        (
+            Limits(gauges=1, zones=(Zone(first=0.0, last=4.0),)),
+            "--forbid, --spacing: expected candidates that they allow, got none of 80",
+        ),
         (Limits(budget=0.5), "--budget: 0.5 found, the cheapest candidate costs 1"),
         (Limits(budget=5.0, costs={"45": 1.0}), "--costs: expected directions of the candidates, got '45'"),
     ],
