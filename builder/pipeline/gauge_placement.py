@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -152,7 +153,7 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page, and as PDF next to it.
+    """Write the review of a layout as a page, and with matplotlib as PDF next to it.
 
     ``layout`` is a name of the vehicle file or a layout file (CSV).
 
@@ -161,6 +162,10 @@ def review_layout(
     InputError
         As :func:`propose_gauges`; or there is no such layout.
     """
+    if path.suffix.lower() == ".pdf":
+        raise InputError(
+            f"--output: expected a page such as review.html, next to which the PDF is written, got '{path}'"
+        )
     vehicle = with_layout(load_vehicle(vehicle_path), layout)
     check_model(vehicle)
     for line in left_out(vehicle):
@@ -171,7 +176,8 @@ def review_layout(
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
     page = placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found)
     write_page(page, path)
-    write_pdf(page, path.with_suffix(".pdf"))
+    if find_spec("matplotlib") is not None:
+        write_pdf(page, path.with_suffix(".pdf"))
     return found
 
 

@@ -51,6 +51,9 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 Goal = Literal["loads", "field", "air-data", "d-optimal"]
 GOALS: tuple[Goal, ...] = ("loads", "field", "air-data", "d-optimal")
 
+MODEL_FORM_PART = 0.1
+"""Part of the criterion for loads that counts model-form error of the stated size; flows of the rest have none."""
+
 NAMED = 8
 """Pairs of gauges that are named, the worst ones, where their loss raises a sigma too far."""
 
@@ -97,6 +100,7 @@ class Study:
     offered : number of sites that may be chosen, the first ones.
     model : goals are coefficients over their sigmas with the layout in use, mean over the states.
     own_sigma : (5,) these sigmas.
+    without_model_form : the same model for flows without model-form error; None where there is none.
     """
 
     parts: FlightParts
@@ -108,6 +112,7 @@ class Study:
     offered: int
     model: GaussianModel
     own_sigma: FloatArray
+    without_model_form: GaussianModel | None = None
 
     def sigmas(self, sites: Sequence[int] | IntArray) -> FloatArray:
         """Return (5,) root mean square sigma over the flight states with gauges at ``sites``."""
@@ -209,6 +214,11 @@ def placement_study(
         strain = solid_strain(case, snapshots, basis, gauges)
     kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
     model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
+    without = None
+    if kind == "nonlinear" and vehicle.map.model_form_percent > 0.0:
+        entry = vehicle.map.model_copy(update={"model_form_percent": 0.0})
+        exact = replace(parts, vehicle=vehicle.model_copy(update={"map": entry}))
+        without = normalised(flight_model(exact, strain, everything.sites, kind), own)[0]
     return Study(
         parts=parts,
         kind=kind,
@@ -219,6 +229,7 @@ def placement_study(
         offered=len(offered.sites),
         model=model,
         own_sigma=own_sigma,
+        without_model_form=without,
     )
 
 
@@ -243,7 +254,11 @@ def normalised(model: GaussianModel, own: Sequence[int]) -> tuple[GaussianModel,
 
 
 def aimed(study: Study, aim: Aim) -> GaussianModel:
-    """Return the model of ``study`` with the goals of ``aim``."""
+    """Return the model of ``study`` with the goals of ``aim``.
+
+    The size of the model-form error is a judgement. With loads as the goal every second flight state has none: a
+    layout for the stated size alone may be worse than the layout in use where flows have less of it.
+    """
     model = study.model
     if aim.goal == "d-optimal":
         return replace(model, criterion="determinant")
@@ -255,6 +270,10 @@ def aimed(study: Study, aim: Aim) -> GaussianModel:
         goals = air_data_goals(study.parts, study.strain)
         states = replace(model, goals=goals, fixed=np.zeros(goals.shape[:2]))
         return normalised(states, study.own)[0]
+    if study.without_model_form is not None:
+        halves = model.of_states(slice(0, None, 2)), study.without_model_form.of_states(slice(1, None, 2))
+        first, second = (normalised(one, study.own)[0] for one in halves)
+        model = first.joined(second, MODEL_FORM_PART)
     weight = np.array(aim.weights) / np.mean(aim.weights)
     return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
 

@@ -192,12 +192,13 @@ def review(
         snapshots_path=snapshots,
     )
     name, gain = found.best
+    written = [output, *([pdf] if (pdf := output.with_suffix(".pdf")).is_file() else [])]
     for line in (
         f"weakest: {found.weakest_line}",
         *found.weak_points,
         f"could go: {', '.join(found.spare) or 'none'}",
         f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %",
-        f"{output}, {output.with_suffix('.pdf')}: {perf_counter() - start:.1f} s in all",
+        f"{', '.join(map(str, written))}: {perf_counter() - start:.1f} s in all",
     ):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
