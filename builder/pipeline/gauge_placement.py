@@ -174,7 +174,7 @@ def review_layout(
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models"):
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
-    page = placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found)
+    page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
     write_page(page, path)
     if find_spec("matplotlib") is not None:
         write_pdf(page, path.with_suffix(".pdf"))

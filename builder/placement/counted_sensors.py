@@ -50,13 +50,13 @@ def counted_sensors(entry: Sensors | None, surface: Surface, basis: PressureBasi
     errors = list(dict.fromkeys(name for row in rows for name in row.errors))
     drifts = list(dict.fromkeys(name for row in rows for name in row.drift))
     nothing = np.zeros(len(basis.fields))
-    common = np.array([[row.errors.get(name, nothing) for row in rows] for name in errors])
+    common = np.zeros((len(errors), len(rows), basis.fields.shape[1]))
+    for number, name in enumerate(errors):
+        common[number] = np.array([row.errors.get(name, nothing) for row in rows]) @ basis.fields / std[:, None]
     return CountedSensors(
         reading=np.array([row.operator for row in rows]) @ basis.fields / std[:, None],
         gain=np.array([row.gain for row in rows]),
         against_inside=np.array([row.follows_inside for row in rows]),
-        common=common.reshape(len(errors), len(rows), -1) @ basis.fields / std[:, None]
-        if errors
-        else np.zeros((0, len(rows), basis.fields.shape[1])),
+        common=common,
         drift=np.array([[row.drift.get(name, 0.0) for name in drifts] for row in rows]) / std[:, None],
     )

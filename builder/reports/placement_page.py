@@ -57,7 +57,7 @@ def _loads(found: Review) -> Table:
     columns = (
         Column("coefficient"),
         Column("sigma", "1e-4", ".3g"),
-        Column("without gauges", "1e-4", ".3g"),
+        Column("without gauges", "1e-4", ".0f"),
         Column("over that", "times", ".3f"),
         Column("not observed", "%", ".1f"),
         Column("no strain", "%", ".1f"),

@@ -157,7 +157,7 @@ def review(
     layout: Annotated[
         str, typer.Option(help="A layout of the vehicle file, or a layout file (CSV). Default: that in use.")
     ] = "",
-    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write; a PDF beside it.")] = Path(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write, with a PDF next to it.")] = Path(
         "review.html"
     ),
     estimator: Annotated[
