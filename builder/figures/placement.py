@@ -8,6 +8,7 @@ import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure
 from builder.placement.curves import EVEN, PLACED, QR, Curves, Sweep
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def _counts(axis: Any, curves: Curves, number: int) -> None:
     axis.set_xticks(curves.counts, [str(one) for one in curves.counts], fontsize=7)
     axis.minorticks_off()
     axis.set_xlabel("gauges [1]", fontsize=8)
-    axis.set_ylim(0.0, max(1.8, 1.1 * float(np.nanmax(curves.placed[:, 0]))))
+    axis.set_ylim(*_limits((curves.placed, curves.lost)))
     axis.grid(alpha=0.3)
 
 
@@ -56,5 +57,12 @@ def _sweep(axis: Any, sweep: Sweep, number: int) -> None:
         axis.plot(sweep.values, sigma[:, number], markersize=4, label=name, **STYLES.get(name, IN_USE))
     axis.set_xticks(sweep.values, [f"{one:g}" for one in sweep.values], fontsize=7)
     axis.set_xlabel(sweep.label, fontsize=8)
-    axis.set_ylim(bottom=0.0)
+    axis.set_ylim(*_limits(tuple(sweep.sigmas.values())))
     axis.grid(alpha=0.3)
+
+
+def _limits(sigmas: tuple[FloatArray, ...]) -> tuple[float, float]:
+    """Return the range of an axis that all of ``sigmas`` and the layout in use, 1, are in."""
+    low, high = (float(limit([limit(one) for one in sigmas])) for limit in (np.nanmin, np.nanmax))
+    low, high = min(low, 1.0), max(high, 1.0)
+    return low - 0.08 * (high - low), high + 0.08 * (high - low)

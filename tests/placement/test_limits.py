@@ -46,6 +46,7 @@ def test_limits_that_cannot_be_kept_are_named(candidates: Candidates, limits: Li
     [
         ({"stations": (9.0,)}, "--stations: expected some within the hollow part"),
         ({"directions": ("axial", "up")}, "--directions: expected some of axial, hoop"),
+        ({"directions": ("axial", "axial")}, "--directions: expected each once, got axial,axial"),
         ({"pairs": "twins"}, "--pairs: expected mirror or opposite, got 'twins'"),
         ({"pairs": "mirror", "roll_angles": (0.0, 45.0)}, "--pairs: roll angle 45 deg has no partner at 315 deg"),
         ({"pairs": "mirror", "directions": ("45",)}, "--pairs: a mirrored 45 needs 45 and -45"),

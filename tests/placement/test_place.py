@@ -332,6 +332,11 @@ def test_the_command_writes_a_layout_and_a_figure(
         (("--forbid", "1"), "--forbid: expected x1:x2 in m"),
         (("--goal", "best"), "--goal: expected one of loads, field, air-data, d-optimal, got 'best'"),
         (("--loads", "C_L=1"), "--loads: expected weights from 0 of C_A"),
+        (("--costs", "axial=2"), "--costs: expected --budget with it"),
+        (("--cable", "1@2"), "--cable: expected --budget with it"),
+        (("--cable", "1,2", "--budget", 9), "--cable: expected COST@X with a cost from 0 per metre, got '1,2'"),
+        (("--losses", 2), "--losses: 2 needs --robust"),
+        (("--goal", "air-data"), "--goal: air-data needs the nonlinear estimator, got the linear one"),
     ):
         code, _, err = run("place", coarse_file, "-o", tmp_path / "none.csv", *arguments, *wrong)
         assert code == 2

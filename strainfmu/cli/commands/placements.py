@@ -119,6 +119,8 @@ def place(
         directions=tuple(one.strip() for one in directions.split(",")),
         pairs=pairs,
     )
+    if costs and budget is None:
+        raise InputError("--costs: expected --budget with it, which limits the cost")
     limits = Limits(
         gauges=gauges if budget is None else None,
         budget=budget,
