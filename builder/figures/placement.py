@@ -1,4 +1,4 @@
-"""Accuracy against the number of gauges: the placement, the layout in use, QR and evenly spread rows."""
+"""Accuracy of a placement and of other layouts: against gauges, noise, position and flush ports."""
 
 from __future__ import annotations
 
@@ -7,42 +7,62 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure
-from builder.placement.curves import NOISES, Curves
+from builder.placement.curves import EVEN, PLACED, QR, Curves, Sweep
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLOURS = ("tab:cyan", "tab:blue", "tab:purple")
+STYLES = {
+    PLACED: {"color": "tab:blue", "marker": "o"},
+    QR: {"color": "tab:orange", "marker": "s"},
+    EVEN: {"color": "tab:gray", "marker": "^"},
+}
+IN_USE = {"color": "black", "marker": "*"}
 
 
 def placement_figure(curves: Curves, title: str) -> Figure:
-    """Draw sigma of each coefficient, relative to the layout in use, against the number of gauges."""
-    figure = blank_figure(13.0, 3.9)
-    axes = figure.subplots(1, len(COEFFICIENT_NAMES), sharey=True)
-    for number, (axis, name) in enumerate(zip(axes, COEFFICIENT_NAMES, strict=True)):
-        _one(axis, curves, number)
-        axis.set_title(f"${name}$", fontsize=10)
-        axis.set_xlabel("number of gauges [1]")
-    axes[0].set_ylabel("sigma relative to the layout in use [1]")
-    axes[0].legend(fontsize=7)
-    figure.suptitle(f"Accuracy against the number of gauges: {title}")
+    """Draw sigma of each coefficient, relative to the layout in use: a row for each quantity that is changed."""
+    n_rows = 1 + len(curves.sweeps)
+    figure = blank_figure(13.0, 1.0 + 2.6 * n_rows)
+    axes = figure.subplots(n_rows, len(COEFFICIENT_NAMES), sharey="row", squeeze=False)
+    for number, name in enumerate(COEFFICIENT_NAMES):
+        _counts(axes[0, number], curves, number)
+        axes[0, number].set_title(f"${name}$", fontsize=10)
+        for axis, sweep in zip(axes[1:, number], curves.sweeps, strict=True):
+            _sweep(axis, sweep, number)
+    for row in axes:
+        row[0].set_ylabel("sigma / layout in use [1]", fontsize=8)
+        row[0].legend(fontsize=6)
+    figure.suptitle(f"Sigma of the coefficients: {title}")
     return figure
 
 
-def _one(axis: Any, curves: Curves, number: int) -> None:
-    counts = curves.counts
-    for noise, colour, placed in zip(NOISES, COLOURS, curves.placed, strict=True):
-        label = "placed" if noise == 1.0 else f"placed, noise times {noise:g}"
-        style = "-" if noise == 1.0 else "--"
-        axis.plot(counts, placed[:, number], style, color=colour, marker="o", markersize=3, label=label)
-    axis.plot(counts, curves.qr[:, number], color="tab:orange", marker="s", markersize=3, label="pivoted QR")
-    axis.plot(
-        counts, curves.even[:, number], color="tab:gray", marker="^", markersize=3, label="evenly spread rows"
-    )
+def _counts(axis: Any, curves: Curves, number: int) -> None:
+    for name, sigma in ((PLACED, curves.placed), (QR, curves.qr), (EVEN, curves.even)):
+        axis.plot(curves.counts, sigma[:, number], markersize=3, label=name, **STYLES[name])
+    axis.plot(curves.counts, curves.lost[:, number], ":", color="tab:blue", label="placed, worst loss of one")
     axis.plot([curves.own_count], [1.0], "*", color="black", markersize=9, label=curves.own_name)
     axis.set_xscale("log")
-    axis.set_xticks(counts, [str(one) for one in counts], fontsize=7)
+    axis.set_xticks(curves.counts, [str(one) for one in curves.counts], fontsize=7)
     axis.minorticks_off()
-    axis.set_ylim(0.0, max(1.8, 1.1 * float(np.nanmax(curves.placed[:, 0]))))
+    axis.set_xlabel("gauges [1]", fontsize=8)
+    axis.set_ylim(*_limits((curves.placed, curves.lost)))
     axis.grid(alpha=0.3)
+
+
+def _sweep(axis: Any, sweep: Sweep, number: int) -> None:
+    for name, sigma in sweep.sigmas.items():
+        axis.plot(sweep.values, sigma[:, number], markersize=4, label=name, **STYLES.get(name, IN_USE))
+    axis.set_xticks(sweep.values, [f"{one:g}" for one in sweep.values], fontsize=7)
+    axis.set_xlabel(sweep.label, fontsize=8)
+    axis.set_ylim(*_limits(tuple(sweep.sigmas.values())))
+    axis.grid(alpha=0.3)
+
+
+def _limits(sigmas: tuple[FloatArray, ...]) -> tuple[float, float]:
+    """Return the range of an axis that all of ``sigmas`` and the layout in use, 1, are in."""
+    low, high = (float(limit([limit(one) for one in sigmas])) for limit in (np.nanmin, np.nanmax))
+    low, high = min(low, 1.0), max(high, 1.0)
+    return low - 0.08 * (high - low), high + 0.08 * (high - low)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from builder.placement.limits import Limits
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
+from builder.reports.page.pdf import write_pdf
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
@@ -78,7 +80,7 @@ def propose_gauges(
     curves = None
     if with_curves:
         with reporter.stage("Curves") as progress:
-            curves = accuracy_curves(study, limits, aim, progress)
+            curves = accuracy_curves(study, limits, aim, found.sites, progress)
     return ProposedGauges(study=study, placement=found, curves=curves)
 
 
@@ -124,8 +126,9 @@ def left_out(vehicle: Vehicle) -> list[str]:
         "mesh: the error of strain by the structure's mesh is not counted; the report of a map built with the "
         "layout states it"
     )
-    if vehicle.sensors is not None:
-        found.append("sensors: auxiliary sensors are not counted; with them fewer gauges do")
+    if vehicle.sensors is not None and vehicle.sensors.of_structure:
+        names = ", ".join(f"sensors.{name}" for name in vehicle.sensors.of_structure)
+        found.append(f"{names}: not counted; with them fewer gauges do")
     return found
 
 
@@ -150,13 +153,19 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page; ``layout`` is a name of the vehicle file or a layout file (CSV).
+    """Write the review of a layout as a page, and with matplotlib as PDF next to it.
+
+    ``layout`` is a name of the vehicle file or a layout file (CSV).
 
     Raises
     ------
     InputError
         As :func:`propose_gauges`; or there is no such layout.
     """
+    if path.suffix.lower() == ".pdf":
+        raise InputError(
+            f"--output: expected a page such as review.html, next to which the PDF is written, got '{path}'"
+        )
     vehicle = with_layout(load_vehicle(vehicle_path), layout)
     check_model(vehicle)
     for line in left_out(vehicle):
@@ -165,7 +174,10 @@ def review_layout(
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models"):
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
-    write_page(placement_page(f"{vehicle.name}: gauges {layout or vehicle.gauges.layout}", found), path)
+    page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
+    write_page(page, path)
+    if find_spec("matplotlib") is not None:
+        write_pdf(page, path.with_suffix(".pdf"))
     return found
 
 

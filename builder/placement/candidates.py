@@ -61,6 +61,8 @@ class CandidateGrid:
         for name in self.directions:
             if name not in known:
                 raise InputError(f"--directions: expected some of {', '.join(known)}, got '{name}'")
+        if len(set(self.directions)) < len(self.directions):
+            raise InputError(f"--directions: expected each once, got {','.join(self.directions)}")
         if self.pairs not in ("", MIRROR, OPPOSITE):
             raise InputError(f"--pairs: expected {MIRROR} or {OPPOSITE}, got '{self.pairs}'")
 

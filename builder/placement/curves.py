@@ -1,4 +1,4 @@
-"""Accuracy against the number of gauges and their noise, of the placement and of others."""
+"""Accuracy of the placement and of other layouts: against gauges, their noise, their position, and flush ports."""
 
 from __future__ import annotations
 
@@ -6,50 +6,88 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.placement.counted_sensors import counted_sensors
 from builder.placement.design import Aim, Study, aimed
-from builder.placement.flight_models import flight_model
+from builder.placement.flight_models import FlightParts, flight_model
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.limits import Limits, rules_of
+from builder.placement.lost_gauge import loss_ratios
 from builder.placement.rivals import even_sites, qr_sites
 from builder.placement.selection import best_of_starts, greedy, rounded
 from builder.reporting import Progress
+from builder.vehicle.gauges.sensor_entries import Ports, Sensors
+from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 
 COUNTS = (6, 9, 12, 18, 24, 36, 54, 72)
 """Numbers of gauges that are drawn."""
 
-NOISES = (0.5, 1.0, 2.0)
+NOISES = (0.5, 1.0, 2.0, 4.0)
 """Noise of the gauges over the noise of the vehicle file."""
+
+POSITIONS = (0.0, 1.0, 2.0, 5.0)
+"""Errors of a gauge's position, one standard deviation [mm]."""
+
+PORTS = (0, 2, 4, 8)
+"""Flush ports around one station."""
+
+PORT_STATION, PORT_STD, PORT_GAIN = 0.05, 50.0, 0.5
+"""Station over the length of the body, noise [Pa] and gain error [%] of ports where the vehicle file has none."""
+
+PLACED, QR, EVEN = "placed", "pivoted QR", "evenly spread rows"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sweep:
+    """Sigmas of fixed layouts against one quantity.
+
+    Attributes
+    ----------
+    label : the quantity with its unit, of an axis.
+    values : (n,) of it.
+    sigmas : (n, 5) by layout, over the sigmas of the layout in use as the vehicle file is.
+    """
+
+    label: str
+    values: tuple[float, ...]
+    sigmas: dict[str, FloatArray]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Curves:
-    """Sigmas over the sigmas of the layout in use with the noise of the file.
+    """Sigmas over the sigmas of the layout in use.
 
     Attributes
     ----------
     counts : (n,) numbers of gauges.
-    placed : (n_noises, n, 5) of placements, by noise of :data:`NOISES`.
+    placed : (n, 5) of placements.
+    lost : (n, 5) of these after the loss of the gauge whose loss raises each sigma most.
     qr, even : (n, 5) of layouts by QR and of evenly spread rows.
     own_count : gauges of the layout in use, whose sigmas are 1.
     own_name : its name.
+    sweeps : of the placement, the layout in use, and the others with as many gauges as the placement.
     """
 
     counts: tuple[int, ...]
     placed: FloatArray
+    lost: FloatArray
     qr: FloatArray
     even: FloatArray
     own_count: int
     own_name: str
+    sweeps: tuple[Sweep, ...]
 
 
-def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress | None = None) -> Curves:
-    """Return the curves of a study; each placement is the best of exchanges from greedy choice, QR and rows.
+def accuracy_curves(
+    study: Study, limits: Limits, aim: Aim, sites: tuple[int, ...], progress: Progress | None = None
+) -> Curves:
+    """Return the curves of a study with the placement at ``sites``.
 
-    Gauges are counted whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and
-    those below the gauges that are kept, are left out.
+    Each placement of another number is the best of exchanges from greedy choice, QR and rows. Gauges are counted
+    whatever ``limits`` counts. Numbers that its distances and zones leave no room for, and those below the gauges
+    that are kept, are left out.
     """
-    free = replace(limits, budget=None, gauges=max(1, len(study.kept)), costs={})
+    free = replace(limits, budget=None, gauges=max(1, len(study.kept)), costs={}, cable=(0.0, 0.0))
     offered = [*range(study.offered), *study.kept]
     forced = list(range(study.offered, len(offered)))
     candidates = replace(study.candidates, sites=study.candidates.sites[offered])
@@ -57,29 +95,96 @@ def accuracy_curves(study: Study, limits: Limits, aim: Aim, progress: Progress |
     number = {tuple(site): k for k, site in reversed(list(enumerate(study.candidates.sites.tolist())))}
     of_study = np.array([number[tuple(site)] for site in left.sites.tolist()], dtype=np.int64)
     counts = [one for one in COUNTS if len(study.kept) <= one <= left.n_gauges.sum()]
-    placed, done = np.full((len(NOISES), len(counts), 5), np.nan), 0
-    for i, noise in enumerate(NOISES):
-        model, weighed = _with_noise(study, aim, noise)
-        inside = weighed.of_sites(of_study)
-        for k, count in enumerate(counts):
-            allowed = replace(rules, budget=float(count))
-            starts = [greedy(inside, allowed, allowed.forced)]
-            for rival in (qr_sites(study, count), even_sites(study, count)):
-                starts.append(rounded(_by_rank(of_study, rival), allowed))
-            chosen = best_of_starts(inside, allowed, starts)
-            if float(rules.cost[chosen].sum()) == count:
-                placed[i, k] = _ratio(model, of_study[chosen].tolist())
-            done += 1
-            if progress is not None:
-                progress(done, len(NOISES) * len(counts))
+    placed, lost = np.full((len(counts), 5), np.nan), np.full((len(counts), 5), np.nan)
+    inside = aimed(study, aim).of_sites(of_study)
+    steps = len(counts) + len(NOISES) + len(POSITIONS) + len(PORTS)
+    for k, count in enumerate(counts):
+        allowed = replace(rules, budget=float(count))
+        starts = [greedy(inside, allowed, allowed.forced)]
+        for rival in (qr_sites(study, count), even_sites(study, count)):
+            starts.append(rounded(_by_rank(of_study, rival), allowed))
+        chosen = best_of_starts(inside, allowed, starts)
+        if float(rules.cost[chosen].sum()) == count:
+            there = of_study[chosen].tolist()
+            placed[k] = _ratio(study.model, there)
+            lost[k] = placed[k] * loss_ratios(study.model, there).max(axis=0)
+        if progress is not None:
+            progress(k + 1, steps)
+    own_name = study.parts.vehicle.gauges.layout
+    n_placed = int(study.candidates.n_gauges[list(sites)].sum())
+    layouts = {
+        PLACED: list(sites),
+        own_name: list(study.own),
+        QR: qr_sites(study, n_placed),
+        EVEN: even_sites(study, n_placed),
+    }
     return Curves(
         counts=tuple(counts),
         placed=placed,
+        lost=lost,
         qr=np.array([_ratio(study.model, qr_sites(study, one)) for one in counts]),
         even=np.array([_ratio(study.model, even_sites(study, one)) for one in counts]),
         own_count=int(study.candidates.n_gauges[list(study.own)].sum()),
-        own_name=study.parts.vehicle.gauges.layout,
+        own_name=own_name,
+        sweeps=_sweeps(study, layouts, progress, len(counts), steps),
     )
+
+
+def _sweeps(
+    study: Study, layouts: dict[str, list[int]], progress: Progress | None, done: int, steps: int
+) -> tuple[Sweep, ...]:
+    parts, noise = study.parts, study.parts.vehicle.noise
+    positions = [
+        replace(parts, vehicle=parts.vehicle.model_copy(update={"noise": one}))
+        for one in (noise.model_copy(update={"gauge_position_mm": value}) for value in POSITIONS)
+    ]
+    asked: list[tuple[str, tuple[float, ...], list[FlightParts]]] = [
+        ("gauge noise over the stated one [1]", NOISES, [_with_noise(parts, one) for one in NOISES]),
+        ("error of position [mm]", POSITIONS, positions),
+    ]
+    if isinstance(parts.structure.surface, SurfaceGrid):
+        asked.append(("flush ports [1]", tuple(map(float, PORTS)), [_with_ports(parts, count) for count in PORTS]))
+    found = []
+    for label, values, changed in asked:
+        sigmas: dict[str, list[FloatArray]] = {name: [] for name in layouts}
+        for one in changed:
+            for name, sigma in _sigmas(study, one, layouts).items():
+                sigmas[name].append(sigma)
+            done += 1
+            if progress is not None:
+                progress(done, steps)
+        found.append(
+            Sweep(label=label, values=values, sigmas={name: np.array(one) for name, one in sigmas.items()})
+        )
+    return tuple(found)
+
+
+def _sigmas(study: Study, parts: FlightParts, layouts: dict[str, list[int]]) -> dict[str, FloatArray]:
+    """Return (5,) sigmas of each layout with ``parts``, over the sigmas of the layout in use with the study's."""
+    used = np.unique(np.concatenate([np.array(one, dtype=np.int64) for one in layouts.values()]))
+    place_of = {int(site): k for k, site in enumerate(used)}
+    model = flight_model(parts, study.strain, study.candidates.sites[used], study.kind)
+    return {
+        name: _ratio(model, [place_of[one] for one in sites]) / study.own_sigma for name, sites in layouts.items()
+    }
+
+
+def _with_noise(parts: FlightParts, factor: float) -> FlightParts:
+    return replace(parts, noise_std=factor * parts.noise_std)
+
+
+def _with_ports(parts: FlightParts, count: int) -> FlightParts:
+    """Return ``parts`` with ``count`` ports evenly around, instead of the ports of the vehicle file."""
+    entry, surface = parts.vehicle.sensors, parts.structure.surface
+    assert isinstance(surface, SurfaceGrid)
+    ports = None if entry is None else entry.ports
+    if ports is None:
+        x = max(float(surface.x[0]), PORT_STATION * float(surface.x[-1]))
+        ports = Ports(x_m=x, roll_deg=[0.0], std_Pa=PORT_STD, range_Pa=1e6, gain_percent=PORT_GAIN)
+    angles = [360.0 * k / count for k in range(count)]
+    new = ports.model_copy(update={"roll_deg": angles}) if count else None
+    changed = Sensors.model_construct(ports=new) if entry is None else entry.model_copy(update={"ports": new})
+    return replace(parts, sensors=counted_sensors(changed, surface, parts.basis))
 
 
 def _by_rank(of_study: IntArray, sites: list[int]) -> FloatArray:
@@ -90,14 +195,3 @@ def _by_rank(of_study: IntArray, sites: list[int]) -> FloatArray:
 
 def _ratio(model: GaussianModel, sites: list[int]) -> FloatArray:
     return np.asarray(np.sqrt(model.weight @ model.goal_variance(sites)))
-
-
-def _with_noise(study: Study, aim: Aim, noise: float) -> tuple[GaussianModel, GaussianModel]:
-    """Return the models of the coefficients and of the aim with other gauge noise."""
-    if noise == 1.0:
-        return study.model, aimed(study, aim)
-    parts = replace(study.parts, noise_std=noise * study.parts.noise_std)
-    model = flight_model(parts, study.strain, study.candidates.sites, study.kind)
-    scale = study.own_sigma
-    model = replace(model, goals=model.goals / scale[:, None], fixed=model.fixed / scale**2)
-    return model, aimed(replace(study, parts=parts, model=model), aim)

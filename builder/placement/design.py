@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -19,9 +20,11 @@ from builder.placement.candidates import (
     surface_candidates,
     with_gauges,
 )
+from builder.placement.counted_sensors import counted_sensors
 from builder.placement.flight_models import (
     FlightParts,
     Kind,
+    air_data_goals,
     errors_of_flows,
     field_goals,
     flight_model,
@@ -45,8 +48,14 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
-Goal = Literal["loads", "field", "d-optimal"]
-GOALS: tuple[Goal, ...] = ("loads", "field", "d-optimal")
+Goal = Literal["loads", "field", "air-data", "d-optimal"]
+GOALS: tuple[Goal, ...] = ("loads", "field", "air-data", "d-optimal")
+
+MODEL_FORM_PART = 0.1
+"""Part of the criterion for loads that counts model-form error of the stated size; flows of the rest have none."""
+
+NAMED = 8
+"""Pairs of gauges that are named, the worst ones, where their loss raises a sigma too far."""
 
 POOL = 600
 """Sites of the smallest reduced costs among which exchanges from many starts go on."""
@@ -60,11 +69,13 @@ class Aim:
 
     Attributes
     ----------
-    goal : "loads", the coefficients; "field", pressure on the surface; "d-optimal", all unknowns.
+    goal : "loads", the coefficients; "field", pressure on the surface; "air-data", Mach number, incidences and
+        ln p_inf of the nonlinear estimator; "d-optimal", all unknowns.
     weights : (5,) of the coefficients' variances, each relative to the layout in use [1].
     estimator : "linear" or "nonlinear"; None for the vehicle file's.
     starts : of the exchanges.
-    robust : whether no single loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.
+    robust : whether no loss may raise a sigma beyond :data:`~lost_gauge.LARGEST_RATIO`.
+    losses : gauges lost together that ``robust`` is about, 1 or 2.
     """
 
     goal: Goal = "loads"
@@ -72,6 +83,7 @@ class Aim:
     estimator: Kind | None = None
     starts: int = 20
     robust: bool = False
+    losses: int = 1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,6 +100,7 @@ class Study:
     offered : number of sites that may be chosen, the first ones.
     model : goals are coefficients over their sigmas with the layout in use, mean over the states.
     own_sigma : (5,) these sigmas.
+    without_model_form : the same model for flows without model-form error; None where there is none.
     """
 
     parts: FlightParts
@@ -99,6 +112,7 @@ class Study:
     offered: int
     model: GaussianModel
     own_sigma: FloatArray
+    without_model_form: GaussianModel | None = None
 
     def sigmas(self, sites: Sequence[int] | IntArray) -> FloatArray:
         """Return (5,) root mean square sigma over the flight states with gauges at ``sites``."""
@@ -188,6 +202,7 @@ def placement_study(
         structure=structure,
         basis=basis,
         noise_std=noise_std_of(vehicle, snapshots, structure),
+        sensors=counted_sensors(vehicle.sensors, surface, basis),
     )
     if case is None:
         assert isinstance(surface, SurfaceGrid)
@@ -199,6 +214,11 @@ def placement_study(
         strain = solid_strain(case, snapshots, basis, gauges)
     kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
     model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
+    without = None
+    if kind == "nonlinear" and vehicle.map.model_form_percent > 0.0:
+        entry = vehicle.map.model_copy(update={"model_form_percent": 0.0})
+        exact = replace(parts, vehicle=vehicle.model_copy(update={"map": entry}))
+        without = normalised(flight_model(exact, strain, everything.sites, kind), own)[0]
     return Study(
         parts=parts,
         kind=kind,
@@ -209,6 +229,7 @@ def placement_study(
         offered=len(offered.sites),
         model=model,
         own_sigma=own_sigma,
+        without_model_form=without,
     )
 
 
@@ -233,17 +254,56 @@ def normalised(model: GaussianModel, own: Sequence[int]) -> tuple[GaussianModel,
 
 
 def aimed(study: Study, aim: Aim) -> GaussianModel:
-    """Return the model of ``study`` with the goals of ``aim``."""
+    """Return the model of ``study`` with the goals of ``aim``.
+
+    The size of the model-form error is a judgement. With loads as the goal every second flight state has none: a
+    layout for the stated size alone may be worse than the layout in use where flows have less of it.
+    """
     model = study.model
     if aim.goal == "d-optimal":
         return replace(model, criterion="determinant")
     if aim.goal == "field":
         return replace(model, goals=field_goals(study.parts, study.strain, study.kind))
+    if aim.goal == "air-data":
+        if study.kind != "nonlinear":
+            raise InputError("--goal: air-data needs the nonlinear estimator, got the linear one")
+        goals = air_data_goals(study.parts, study.strain)
+        states = replace(model, goals=goals, fixed=np.zeros(goals.shape[:2]))
+        return normalised(states, study.own)[0]
+    if study.without_model_form is not None:
+        halves = model.of_states(slice(0, None, 2)), study.without_model_form.of_states(slice(1, None, 2))
+        first, second = (normalised(one, study.own)[0] for one in halves)
+        model = first.joined(second, MODEL_FORM_PART)
     weight = np.array(aim.weights) / np.mean(aim.weights)
     return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
 
 
 def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placement:
+    """Return the best placement that is found within ``limits``, of all choices of so many directions.
+
+    Raises
+    ------
+    InputError
+        No choice keeps the limits.
+    """
+    offered = study.candidates.of(list(range(study.offered)))
+    kinds = list(dict.fromkeys(study.candidates.kind[one] for one in offered.tolist()))
+    if limits.kinds is None or limits.kinds >= len(kinds):
+        return _place(study, limits, aim, reporter)
+    found, faults = list[Placement](), list[InputError]()
+    for some in combinations(kinds, limits.kinds):
+        reporter.note(f"directions: {', '.join(some)}")
+        try:
+            found.append(_place(study, replace(limits, directions=some), aim, reporter))
+        except InputError as fault:
+            faults.append(fault)
+    if not found:
+        raise faults[0]
+    best = found[int(np.argmin([one.value for one in found]))]
+    return replace(best, bound=min(one.bound for one in found))
+
+
+def _place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placement:
     """Return the best placement that is found within ``limits``.
 
     Raises
@@ -270,13 +330,15 @@ def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placeme
     remarks: list[str] = []
     if aim.robust:
         coefficients = study.model.of_sites(of_study)
-        with reporter.stage("Gauges: against the loss of one") as progress:
-            chosen = without_weak_points(model, coefficients, rules, chosen, progress)
+        words = "one" if aim.losses == 1 else "two"
+        with reporter.stage(f"Gauges: against the loss of {words}") as progress:
+            chosen = without_weak_points(model, coefficients, rules, chosen, progress, aim.losses)
     sites = of_study[chosen]
-    lost = lost_gauges(study.model, sites, study.candidates.of(sites))
+    lost = lost_gauges(study.model, sites, study.candidates.of(sites), aim.losses)
     if aim.robust:
         names = study.candidates.gauges.names
         remarks += robust_remarks(study, rules, of_study, chosen, lost, names)
+        remarks += pair_remarks(lost, names)
     value = model.value(chosen)
     return Placement(
         layout=study.candidates.layout(sites),
@@ -316,6 +378,24 @@ def best_exchanged(
     inside = [[place_of[site] for site in one] for one in begun]
     found = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)
     return [int(pool[one]) for one in found]
+
+
+def pair_remarks(lost: LostGauge, names: Sequence[str]) -> list[str]:
+    """Return a line for each pair whose loss raises a sigma too far, the :data:`NAMED` worst ones."""
+    if lost.pair_ratio is None:
+        return []
+    found = []
+    for first, second in lost.pairs[:NAMED]:
+        ratio = lost.pair_ratio[first, second]
+        worst = int(np.argmax(ratio))
+        one, two = (names[lost.gauges[k]] for k in (first, second))
+        found.append(
+            f"loss of {one} and {two}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times, "
+            f"more than {LARGEST_RATIO:g}: too few others read the same"
+        )
+    if len(lost.pairs) > NAMED:
+        found.append(f"{len(lost.pairs) - NAMED} more pairs raise a sigma beyond {LARGEST_RATIO:g} times")
+    return found
 
 
 def robust_remarks(

@@ -8,7 +8,7 @@ truncated modes, errors averaged over the flows. Errors of the vehicle and its g
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -25,6 +25,7 @@ from builder.inverse.problem import AnyStructure, gauge_noise_covariance, invers
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
 from builder.manifold.build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
+from builder.placement.counted_sensors import CountedSensors
 from builder.placement.gaussian_model import GaussianModel
 from builder.placement.pressure_basis import PressureBasis
 from builder.structure.as_built_kinds import KINDS
@@ -64,6 +65,7 @@ class FlightParts:
     structure : whose nodes the snapshots are on.
     basis : of pressure.
     noise_std : of a gauge [m/m].
+    sensors : auxiliary sensors that count, None without any.
     """
 
     vehicle: Vehicle
@@ -72,6 +74,7 @@ class FlightParts:
     structure: AnyStructure
     basis: PressureBasis
     noise_std: float
+    sensors: CountedSensors | None = None
 
     @property
     def loads(self) -> FloatArray:
@@ -87,17 +90,21 @@ class _State:
     Attributes
     ----------
     unknowns : (K, m) of the basis per unknown at one standard deviation [Pa].
+    inside : (K, 1) of the basis for the pressure inside the body at one standard deviation [Pa].
     goals : (n_g, m) coefficients per unknown.
     fixed : (n_g,) variance of the coefficients that no gauge lowers.
     pressure_root : (K, k) pressure that errors in proportion to strain follow: a root of its second moment [Pa].
     rest : (K, K) covariance of unknowns that count as noise [Pa^2].
+    state : (4, 4) flight state per its own unknowns, the first ones; (0, 0) of the linear estimator.
     """
 
     unknowns: FloatArray
+    inside: FloatArray
     goals: FloatArray
     fixed: FloatArray
     pressure_root: FloatArray
     rest: FloatArray
+    state: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, kind: Kind) -> GaussianModel:
@@ -108,42 +115,51 @@ def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, k
     InputError
         The flows do not suffice for tables.
     """
-    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
-    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
+    states = _states(parts, strain, kind)
     rows = [_rows(parts, strain, one) for one in states]
+    known = [_sensor_rows(parts, strain, one) for one in states]
     m = rows[0].shape[1]
     goals = [np.pad(one.goals, ((0, 0), (0, m - one.goals.shape[1]))) for one in states]
     fixed = [one.fixed for one in states]
     if kind == "linear":
-        rows[0], goals[0], more = _without_faint(rows[0], goals[0])
-        fixed[0] = fixed[0] + more
-        m = rows[0].shape[1]
+        kept = _seen(rows[0], known[0])
+        rows[0], known[0] = _without_faint(rows[0], kept), _without_faint(known[0], kept)
+        of_goals = goals[0] @ kept
+        fixed[0] = fixed[0] + np.maximum(_square(goals[0]) - _square(of_goals), 0.0)
+        goals[0], m = of_goals, kept.shape[1]
     return GaussianModel(
         rows=_at_sites(np.stack(rows), sites),
-        precision=np.tile(np.eye(m), (len(states), 1, 1)),
+        precision=np.stack([np.eye(m) + one.T @ one for one in known]),
         goals=np.stack(goals),
         fixed=np.stack(fixed),
         weight=np.full(len(states), 1.0 / len(states)),
     )
 
 
-def _without_faint(rows: FloatArray, goals: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return rows (n, m) and goals (n_g, m) of fewer unknowns, and variance (n_g,) of the goals that is left.
+def _states(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> list[_State]:
+    """Return the flight states of the estimator ``kind``, their unknowns ordered by what sensors see of them."""
+    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
+    seen = [probe / np.sqrt(len(probe))]
+    if parts.sensors is not None:
+        seen.append(parts.noise_std * parts.sensors.reading)
+    triangle = np.asarray(np.linalg.qr(np.vstack(seen), mode="r"))
+    return _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
 
-    What candidates hardly see of the unknowns is noise of their rows.
+
+def _without_faint(rows: FloatArray, kept: FloatArray) -> FloatArray:
+    """Return rows (n, k) of the combinations ``kept`` (m, k) of unknowns.
+
+    What ``rows`` (n, m) see of others is noise.
     """
-    kept = _seen(rows)
     short = rows @ kept
     left = np.maximum(_square(rows) - _square(short), 0.0)
-    of_goals = goals @ kept
-    return short / np.sqrt(1.0 + left)[:, None], of_goals, np.maximum(_square(goals) - _square(of_goals), 0.0)
+    return np.asarray(short / np.sqrt(1.0 + left)[:, None])
 
 
-def _seen(rows: FloatArray) -> FloatArray:
-    """Return orthonormal columns (m, k): the combinations of unknowns that candidates see."""
+def _seen(rows: FloatArray, known: FloatArray) -> FloatArray:
+    """Return orthonormal columns (m, k): combinations of unknowns that candidates or auxiliary sensors see."""
     probe = rows[:: max(1, len(rows) // PROBES)]
-    _, size, right = np.linalg.svd(probe / np.sqrt(len(probe)), full_matrices=False)
+    _, size, right = np.linalg.svd(np.vstack([probe / np.sqrt(len(probe)), known]), full_matrices=False)
     return np.asarray(right[size > FAINT].T)
 
 
@@ -173,7 +189,35 @@ def _rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatAr
         np.full((len(reading), 1), KINDS["apparent_strain"].noise_std(entry)),
         strain.thermal,
     ]
-    columns = np.hstack([strain.strain @ state.unknowns, *common])
+    of_sensors = np.zeros((len(reading), _n_sensor_errors(parts, root)))
+    columns = np.hstack([strain.strain @ state.unknowns, strain.strain @ state.inside, *common, of_sensors])
+    return np.asarray(columns / np.sqrt(variance)[:, None])
+
+
+def _n_sensor_errors(parts: FlightParts, root: FloatArray) -> int:
+    """Return the number of unknowns that only auxiliary sensors have in common."""
+    sensors = parts.sensors
+    return 0 if sensors is None else len(sensors.common) * root.shape[1] + sensors.drift.shape[1]
+
+
+def _sensor_rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatArray:
+    """Return (n, m) rows of the auxiliary sensors over the noise of each, of the unknowns of :func:`_rows`."""
+    sensors, root = parts.sensors, state.pressure_root
+    of_gauges = 3 * root.shape[1] + 1 + strain.thermal.shape[1]
+    if sensors is None:
+        return np.zeros((0, state.unknowns.shape[1] + 1 + of_gauges))
+    variance = 1.0 + _square(sensors.gain[:, None] * (sensors.reading @ root))
+    variance += np.einsum("nk,kl,nl->n", sensors.reading, state.rest, sensors.reading, optimize=True)
+    inside = sensors.against_inside[:, None] * (sensors.reading @ state.inside)
+    columns = np.hstack(
+        [
+            sensors.reading @ state.unknowns,
+            inside,
+            np.zeros((len(inside), of_gauges)),
+            *(one @ root for one in sensors.common),
+            sensors.drift,
+        ]
+    )
     return np.asarray(columns / np.sqrt(variance)[:, None])
 
 
@@ -231,6 +275,8 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         leeward=None if ensemble.grid is not None else leeward_fields(vehicle, parts.snapshots, ensemble),
     )
     found, terms = tables_and_errors(vehicle, parts.snapshots, parts.structure, problem)
+    nothing = np.zeros((n_k + len(parts.loads), 1))
+    of_inside = terms.get("internal pressure", nothing)
     inside = vehicle.structure.internal_pressure_Pa
     operator = np.vstack([basis, parts.loads])
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
@@ -241,7 +287,8 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         fixed_response=fixed,
         n_loads=len(parts.loads),
     )
-    error, states = np.hstack(list(terms.values())), flight_states(parts)
+    others = [one for name, one in terms.items() if name != "internal pressure"]
+    error, states = np.hstack([*others, nothing]), flight_states(parts)
     at = evaluate(tables, states)
     typical = float(np.exp(states[:, LOG_PRESSURE].mean()))
     off, off_loads, off_fixed, off_rest = _parted(error[:n_k], error[n_k:], triangle, parts.noise_std / typical)
@@ -259,9 +306,11 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
             _State(
                 pressure_root=value[:n_k, None],
                 unknowns=np.hstack([slope[:n_k] @ prior, pressure * off]),
+                inside=pressure * of_inside[:n_k],
                 goals=np.hstack([by_state @ prior, pressure * scale[:, None] * off_loads]),
                 fixed=(pressure * scale) ** 2 * off_fixed,
                 rest=pressure**2 * off_rest,
+                state=prior,
             )
         )
     return states_found
@@ -319,8 +368,9 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     return [
         _State(
             pressure_root=_short((weight[:, None] * flown).T),
-            unknowns=np.hstack([unknowns, uniform]),
-            goals=np.pad(of_loads, ((0, 0), (0, 1))),
+            unknowns=unknowns,
+            inside=uniform,
+            goals=of_loads,
             fixed=fixed,
             rest=rest,
         )
@@ -353,12 +403,11 @@ def _modes(ensemble: Ensemble) -> PressureModes:
 
 def pressure_of_unknowns(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
     """Return (n_s, K, m) pressure of the basis per unknown of :func:`flight_model` [Pa]; 0 of common errors."""
-    probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    triangle = np.asarray(np.linalg.qr(probe / np.sqrt(len(probe)), mode="r"))
-    states = _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
-    m = _rows(parts, strain, states[0]).shape[1]
-    found = np.stack([np.pad(one.unknowns, ((0, 0), (0, m - one.unknowns.shape[1]))) for one in states])
-    return found @ _seen(_rows(parts, strain, states[0])) if kind == "linear" else found
+    states = _states(parts, strain, kind)
+    rows, known = _rows(parts, strain, states[0]), _sensor_rows(parts, strain, states[0])
+    fields = [np.hstack([one.unknowns, one.inside]) for one in states]
+    found = np.stack([np.pad(one, ((0, 0), (0, rows.shape[1] - one.shape[1]))) for one in fields])
+    return found @ _seen(rows, known) if kind == "linear" else found
 
 
 def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
@@ -375,6 +424,16 @@ def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> Floa
         kept = slice(0, min(FIELD_GOALS, len(size)))
         found.append(size[kept, None] * right[kept] / np.linalg.norm(size))
     return np.stack(found)
+
+
+def air_data_goals(parts: FlightParts, strain: CandidateStrain) -> FloatArray:
+    """Return (n_s, 4, m) the flight state of the nonlinear estimator as goals.
+
+    These are Mach number, both incidences and ln p_inf.
+    """
+    states = _states(parts, strain, "nonlinear")
+    m = _rows(parts, strain, states[0]).shape[1]
+    return np.stack([np.pad(one.state, ((0, 0), (0, m - N_STATES))) for one in states])
 
 
 def noise_std_of(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> float:

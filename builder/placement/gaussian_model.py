@@ -59,6 +59,44 @@ class GaussianModel:
         """Return the model with these sites alone, in this order."""
         return replace(self, rows=self.rows[:, np.asarray(sites, dtype=np.int64)])
 
+    def of_states(self, states: slice) -> GaussianModel:
+        """Return the model of some of the flight states."""
+        weight = self.weight[states]
+        return replace(
+            self,
+            rows=self.rows[states],
+            precision=self.precision[states],
+            goals=self.goals[states],
+            fixed=self.fixed[states],
+            weight=weight / weight.sum(),
+        )
+
+    def joined(self, other: GaussianModel, part: float) -> GaussianModel:
+        """Return the model of the flight states of both; ``part`` of the criterion is this one's."""
+        m = max(self.rows.shape[-1], other.rows.shape[-1])
+        both = [one.of_unknowns(m) for one in (self, other)]
+        return replace(
+            self,
+            rows=np.concatenate([one.rows for one in both]),
+            precision=np.concatenate([one.precision for one in both]),
+            goals=np.concatenate([one.goals for one in both]),
+            fixed=np.concatenate([one.fixed for one in both]),
+            weight=np.concatenate([part * self.weight, (1.0 - part) * other.weight]),
+        )
+
+    def of_unknowns(self, count: int) -> GaussianModel:
+        """Return the same model with ``count`` unknowns: those added are neither read nor part of a goal."""
+        more = count - self.rows.shape[-1]
+        precision = np.pad(self.precision, ((0, 0), (0, more), (0, more)))
+        added = np.arange(self.rows.shape[-1], count)
+        precision[:, added, added] = 1.0
+        return replace(
+            self,
+            rows=np.pad(self.rows, ((0, 0), (0, 0), (0, 0), (0, more))),
+            precision=precision,
+            goals=np.pad(self.goals, ((0, 0), (0, 0), (0, more))),
+        )
+
     def with_known(self, sites: Sequence[int] | IntArray) -> GaussianModel:
         """Return the model whose unknowns have been read by these sites already."""
         return replace(self, precision=self.precision_with(sites))

@@ -48,6 +48,9 @@ class Limits:
     costs : of a gauge by the name of its direction; 1 where none is stated.
     spacing : smallest distance of gauges that are not at one point [m].
     zones : without gauges.
+    kinds : how many directions may be used; None for all.
+    directions : that may be used; None for all.
+    cable : cost of a metre of cable, and the station that all cables run to along the body [m].
     """
 
     gauges: int | None = None
@@ -55,6 +58,9 @@ class Limits:
     costs: dict[str, float] = field(default_factory=dict)
     spacing: float = 0.0
     zones: tuple[Zone, ...] = ()
+    kinds: int | None = None
+    directions: tuple[str, ...] | None = None
+    cable: tuple[float, float] = (0.0, 0.0)
 
 
 def rules_of(candidates: Candidates, limits: Limits, forced: Sequence[int] = ()) -> tuple[Candidates, Rules]:
@@ -78,11 +84,14 @@ def rules_of(candidates: Candidates, limits: Limits, forced: Sequence[int] = ())
         site = int(np.flatnonzero(in_zone & is_forced)[0])
         raise InputError(f"--keep: gauge '{_name(candidates, site)}' is in a zone of --forbid; take it out of one")
     near, alone = _too_near(candidates, limits.spacing)
-    kept = np.flatnonzero((~in_zone & ~alone) | is_forced)
+    other = np.zeros(len(candidates.sites), dtype=bool)
+    if limits.directions is not None:
+        unused = np.array([kind not in (*limits.directions, "") for kind in candidates.kind])
+        other = np.any(unused[candidates.sites] & there, axis=1)
+    kept = np.flatnonzero((~in_zone & ~alone & ~other) | is_forced)
     if not len(kept):
-        raise InputError(
-            f"--forbid, --spacing: expected candidates outside the zones, got none of {len(candidates.sites)}"
-        )
+        options = "--forbid, --spacing" if limits.directions is None else "--forbid, --spacing, --kinds"
+        raise InputError(f"{options}: expected candidates that they allow, got none of {len(candidates.sites)}")
     place = np.full(len(candidates.sites), -1)
     place[kept] = np.arange(len(kept))
     chosen = Candidates(
@@ -122,7 +131,9 @@ def _cost(candidates: Candidates, limits: Limits) -> FloatArray:
             raise InputError(f"--costs: expected directions of the candidates, got '{name}'")
         if not value > 0.0:
             raise InputError(f"--costs: expected a positive cost of {name}, got {value:g}")
+    rate, station = limits.cable
     of_gauge = np.array([*(limits.costs.get(kind, 1.0) for kind in candidates.kind), 0.0])
+    of_gauge[:-1] += rate * np.abs(candidates.x - station)
     return np.asarray(of_gauge[candidates.sites].sum(axis=1))
 
 

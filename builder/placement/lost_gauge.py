@@ -1,4 +1,4 @@
-"""Loss of one gauge: what it does to the sigmas, and placements that bear any."""
+"""Loss of one gauge or of two: effect on the sigmas, and placements that bear any."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from builder.reporting import Progress
 from strainfmu.arrays import FloatArray, IntArray
 
 LARGEST_RATIO = 1.3
-"""Largest sigma after the loss of any one gauge over the sigma with all."""
+"""Largest sigma after the loss over the sigma with all gauges."""
 
 PENALTY = 10.0
 """Weight of what a ratio's square is beyond the largest, over the criterion."""
@@ -28,32 +28,88 @@ class LostGauge:
     Attributes
     ----------
     gauges : (k,) numbers of the gauges.
-    ratio : (k, n_g) sigma of each goal without it, over that with all; root mean squares over the states.
+    ratio : (k, n_g) sigma of each goal without it, over the sigma with all; root mean squares over the states.
+    pair_ratio : (k, k, n_g) the same without two; None where only single losses count.
     """
 
     gauges: IntArray
     ratio: FloatArray
+    pair_ratio: FloatArray | None = None
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Pairs whose loss raises a sigma beyond :data:`LARGEST_RATIO`, the worst first."""
+        if self.pair_ratio is None:
+            return []
+        worst = np.triu(self.pair_ratio.max(axis=2), k=1)
+        first, second = np.nonzero(worst > LARGEST_RATIO)
+        order = np.argsort(-worst[first, second], kind="stable")
+        return list(zip(first[order].tolist(), second[order].tolist(), strict=True))
 
 
-def lost_gauges(model: GaussianModel, sites: Sequence[int] | IntArray, gauges: IntArray) -> LostGauge:
-    """Return what the loss of each of ``gauges``, the gauges of ``sites`` one after another, does to the goals."""
-    ratio = loss_ratios(model, sites)
-    return LostGauge(gauges=gauges, ratio=ratio)
+def lost_gauges(
+    model: GaussianModel, sites: Sequence[int] | IntArray, gauges: IntArray, losses: int = 1
+) -> LostGauge:
+    """Return the effect of the loss of each of ``gauges`` on the goals.
 
-
-def loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
-    """Return (k, n_g) ratios of the sigmas without each gauge of ``sites`` to those with all.
-
-    Without a gauge h the variance of goals G z grows by (G P h)^2 / (1 - h' P h).
+    They are the gauges of ``sites`` one after another. With ``losses`` = 2 it includes the loss of each pair.
     """
+    pairs = pair_loss_ratios(model, sites) if losses > 1 else None
+    return LostGauge(gauges=gauges, ratio=loss_ratios(model, sites), pair_ratio=pairs)
+
+
+def _seen(model: GaussianModel, sites: Sequence[int] | IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (n_s, k, k) h_i' P h_j of the gauges of ``sites``, (n_s, k, n_g) G P h, and (n_g,) the variances."""
     rows = model.gauge_rows(sites)
     rows = rows[:, np.any(rows != 0.0, axis=(0, 2))]
     covariance = np.linalg.inv(model.precision_with(sites))
     seen = rows @ covariance
-    own = np.einsum("skm,skm->sk", seen, rows)
     of_goals = seen @ np.swapaxes(model.goals, 1, 2)
     variance = model.weight @ (model.fixed + np.einsum("sgm,smn,sgn->sg", model.goals, covariance, model.goals))
-    grown = np.einsum("s,skg->kg", model.weight, of_goals**2 / np.maximum(1.0 - own, 1e-12)[..., None])
+    return seen @ np.swapaxes(rows, 1, 2), of_goals, np.asarray(variance)
+
+
+def fault_sizes(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
+    """Return (k,) standard deviations of each gauge's prediction by all others, over its noise, plus the noise.
+
+    An offset of gauge h shows in the difference from the prediction, whose variance is 1 / (1 - h' P h); root mean
+    square over the states. An offset of x of these standard deviations moves a goal by x sqrt(r^2 - 1) of its
+    sigma, where r is the ratio of :func:`loss_ratios`: so a bound of r limits the effect of a fault that the other
+    gauges do not detect.
+
+    Source: Baarda, A testing procedure for use in geodetic networks, 1968 (internal and external reliability).
+    """
+    between, _, _ = _seen(model, sites)
+    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    return np.asarray(np.sqrt(model.weight @ (1.0 / left)))
+
+
+def loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
+    """Return (k, n_g) ratios of the sigmas without each gauge of ``sites`` to the sigmas with all.
+
+    Without a gauge h the variance of goals G z grows by (G P h)^2 / (1 - h' P h).
+    """
+    between, of_goals, variance = _seen(model, sites)
+    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    grown = np.einsum("s,skg->kg", model.weight, of_goals**2 / left[..., None])
+    return np.asarray(np.sqrt(1.0 + grown / variance))
+
+
+def pair_loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
+    """Return (k, k, n_g) ratios of the sigmas without each two gauges of ``sites``; 1 on the diagonal.
+
+    Without gauges H the variance of goals G z grows by (G P H') (1 - H P H')^-1 (G P H')'.
+    """
+    between, of_goals, variance = _seen(model, sites)
+    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    determinant = np.maximum(left[:, :, None] * left[:, None, :] - between**2, 1e-18)
+    k = between.shape[1]
+    grown = np.zeros((k, k, len(variance)))
+    for weight, goals, one, both, of in zip(model.weight, of_goals, left, between, determinant, strict=True):
+        square = goals**2
+        own = square[:, None] * one[None, :, None] + square[None] * one[:, None, None]
+        grown += weight * (own + 2.0 * both[..., None] * goals[:, None] * goals[None]) / of[..., None]
+    grown[np.arange(k), np.arange(k)] = 0.0
     return np.asarray(np.sqrt(1.0 + grown / variance))
 
 
@@ -63,22 +119,24 @@ def without_weak_points(
     rules: Rules,
     chosen: Sequence[int],
     progress: Progress | None = None,
+    losses: int = 1,
 ) -> list[int]:
     """Return ``chosen`` after exchanges that lower the criterion with a penalty on losses that it cannot bear.
 
-    ``model`` has the criterion, ``goals`` the goals that losses are judged by. For each place the sites that lower
-    the criterion most are tried; the placement ends where none of them improves.
+    ``model`` has the criterion, ``goals`` the goals that ``losses`` gauges lost together are judged by. For each
+    place the sites that lower the criterion most are tried; the placement ends where none of them improves.
     """
     found, forced = list(chosen), set(rules.forced)
+    ratios = loss_ratios if losses == 1 else pair_loss_ratios
 
     def merit(sites: Sequence[int]) -> float:
-        excess = np.maximum(loss_ratios(goals, sites) ** 2 / LARGEST_RATIO**2 - 1.0, 0.0)
+        excess = np.maximum(ratios(goals, sites) ** 2 / LARGEST_RATIO**2 - 1.0, 0.0)
         value = model.value(sites)
         return value + abs(value) * PENALTY * float(excess.sum())
 
     current = merit(found)
     for number in range(LARGEST_PASSES):
-        if loss_ratios(goals, found).max() <= LARGEST_RATIO:
+        if ratios(goals, found).max() <= LARGEST_RATIO:
             break
         changed, posterior = False, Posterior(model, found)
         for place, site in enumerate(list(found)):

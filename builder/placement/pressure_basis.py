@@ -93,7 +93,8 @@ def _of_revolution(vehicle: Vehicle, snapshots: Snapshots, grid: SurfaceGrid) ->
         along.append(shapes)
         angle = m * grid.roll_angle
         for kind, wave in enumerate((np.cos(angle), np.sin(angle)) if m else (np.ones(grid.n_roll),)):
-            fields.append(np.einsum("xk,r->xrk", shapes, wave / np.linalg.norm(wave)).reshape(-1, shapes.shape[1]))
+            waves = np.einsum("xk,r->xrk", shapes, wave / np.linalg.norm(wave))
+            fields.append(waves.reshape(grid.n_nodes, shapes.shape[1]))
             harmonic += [m] * shapes.shape[1]
             phase += [kind] * shapes.shape[1]
     return PressureBasis(

@@ -10,11 +10,14 @@ from builder.aero.surface.mesh import mesh_of
 from builder.placement.design import Study
 from builder.placement.flight_models import flight_states, pressure_of_unknowns
 from builder.placement.gaussian_model import Posterior
-from builder.placement.lost_gauge import LARGEST_RATIO, loss_ratios
+from builder.placement.lost_gauge import LARGEST_RATIO, fault_sizes, loss_ratios
 from builder.placement.selection import first_of_best, marginal_worth
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.tables.flight_tables import MACH, U, W
+
+DETECTED = 4.0
+"""Standard deviations from the prediction by the other gauges at which an offset of a gauge counts as detected."""
 
 OBSERVED = 1.0
 """Strain of a combination of unknowns in all gauges, over their noise, from which it counts as observed."""
@@ -50,6 +53,8 @@ class Review:
     worth : (k,) what the criterion rises by without each gauge, over the criterion [1].
     spare : gauges that could go together, in the order to take them off.
     best : name of the candidate that would help most, and what the criterion would fall by [1].
+    fault : (k,) offset of each gauge that the others detect, over its noise [1]: :data:`DETECTED` standard
+        deviations of their prediction.
     loss : (k, 5) sigma without each gauge over the sigma with all [1].
     states : (n_s, 3) Mach number, total incidence [deg], aerodynamic roll angle [deg] of the flight states.
     state_sigma : (n_s, 5) sigmas there [1].
@@ -66,6 +71,7 @@ class Review:
     worth: FloatArray
     spare: tuple[str, ...]
     best: tuple[str, float]
+    fault: FloatArray
     loss: FloatArray
     states: FloatArray | None
     state_sigma: FloatArray
@@ -85,6 +91,11 @@ class Review:
             f"{self.sigma[k] / self.prior[k]:.2f} times the one without gauges; "
             f"{100.0 * parts[reason]:.0f} % of its variance is from {reason}"
         )
+
+    @property
+    def moved(self) -> FloatArray:
+        """(k, 5) effect of an offset that the others just do not detect on the coefficients, over their sigmas."""
+        return np.asarray(DETECTED * np.sqrt(np.maximum(self.loss**2 - 1.0, 0.0)))
 
     @property
     def weak_points(self) -> tuple[str, ...]:
@@ -139,6 +150,7 @@ def review_of(study: Study) -> Review:
         worth=marginal_worth(model, own) / value,
         spare=tuple(names[study.candidates.sites[one][0]] for one in _spare(study, own, value)),
         best=(", ".join(names[one] for one in study.candidates.of([best])), float(gains[best]) / value),
+        fault=DETECTED * fault_sizes(model, own),
         loss=loss_ratios(model, own),
         states=states,
         state_sigma=np.sqrt(model.goal_variance(own)) * study.own_sigma,

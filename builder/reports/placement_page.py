@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from builder.placement.lost_gauge import LARGEST_RATIO
-from builder.placement.review import SPARE, Review
+from builder.placement.review import DETECTED, SPARE, Review
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -47,6 +47,7 @@ def placement_page(title: str, found: Review) -> Page:
         (
             Section("What the gauges observe", (observed, _loads(found))),
             Section("What each gauge contributes", (_gauges(found),)),
+            Section("Faults of one gauge", (_faults(found),)),
             Section("Sigmas over the envelope", (_states(found),)),
         ),
     )
@@ -56,7 +57,7 @@ def _loads(found: Review) -> Table:
     columns = (
         Column("coefficient"),
         Column("sigma", "1e-4", ".3g"),
-        Column("without gauges", "1e-4", ".3g"),
+        Column("without gauges", "1e-4", ".0f"),
         Column("over that", "times", ".3f"),
         Column("not observed", "%", ".1f"),
         Column("no strain", "%", ".1f"),
@@ -85,6 +86,26 @@ def _gauges(found: Review) -> Table:
     )
     rows = [(found.names[k], 100.0 * found.worth[k], *found.loss[k]) for k in order.tolist()]
     return make_table("gauges", "Gauges by worth, and sigmas after the loss of each.", columns, rows)
+
+
+def _faults(found: Review) -> Table:
+    order = np.argsort(-found.moved.max(axis=1), kind="stable")
+    columns = (
+        Column("gauge"),
+        Column("detected from", "times its noise", ".1f"),
+        *(Column(f"{name} moved by", "sigma", ".2f") for name in COEFFICIENT_NAMES),
+    )
+    rows = [(found.names[k], found.fault[k], *found.moved[k]) for k in order.tolist()]
+    return make_table(
+        "faults",
+        (
+            f"Offset of one gauge that the others detect: {DETECTED:g} standard deviations of the difference "
+            "from their prediction. A smaller one moves each coefficient by this much at most. The noise includes "
+            "gain, position and orientation."
+        ),
+        columns,
+        rows,
+    )
 
 
 def _states(found: Review) -> Table:

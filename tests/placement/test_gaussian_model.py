@@ -125,3 +125,18 @@ def test_a_robust_placement_bears_any_loss_where_one_of_all_subsets_does() -> No
             bool(borne) and loss_ratios(model, chosen).max() <= LARGEST_RATIO < loss_ratios(model, start).max()
         )
     assert found > 0
+
+
+def test_two_models_make_one_criterion() -> None:
+    """Each its part, with unknowns that only one has; states that are left out have no weight."""
+    first, second = random_model(5), random_model(6)
+    fewer = replace(
+        second, rows=second.rows[..., :4], precision=second.precision[:, :4, :4], goals=second.goals[..., :4]
+    )
+    sites = [1, 5, 8]
+    both = first.joined(fewer, 0.3)
+    assert both.value(sites) == pytest.approx(0.3 * first.value(sites) + 0.7 * fewer.value(sites), rel=1e-12)
+    assert both.weight.sum() == pytest.approx(1.0)
+    one, other = first.of_states(slice(0, None, 2)), first.of_states(slice(1, None, 2))
+    parts = 0.7 * one.value(sites) + 0.3 * other.value(sites)
+    assert first.value(sites) == pytest.approx(parts, rel=1e-12)

@@ -28,7 +28,10 @@ def candidates(vehicle: Vehicle) -> Candidates:
     [
         (Limits(gauges=81), "--gauges: 81 found, the candidates and the zones leave room for 80"),
         (Limits(gauges=9, spacing=5.0), "--gauges: 9 found, --spacing of 5000 mm and the zones leave room for 2"),
-        (Limits(gauges=1, zones=(Zone(first=0.0, last=4.0),)), "--forbid, --spacing: expected candidates outside"),
+        (
+            Limits(gauges=1, zones=(Zone(first=0.0, last=4.0),)),
+            "--forbid, --spacing: expected candidates that they allow, got none of 80",
+        ),
         (Limits(budget=0.5), "--budget: 0.5 found, the cheapest candidate costs 1"),
         (Limits(budget=5.0, costs={"45": 1.0}), "--costs: expected directions of the candidates, got '45'"),
     ],
@@ -43,6 +46,7 @@ def test_limits_that_cannot_be_kept_are_named(candidates: Candidates, limits: Li
     [
         ({"stations": (9.0,)}, "--stations: expected some within the hollow part"),
         ({"directions": ("axial", "up")}, "--directions: expected some of axial, hoop"),
+        ({"directions": ("axial", "axial")}, "--directions: expected each once, got axial,axial"),
         ({"pairs": "twins"}, "--pairs: expected mirror or opposite, got 'twins'"),
         ({"pairs": "mirror", "roll_angles": (0.0, 45.0)}, "--pairs: roll angle 45 deg has no partner at 315 deg"),
         ({"pairs": "mirror", "directions": ("45",)}, "--pairs: a mirrored 45 needs 45 and -45"),

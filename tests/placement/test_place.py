@@ -12,6 +12,7 @@ from changed_vehicle import write_changed
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots, save_snapshots
+from builder.figures.placement import placement_figure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
@@ -23,7 +24,7 @@ from builder.placement.curves import accuracy_curves
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.flight_models import flight_states
 from builder.placement.limits import Limits, Zone, rules_of
-from builder.placement.review import review_of
+from builder.placement.review import DETECTED, review_of
 from builder.placement.rivals import best_of_random, even_sites, qr_sites
 from builder.reporting import Silent
 from builder.reports.page.html import page_html
@@ -33,6 +34,7 @@ from builder.structure.gauge_checks import check_gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import GaugeLayout, read_layout
+from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.reference.air import AirInputs
 from strainfmu.estimator.reference.gain import load_covariance
@@ -94,6 +96,30 @@ def test_the_linear_model_states_the_uncertainty_of_case_2(
 ) -> None:
     """Bayes' rule with the covariance of the problem's own terms, without any basis: within 3 %."""
     bayes = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"case": 2})})
+    study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
+    problem = inverse_problem(bayes, snapshots, structure)
+    modes = rolled_modes(problem.ensemble, None)
+    factor = modes.modes * modes.coefficient_std()
+    strain, loads = (
+        problem.strain_operator @ factor,
+        problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T,
+    )
+    covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
+    after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
+    np.testing.assert_allclose(study.own_sigma, np.sqrt(np.diag(after)), rtol=0.03)
+
+
+def test_flush_ports_and_an_inertial_unit_count(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    """Bayes' rule as above with the rows of the sensors, their errors and the inside pressure: within 3 %."""
+    ports = Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=50.0, range_Pa=1e6, gain_percent=1.0)
+    unit = InertialUnit(x_m=1.5, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=120.0)
+    # Base pressure and friction have no part in the coefficients; a placement leaves them out.
+    sensors = Sensors(ports=ports, imu=unit, base_pressure_percent=0.0, friction_C_A_std=0.0)
+    bayes = vehicle.model_copy(
+        update={"map": vehicle.map.model_copy(update={"case": 2}), "sensors": sensors},
+    )
     study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
     problem = inverse_problem(bayes, snapshots, structure)
     modes = rolled_modes(problem.ensemble, None)
@@ -192,7 +218,9 @@ def test_many_gauges_are_within_a_tenth_of_the_bound_and_better_than_the_publish
     study: Study = request.getfixturevalue(kind)
     found = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert 0.0 <= found.gap_percent < 10.0
-    assert (found.sigmas < found.own_sigmas).all()
+    model = aimed(study, Aim())
+    own, placed = (model.weight @ model.goal_variance(list(sites)) for sites in (study.own, found.sites))
+    assert (placed < own).all()
     again = place(study, replace(COUNTED, gauges=36), Aim(starts=3), Silent())
     assert again.layout.names == found.layout.names
 
@@ -250,16 +278,35 @@ def test_a_budget_is_spent_on_what_is_worth_its_cost(linear: Study) -> None:
     assert sum(name.startswith("hoop") for name in cheap.layout.names) > hoop
 
 
-def test_curves_fall_with_gauges_and_rise_with_noise(linear: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_curves_fall_with_gauges_and_ports_and_rise_with_errors(
+    linear: Study, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(curves, "COUNTS", (12, 36))
-    found = accuracy_curves(linear, COUNTED, Aim())
+    sites = place(linear, COUNTED, Aim(starts=1), Silent()).sites
+    found = accuracy_curves(linear, COUNTED, Aim(), sites)
     assert found.counts == (12, 36)
-    mean = np.mean(found.placed**2, axis=2)
-    assert (mean[:, 1] < mean[:, 0]).all()
-    assert (mean[0] < mean[1]).all()
-    assert (mean[1] < mean[2]).all()
-    assert (mean[1] <= np.mean(found.qr**2, axis=1)).all()
-    assert (mean[1] <= np.mean(found.even**2, axis=1)).all()
+    mean = np.mean(found.placed**2, axis=1)
+    assert mean[1] < mean[0]
+    assert (mean <= np.mean(found.qr**2, axis=1)).all()
+    assert (mean <= np.mean(found.even**2, axis=1)).all()
+    assert (found.lost >= found.placed).all()
+    noise, position, ports = found.sweeps
+    assert set(noise.sigmas) == {"placed", "configuration_2", "pivoted QR", "evenly spread rows"}
+    np.testing.assert_allclose(noise.sigmas["configuration_2"][noise.values.index(1.0)], 1.0, rtol=1e-9)
+    for name in noise.sigmas:
+        # What counts as noise of a gauge follows from the noise, so that one coefficient alone may fall a little.
+        assert (np.diff(np.mean(noise.sigmas[name] ** 2, axis=1)) > 0.0).all(), name
+        assert (np.diff(position.sigmas[name], axis=0) > 0.0).all(), name
+        assert (np.diff(np.mean(ports.sigmas[name] ** 2, axis=1)) < 0.0).all(), name
+    np.testing.assert_allclose(ports.sigmas["configuration_2"][0], 1.0, rtol=1e-9)
+    axes = placement_figure(found, "ic3x").axes
+    assert len(axes) == 4 * len(COEFFICIENT_NAMES)
+    assert [one.get_xlabel() for one in axes[::5]] == [
+        "gauges [1]",
+        "gauge noise over the stated one [1]",
+        "error of position [mm]",
+        "flush ports [1]",
+    ]
 
 
 def test_the_command_writes_a_layout_and_a_figure(
@@ -283,8 +330,13 @@ def test_the_command_writes_a_layout_and_a_figure(
     assert len(read_layout(tmp_path / "layout.csv").names) == 12
     for wrong, words in (
         (("--forbid", "1"), "--forbid: expected x1:x2 in m"),
-        (("--goal", "best"), "--goal: expected one of loads, field, d-optimal, got 'best'"),
+        (("--goal", "best"), "--goal: expected one of loads, field, air-data, d-optimal, got 'best'"),
         (("--loads", "C_L=1"), "--loads: expected weights from 0 of C_A"),
+        (("--costs", "axial=2"), "--costs: expected --budget with it"),
+        (("--cable", "1@2"), "--cable: expected --budget with it"),
+        (("--cable", "1,2", "--budget", 9), "--cable: expected COST@X with a cost from 0 per metre, got '1,2'"),
+        (("--losses", 2), "--losses: 2 needs --robust"),
+        (("--goal", "air-data"), "--goal: air-data needs the nonlinear estimator, got the linear one"),
     ):
         code, _, err = run("place", coarse_file, "-o", tmp_path / "none.csv", *arguments, *wrong)
         assert code == 2
@@ -314,3 +366,20 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     assert "alike all round (axial load)" in found.hidden[0]
     assert found.hidden[0].startswith(f"C_A: {100.0 * found.unobserved[0]:.0f} % of its variance is not observed")
     assert all(line in page for line in found.hidden)
+    assert "Faults of one gauge" in page
+
+
+def test_a_fault_of_a_gauge_shows_in_the_prediction_by_the_others(nonlinear: Study) -> None:
+    """The offset and its effect on the coefficients, from the posterior with and without the gauge."""
+    found, model, own = review_of(nonlinear), nonlinear.model, list(nonlinear.own)
+    for k in (0, 7):
+        others = own[:k] + own[k + 1 :]
+        h, variance, moved = model.gauge_rows([own[k]])[:, 0], 0.0, np.zeros(5)
+        without, whole = np.linalg.inv(model.precision_with(others)), np.linalg.inv(model.precision_with(own))
+        for s, weight in enumerate(model.weight):
+            of_difference = 1.0 + h[s] @ without[s] @ h[s]
+            variance += weight * of_difference
+            moved += weight * (model.goals[s] @ whole[s] @ h[s]) ** 2 * of_difference
+        sigma = np.sqrt(model.weight @ model.goal_variance(own))
+        assert found.fault[k] == pytest.approx(DETECTED * np.sqrt(variance), rel=1e-6)
+        np.testing.assert_allclose(found.moved[k], DETECTED * np.sqrt(moved) / sigma, rtol=1e-5)

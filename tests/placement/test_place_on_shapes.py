@@ -10,7 +10,7 @@ import pytest
 from shape_case import flown, grid_conditions
 
 from builder.inverse.build import build_inverse_map
-from builder.pipeline.gauge_placement import check_model, left_out, structure_of, write_layout
+from builder.pipeline.gauge_placement import check_model, left_out, propose_gauges, structure_of, write_layout
 from builder.placement.candidates import CandidateGrid
 from builder.placement.design import Aim, Study, place, placement_study
 from builder.placement.limits import Limits
@@ -78,6 +78,20 @@ def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, 
     code, _, err = run("export", tmp_path / "map.h5", "-o", tmp_path / "placed.fmu")
     assert (code, err) == (0, "")
     assert (tmp_path / "placed.fmu").is_file()
+
+
+def test_a_blunt_body_whose_flows_lack_a_harmonic_takes_gauges() -> None:
+    """Local inclination at few angles of attack leaves waves around the body that no flow has."""
+    found = propose_gauges(
+        VEHICLES / "blunt_cone.toml",
+        CandidateGrid(roll_angles=tuple(60.0 * k for k in range(6))),
+        Limits(gauges=12),
+        Aim(starts=1),
+        reporter=Silent(),
+    )
+    assert any(one.shape[1] == 0 for one in found.study.parts.basis.along)
+    assert len(found.placement.layout.names) == 12
+    assert 0.0 <= found.placement.gap_percent < 15.0
 
 
 def test_structures_of_another_code_are_refused(study: Study) -> None:

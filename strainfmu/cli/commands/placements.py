@@ -58,7 +58,17 @@ def place(
         float | None, number(1e-6, 1e9, "cost", "Largest cost of all gauges, instead of their number.")
     ] = None,
     costs: Annotated[str, typer.Option(help="Cost of a gauge by its direction, as axial=1,hoop=1.5.")] = "",
-    goal: Annotated[str, typer.Option(help="What to minimise: loads, field or d-optimal.")] = "loads",
+    cable: Annotated[
+        str,
+        typer.Option(
+            metavar="COST@X", help="Cost of a metre of cable along the body to station X in m; with --budget."
+        ),
+    ] = "",
+    kinds: Annotated[
+        int | None,
+        typer.Option(metavar="K", callback=within(1, 4), help="Use at most K of the directions, the best ones."),
+    ] = None,
+    goal: Annotated[str, typer.Option(help="What to minimise: loads, field, air-data or d-optimal.")] = "loads",
     loads: Annotated[
         str, typer.Option(help="Weights of the loads, as C_A=1,M_P=2; loads that are not named have 0.")
     ] = "",
@@ -69,6 +79,9 @@ def place(
     robust: Annotated[
         bool, typer.Option("--robust", help="Keep every sigma within 1.3 times after the loss of any one gauge.")
     ] = False,
+    losses: Annotated[
+        int, typer.Option(callback=within(1, 2), help="Gauges lost together that --robust is about, 1 or 2.")
+    ] = 1,
     curves: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Figure of accuracy against the number of gauges (PNG).")
     ] = None,
@@ -106,14 +119,20 @@ def place(
         directions=tuple(one.strip() for one in directions.split(",")),
         pairs=pairs,
     )
+    if costs and budget is None:
+        raise InputError("--costs: expected --budget with it, which limits the cost")
     limits = Limits(
         gauges=gauges if budget is None else None,
         budget=budget,
         costs=_named("--costs", costs),
         spacing=1e-3 * spacing,
         zones=tuple(_zone(one) for one in forbid or ()),
+        kinds=kinds,
+        cable=_cable(cable, budget),
     )
-    aim = Aim(goal=goal, weights=_weights(loads), estimator=kind, starts=starts, robust=robust)
+    if losses > 1 and not robust:
+        raise InputError(f"--losses: {losses} needs --robust")
+    aim = Aim(goal=goal, weights=_weights(loads), estimator=kind, starts=starts, robust=robust, losses=losses)
     found = propose_gauges(
         vehicle,
         grid,
@@ -140,7 +159,9 @@ def review(
     layout: Annotated[
         str, typer.Option(help="A layout of the vehicle file, or a layout file (CSV). Default: that in use.")
     ] = "",
-    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write.")] = Path("review.html"),
+    output: Annotated[Path, typer.Option("-o", "--output", help="Page to write, with a PDF next to it.")] = Path(
+        "review.html"
+    ),
     estimator: Annotated[
         str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file, linear for auto.")
     ] = "",
@@ -173,12 +194,13 @@ def review(
         snapshots_path=snapshots,
     )
     name, gain = found.best
+    written = [output, *([pdf] if (pdf := output.with_suffix(".pdf")).is_file() else [])]
     for line in (
         f"weakest: {found.weakest_line}",
         *found.weak_points,
         f"could go: {', '.join(found.spare) or 'none'}",
         f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %",
-        f"{output}: {perf_counter() - start:.1f} s in all",
+        f"{', '.join(map(str, written))}: {perf_counter() - start:.1f} s in all",
     ):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
@@ -206,6 +228,9 @@ def _show(console: Console, found: ProposedGauges) -> None:
     table.add_row("ratio", "", *(f"{one:.3f}" for one in ratio))
     worst = placement.lost.ratio.max(axis=0)
     table.add_row("loss of one, at most times", "", *(f"{one:.3f}" for one in worst))
+    if placement.lost.pair_ratio is not None:
+        worst = placement.lost.pair_ratio.max(axis=(0, 1))
+        table.add_row("loss of two, at most times", "", *(f"{one:.3f}" for one in worst))
     console.print(table)
     names = study.candidates.gauges.names
     order = np.argsort(-placement.worth, kind="stable")
@@ -253,6 +278,18 @@ def _weights(text: str) -> tuple[float, ...]:
     if not any(named.values()):
         raise InputError("--loads: expected one weight above 0, got none")
     return tuple(named.get(name, 0.0) for name in COEFFICIENT_NAMES)
+
+
+def _cable(text: str, budget: float | None) -> tuple[float, float]:
+    """Return cost of a metre of cable and the station that it runs to [m]."""
+    if not text:
+        return 0.0, 0.0
+    if budget is None:
+        raise InputError("--cable: expected --budget with it, which limits the cost")
+    parts = numbers("--cable", text.replace("@", ","))
+    if len(parts) != 2 or parts[0] < 0.0 or text.count("@") != 1:
+        raise InputError(f"--cable: expected COST@X with a cost from 0 per metre, got '{text}'")
+    return parts[0], parts[1]
 
 
 def _zone(text: str) -> Zone:
