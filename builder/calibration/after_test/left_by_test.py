@@ -19,7 +19,6 @@ from builder.inverse.noise.model import NoiseTerm
 from builder.structure.as_built.derivatives import (
     Key,
     of_gauges,
-    parameter_derivatives,
     uncertain_keys,
 )
 from builder.structure.as_built.structure import AsBuiltStructure
@@ -79,7 +78,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
 
 
 def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
-    by_key = parameter_derivatives(structure.strain_operator, remaining.parameters, remaining.uncertain)
+    by_key = structure.operator_slopes(remaining.parameters, remaining.uncertain)
     n_d, where = structure.n_gauges, slices(structure.counts)
     factor = _factor(remaining.covariance)
     # (n_d, n_keys, r): what one deviation of column r changes of the parameters that gauge g reads with.
