@@ -3,7 +3,7 @@
 Each draw is a vehicle whose wall varies smoothly along the body, on a mesh of its own, with gauges, loads and load
 cell that err as vehicle file and test state, and the error of one row. The calibration sees the readings alone. It
 may refuse them, name the error, or make a map, which then flies on held-out flows next to the map of the vehicle
-known exactly. The structures are solved once for all draws.
+known exactly. The structures are solved once for all draws. A file of draws lets a run go on where it was stopped.
 
     python -m builder.calibration.score.trials VEHICLE SNAPSHOTS FLOWS --draws 20 --rows faultless "soft support"
 """
@@ -268,10 +268,39 @@ def text_of(line: dict[str, Any]) -> str:
     return f"{text}{line['silent']:7d}{line['chi_square_per_reading']:8.2f}  {ratio:34s}  {coverage}"
 
 
-def trials(setup: TrialSetup, rows: Sequence[Row], numbers: Sequence[int]) -> Iterator[list[dict[str, Any]]]:
-    """Return the draws of one row after the other."""
+def held_draws(path: Path | None) -> dict[tuple[str, int], dict[str, Any]]:
+    """Return the draws of an earlier run by row and number; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        The file is no output of this command.
+    """
+    if path is None or not path.exists():
+        return {}
+    try:
+        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        return {(str(one["row"]), int(one["draw"])): one for one in lines}
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: expected draws of this command, one a line, got something else") from error
+
+
+def trials(
+    setup: TrialSetup, rows: Sequence[Row], numbers: Sequence[int], output: Path | None = None
+) -> Iterator[list[dict[str, Any]]]:
+    """Return the draws of one row after the other; draws that ``output`` holds are not made again."""
+    held = held_draws(output)
     for row in rows:
-        yield [trial(setup, row, number) for number in numbers]
+        found = []
+        for number in numbers:
+            one = held.get((row.name, number))
+            if one is None:
+                one = trial(setup, row, number)
+                if output is not None:
+                    with output.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(one) + "\n")
+            found.append(one)
+        yield found
 
 
 def parser() -> argparse.ArgumentParser:
@@ -284,7 +313,12 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--map", choices=list(KINDS), default="case 1")
     found.add_argument("--flights", type=int, default=60)
     found.add_argument("--noise-draws", type=int, default=8, help="for each flight")
-    found.add_argument("-o", "--output", type=Path, help="file of one line of JSON for each draw")
+    found.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help="file of one line of JSON for each draw; draws that it holds are not made again",
+    )
     return found
 
 
@@ -317,11 +351,8 @@ def run(setup: TrialSetup, names: Sequence[str], numbers: Sequence[int], output:
         raise InputError(f"--rows: expected names of {', '.join(every)}; got {', '.join(unknown)}")
     rows = [every[name] for name in names] or list(every.values())
     print(HEAD, flush=True)
-    for row, found in zip(rows, trials(setup, rows, numbers), strict=True):
+    for row, found in zip(rows, trials(setup, rows, numbers, output), strict=True):
         print(text_of(summary_of(row, found)), flush=True)
-        if output is not None:
-            with output.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(one) + "\n" for one in found)
 
 
 if __name__ == "__main__":
