@@ -133,6 +133,8 @@ def _of_gauges(model: ReadingsModel) -> Iterator[Cause]:
             entries=entries,
             wide=WIDE_GAUGE * model.std[entries],
         )
+        gain = entries[: OF_GAUGE.index("gauge_gain") + 1]
+        yield Cause(where="gauge", kind="gain", number=gauge, entries=gain, wide=WIDE_GAUGE * model.std[gain])
 
 
 class Evidence:

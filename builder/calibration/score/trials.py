@@ -75,7 +75,7 @@ class TrialSetup:
     flights : on the truth's own nodes.
     ensemble : of the map's flows.
     draws : of noise for each flight.
-    exact : mean squared errors of vehicles known exactly, by their vectors; rows share them.
+    exact : errors of vehicles known exactly, by their vectors; rows share them.
     """
 
     vehicle: Vehicle
@@ -87,7 +87,7 @@ class TrialSetup:
     flights: Flights
     ensemble: Ensemble
     draws: int
-    exact: dict[bytes, list[float]] = field(default_factory=dict)
+    exact: dict[bytes, dict[str, Any]] = field(default_factory=dict)
 
 
 def trial_setup(
@@ -216,8 +216,13 @@ def _flown(setup: TrialSetup, built: AsBuilt, estimate: Estimate, number: int) -
         none = np.zeros((len(built.vector),) * 2)
         known = Remaining(parameters=built, covariance=none)
         exact = calibrated_map(vehicle, setup.snapshots, setup.vehicles.on_map, known)
-        setup.exact[key] = flown(exact, strain)["mean_square"]
-    return {"exact": setup.exact[key], **flown(tested, after)}
+        setup.exact[key] = flown(exact, strain)
+    exactly = setup.exact[key]
+    return {
+        "exact": exactly["mean_square"],
+        "exact_coverage_percent": exactly["coverage_percent"],
+        **flown(tested, after),
+    }
 
 
 def summary_of(row: Row, found: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -243,6 +248,9 @@ def summary_of(row: Row, found: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "accepted": len(flown),
             "ratio": np.sqrt(square / exact).round(3).tolist(),
             "coverage_percent": coverage.mean(axis=0).round(2).tolist(),
+            "exact_coverage_percent": np.mean([one["exact_coverage_percent"] for one in flown], axis=0)
+            .round(2)
+            .tolist(),
             "worst_vehicle_percent": float(coverage.min()),
             "silent": sum(silent),
             "chi_square_per_reading": float(np.mean([one["chi_square_per_reading"] for one in flown])),
