@@ -71,6 +71,11 @@ class StatedErrors:
     drift: FloatArray
     hysteresis: float
 
+    @property
+    def along(self) -> FloatArray:
+        """(n_loads,) part of each force that is left in its stated direction: a tilt does not change its size."""
+        return np.asarray(1.0 / np.sqrt(1.0 + np.sum(self.pad[:, -2:] ** 2, axis=1)))
+
 
 class _Kept(NamedTuple):
     """Readings and derivatives at a vector, by all that the structure was solved for."""
@@ -245,9 +250,12 @@ class ReadingsModel:
             else:
                 found[:, :, start + key[1]] = rows
         self._zero_derivatives(found, where[ZERO].start)
-        self._load_derivatives(found, strain)
+        pads = [columns.copy() for columns in self._pads]
+        for columns, own, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
+            columns[-2:] -= np.outer(tilt, own)
+        self._load_derivatives(found, strain, pads)
         readings = self._joined(strain, errors)
-        self._common_derivatives(found, readings - self._zeros(errors))
+        self._common_derivatives(found, readings - self._zeros(errors), pads)
         return readings, found
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
@@ -264,7 +272,7 @@ class ReadingsModel:
     def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
         shape = strain.shape
-        total = (1.0 + errors.scale)[:, None] * (strain + moved.reshape(shape))
+        total = ((1.0 + errors.scale) * errors.along)[:, None] * (strain + moved.reshape(shape))
         strain = self._summed(total)
         strain[1:] += errors.hysteresis * strain[:-1].copy()
         return strain + self._zeros(errors)
@@ -287,20 +295,20 @@ class ReadingsModel:
             first = start if group == 0 else self.n_built + (group - 1) * len(gauge)
             found[k, gauge, first + gauge] = 1.0
 
-    def _load_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+    def _load_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
         cells, n_p = self.cell_entries, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
             found[case, :, first + number] += strain[number]
             found[case, :, cells] += np.outer(strain[number], self._on_cell[number])
             pad = cells.stop + n_p * number
-            found[case, :, pad : pad + n_p] += self._pads[number].T
+            found[case, :, pad : pad + n_p] += pads[number].T
 
-    def _common_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+    def _common_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
         """Set the derivatives by :attr:`common_entries`; ``strain`` (n_cases, n_d) is without zeros."""
         turn, gauge = self.common_entries.start, np.arange(self.structure.n_gauges)
         for number, (case, _) in enumerate(self.loads):
-            by_turn = self._pads[number][-2:].T @ self._turns[number]
+            by_turn = pads[number][-2:].T @ self._turns[number]
             found[case, :, turn : turn + len(DIRECTIONS)] += by_turn
         found[:, gauge, turn + len(DIRECTIONS) + gauge] = self.time[:, None]
         found[1:, :, self.common_entries.stop - 1] = strain[:-1]
