@@ -144,11 +144,16 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
     """
     before, sure = found, faults
     for _ in range(MOST_CAUSES):
-        cause = Evidence(found.model, found.used, found.vector).best()
+        evidence = Evidence(found.model, found.used, found.vector)
+        cause = evidence.best()
         if cause is None:
             return found, faults
         model = found.model
-        if cause.where in ("vehicle", "noise"):
+        if cause.where == "load" and _of_the_load(evidence, cause) < LEAST_OF_LOAD:
+            std = model.std.copy()  # less exact than stated, and estimated
+            std[cause.entries] = np.maximum(std[cause.entries], LEAST_OF_LOAD)
+            model = model.with_std(std)
+        elif cause.where in ("vehicle", "noise"):
             model = freed(model, cause)
         else:
             faults = [*faults, _fault_of(found, cause)]
@@ -157,6 +162,12 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
             break
         found = estimate(model, used, start=found.vector)
     return before, sure
+
+
+def _of_the_load(evidence: Evidence, cause: Cause) -> float:
+    """Return the size of what a cause adds to a load, relative to it [1]."""
+    (size,) = evidence.sizes(cause)
+    return abs(float(size)) * (float(np.linalg.norm(cause.wide)) if cause.together else 1.0)
 
 
 def _place(model: ReadingsModel, cause: Cause) -> str:
