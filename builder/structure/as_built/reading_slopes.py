@@ -68,8 +68,9 @@ class _Slopes:
         if kind in OF_DIRECTION:
             slope = self._read(self._even, self._uneven, self._roll, self._by_direction[kind])
             return _each(slope, (self._wall.row == number) * 1.0) if kind == "row_orientation" else slope
-        slope = amplitude_slope(self._table, self._built, self._thickness, self._wall.station, key)
-        return self._of_amplitudes(slope)
+        return self._of_amplitudes(
+            amplitude_slope(self._table, self._built, self._thickness, self._wall.station, key)
+        )
 
     def _of_roll(self) -> FloatArray:
         if self._by_roll is None:
