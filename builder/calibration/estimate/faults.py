@@ -153,6 +153,8 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
             std = model.std.copy()  # less exact than stated, and estimated
             std[cause.entries] = np.maximum(std[cause.entries], LEAST_OF_LOAD)
             model = model.with_std(std)
+        elif cause.where == "case" and abs(case_fault_after(found, cause.number).factor - 1.0) < LEAST_OF_LOAD:
+            return found, faults  # too little to be named
         elif cause.where in ("vehicle", "noise"):
             model = freed(model, cause)
         else:
