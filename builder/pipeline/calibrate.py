@@ -33,7 +33,7 @@ from builder.pipeline.stages import solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page.findings import CalibrationFindings
-from builder.reports.calibration_page.verdict import Verdict
+from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
@@ -144,10 +144,7 @@ def run_calibrate(
         vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn, independent=independent
     )
     made = calibration_by(test, test_path, parts, reporter, accept)
-    made = replace(made, inverse_map=with_zeros(made.inverse_map, made.estimate))
-    save_inverse_map(made.inverse_map, output)
     zeros = zeros_beside(output)
-    write_zeros_of(made.estimate, zeros, output.name)
     start = (
         f"zero offsets of the {structure.n_gauges} gauges by the test: part of {output.name}, which starts from "
         f"them, as its FMUs do; {zeros.name} has them for other maps (--zeros); a tare replaces them"
@@ -158,14 +155,31 @@ def run_calibrate(
         "vehicle": named_vehicle(file, vehicle_path),
     }
     with reporter.stage("Report"):
-        found, written, without = write_report(findings_of(made, parts, file, files), output)
+        made, written, without = write_calibration(made, parts, file, files, output)
+        write_zeros_of(made.estimate, zeros, output.name)
     said = (*without, *step_remarks(test))
     return replace(
         made,
         files=(output, *written, zeros),
         notes=(*notes, *missing, start, *said, *made.notes),
-        verdict=found,
     )
+
+
+def write_calibration(
+    made: Calibration, parts: CalibrationParts, file: LoadTestFile, files: Mapping[str, Path], output: Path
+) -> tuple[Calibration, tuple[Path, ...], tuple[str, ...]]:
+    """Write the map with its zeros and the verdict on its test, and the report next to it.
+
+    Return the calibration as written, the files of the report, and lines for the user. ``files`` are those that
+    the calibration was made from.
+    """
+    findings = findings_of(made, parts, file, files)
+    found = verdict(findings)
+    known = with_zeros(made.inverse_map, made.estimate)
+    facts = {**known.provenance["calibration"], "verdict": found.facts}
+    made = replace(made, inverse_map=with_provenance(known, facts), verdict=found)
+    save_inverse_map(made.inverse_map, output)
+    return made, *write_report(findings, output)
 
 
 def findings_of(

@@ -22,7 +22,6 @@ from builder.campaign.snapshots import Snapshots
 from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
 from builder.reports.calibration_page.page import calibration_page
 from builder.reports.calibration_page.tables import equations_table
-from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.reports.page.html import write_page
 from builder.reports.page.origin import input_files, origin_of
 from builder.reports.page.pdf import write_pdf
@@ -116,8 +115,8 @@ def used_cells(file: LoadTestFile) -> tuple[UsedCell, ...]:
     return tuple(found)
 
 
-def write_report(one: CalibrationFindings, output: Path) -> tuple[Verdict, tuple[Path, ...], tuple[str, ...]]:
-    """Write the report next to the map at ``output``; return its verdict, the files, and lines for the user.
+def write_report(one: CalibrationFindings, output: Path) -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Write the report next to the map at ``output``; return its files, and lines for the user.
 
     Raises
     ------
@@ -131,6 +130,6 @@ def write_report(one: CalibrationFindings, output: Path) -> tuple[Verdict, tuple
     write_bytes_atomically(equations_path, table_csv(table).encode("utf-8"))
     if find_spec("matplotlib") is None:
         line = f"{page_path.name}: without figures and PDF, which need matplotlib: pip install 'strainfmu[report]'"
-        return verdict(one), (page_path, equations_path), (line,)
+        return (page_path, equations_path), (line,)
     write_pdf(page, pdf_path)
-    return verdict(one), (page_path, pdf_path, equations_path), ()
+    return (page_path, pdf_path, equations_path), ()

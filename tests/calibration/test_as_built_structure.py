@@ -9,9 +9,11 @@ import pytest
 from as_built_case import LAYOUT, TITANIUM
 
 from builder.inverse.noise.gauge_derivatives import strain_derivatives
+from builder.structure.as_built.derivatives import parameter_derivatives
 from builder.structure.as_built.response_tables import together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, drawn, parameter_names, prior_std
+from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
@@ -138,3 +140,34 @@ def test_loads_together_read_as_each_alone(as_built: AsBuiltStructure, errors: A
     alone = np.array([as_built.response_strain(errors, one) for one in responses])
     found = as_built.response_strain(errors, together(responses))
     np.testing.assert_allclose(found, alone, rtol=1e-12, atol=1e-18)
+
+
+def test_closed_derivatives_are_those_of_differences(as_built: AsBuiltStructure, errors: AsBuilt) -> None:
+    random, n_r = np.random.default_rng(8), as_built.n_regions
+    built = errors.changed(
+        wall_taper=0.01 * random.standard_normal(n_r),
+        wall_second_cosine=0.01 * random.standard_normal(n_r),
+        row_orientation=0.02 * random.standard_normal(as_built.counts.row),
+        clamp_axial=0.01,
+        mass=0.03,
+    )
+    responses = together([as_built.response(load) for load in LOADS])
+    keys = as_built.solved_keys
+    value, slopes = as_built.response_slopes(built, responses, keys)
+    np.testing.assert_allclose(value.T, as_built.response_strain(built, responses), rtol=1e-12)
+    expected = parameter_derivatives(lambda one: as_built.response_strain(one, responses).T, built, keys)
+    for key in keys:
+        scale = max(float(np.abs(expected[key]).max()), 1e-12)
+        np.testing.assert_allclose(slopes[key], expected[key], atol=1e-5 * scale, err_msg=str(key))
+
+
+def test_closed_derivatives_of_the_operator_are_those_of_differences(
+    as_built: AsBuiltStructure, errors: AsBuilt
+) -> None:
+    keys = [key for key in as_built.solved_keys if KINDS[key[0]].flight]
+    slopes = as_built.operator_slopes(errors, keys)
+    field = np.random.default_rng(9).standard_normal(as_built.surface.n_nodes)
+    expected = parameter_derivatives(lambda one: as_built.strain_operator(one) @ field, errors, keys)
+    for key in keys:
+        scale = max(float(np.abs(expected[key]).max()), 1e-15)
+        np.testing.assert_allclose(slopes[key] @ field, expected[key], atol=1e-3 * scale, err_msg=str(key))

@@ -10,7 +10,7 @@ from builder.calibration.as_built.structure_of_test import joint_candidates, pri
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.faults import calibrate_with_faults
-from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.load_changes import common_turns, tilted
@@ -34,7 +34,11 @@ def structure(vehicle: Vehicle) -> AsBuiltStructure:
 @pytest.fixture(scope="module")
 def model(vehicle: Vehicle, structure: AsBuiltStructure) -> ReadingsModel:
     """A test of ten pads and four attitudes; the vehicle file names no joint and one modulus."""
-    n_d, errors = structure.n_gauges, LoadErrors()
+    return model_of(vehicle, structure, LoadErrors())
+
+
+def model_of(vehicle: Vehicle, structure: AsBuiltStructure, errors: LoadErrors) -> ReadingsModel:
+    n_d = structure.n_gauges
     blank = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
         for name, loads in standard_cases(10, 3.6, errors)
@@ -139,6 +143,43 @@ def test_what_gauges_have_in_common_is_named_and_estimated(model: ReadingsModel,
         at = change != 0.0
         error = (found.vector - vector)[at] / found.std[at]
         assert np.sqrt(np.mean(error**2)) < 2.0
+
+
+def test_a_gain_far_beyond_its_tolerance_is_named(model: ReadingsModel) -> None:
+    gauge = 7
+    change = np.zeros(len(model.std))
+    change[slices(model.structure.counts)["gauge_gain"].start + gauge] = 0.08
+    for draw in range(2):
+        reading, _ = drawn_readings(model, np.random.default_rng([draw, 11]), change)
+        _, faults = calibrate_with_faults(model.with_readings(reading))
+        assert [(one.where, one.kind) for one in faults] == [(model.structure.gauges.names[gauge], "gain")]
+        assert "its gain differs by about +" in faults[0].line
+
+
+def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, structure: AsBuiltStructure) -> None:
+    exact = model_of(vehicle, structure, LoadErrors(load=0.001))
+    change = np.zeros(len(exact.std))
+    at = exact.cell_entries.start - len(exact.loads)
+    (number,) = [k for k, (case, one) in enumerate(exact.loads) if case == 3 and one.on_load_cell]
+    for size, expected in ((0.007, []), (0.05, ["pad 4"])):
+        change[at + number] = size
+        reading, _ = drawn_readings(exact, np.random.default_rng(12), change)
+        _, faults = calibrate_with_faults(exact.with_readings(reading))
+        assert [one.where for one in faults] == expected
+
+
+def test_a_tilted_force_keeps_its_size(model: ReadingsModel) -> None:
+    number = next(k for k, (_, one) in enumerate(model.loads) if isinstance(one.load, PadForce))
+    case, known = model.loads[number]
+    vector, angle = np.zeros(len(model.std)), float(np.tan(np.deg2rad(5.0)))
+    vector[model.cell_entries.stop + len(PAD_STEPS) * number + len(PAD_STEPS) - 2] = angle
+    structure = model.structure
+    drawing = structure.exactly_built()
+    change = structure.load_strain(drawing, [tilted(known.load, angle)]) - structure.load_strain(
+        drawing, [known.load]
+    )
+    found = (model.readings(vector) - model.at_drawing()[0])[case]
+    np.testing.assert_allclose(found, change, atol=2e-3 * np.abs(change).max())
 
 
 def test_noise_larger_than_stated_blames_nobody(model: ReadingsModel) -> None:

@@ -59,7 +59,8 @@ def test_every_gauge_errs_in_every_flow_as_the_parameters_do(
     exact = strain_covariances(as_built, tested.parameters, tested.covariance, ensemble.pressure)
     variances = np.diagonal(stated, axis1=1, axis2=2), np.diagonal(exact, axis1=1, axis2=2)
     # The mean of each gauge is that of J C J', and so is every flow's, up to patterns that are left out.
-    np.testing.assert_allclose(variances[0].mean(axis=0), variances[1].mean(axis=0), rtol=1e-6)
+    # To the error of the differences that J is compared by: their step is 1 mm, or 1e-3.
+    np.testing.assert_allclose(variances[0].mean(axis=0), variances[1].mean(axis=0), rtol=1e-5)
     np.testing.assert_allclose(variances[0], variances[1], atol=0.03 * variances[1].max())
     strong = np.flatnonzero(variances[1].mean(axis=1) > 3.0 * variances[1].mean(axis=1).min())
     assert len(strong) > 1  # a constant term would not do

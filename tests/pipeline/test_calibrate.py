@@ -96,6 +96,9 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     page = output.with_suffix(".html").read_text(encoding="utf-8")
     assert result.verdict is not None
     assert result.verdict.title in page
+    held = found.provenance["calibration"]["verdict"]
+    assert held == result.verdict.facts
+    assert held["accepted"] == all(one["holds"] for one in held["criteria"])
     for path in (written, tmp_path / "loadtest.csv", tmp_path / "channels.toml", file, tmp_path / "map.h5"):
         assert sha256(path.read_bytes()).hexdigest() in page
     assert output.with_suffix(".pdf").read_bytes().startswith(b"%PDF")

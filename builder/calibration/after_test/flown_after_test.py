@@ -14,7 +14,7 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.structure.as_built.derivatives import Key, of_gauges, parameter_derivatives
+from builder.structure.as_built.derivatives import Key, of_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
@@ -95,7 +95,7 @@ def allowed_vehicles(
     pressure = net_pressure(structure, true, table, drawing).T
     nominal = structure.strain_operator(structure.exactly_built())
     change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
-    slope = parameter_derivatives(structure.strain_operator, remaining.parameters, remaining.uncertain)
+    slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,

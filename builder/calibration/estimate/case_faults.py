@@ -71,11 +71,13 @@ class CaseFault:
     kind : "unit", "sign", "no load", "duplicate", "interchanged", "mislabelled", "attitude", "balance", "mass" or
         "load".
     text : what is wrong, for the user.
+    factor : that makes a case of kind "load" fit; NaN of others, and where none does.
     """
 
     case: int
     kind: str
     text: str
+    factor: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -162,7 +164,8 @@ class _Screen:
                 best, most, text = cause, likelihood, cause.text + cause.size(size)
         if best is not None and best.kind != "load":
             return CaseFault(case=case, kind=best.kind, text=text)
-        return CaseFault(case=case, kind="load", text=self._by_a_factor(case, mean))
+        text, factor = self._by_a_factor(case, mean)
+        return CaseFault(case=case, kind="load", text=text, factor=factor)
 
     def _after(self, kept: list[int]) -> tuple[FloatArray, FloatArray]:
         """Return (n,) the vector by ``kept`` over its sigmas before, and (n, n) a root of its covariance."""
@@ -302,7 +305,7 @@ class _Screen:
             columns[:, : self.model.n_built] += of_vehicle[k]
             yield _Cause(kind="attitude", text=f"the vehicle is {one.name}", reading=reading[k], columns=columns)
 
-    def _by_a_factor(self, case: int, mean: FloatArray) -> str:
+    def _by_a_factor(self, case: int, mean: FloatArray) -> tuple[str, float]:
         """Return by how much the loads differ at best, in words."""
         zeros, of_load = self._of_load(case)
         at = np.flatnonzero(self.used[case])
@@ -311,13 +314,13 @@ class _Screen:
         factor = float(load @ left) / max(float(load @ load), 1e-300)
         rest = float(np.linalg.norm(left - factor * load) / max(float(np.linalg.norm(left)), 1e-300))
         if rest > 0.5:
-            return "its readings fit no cause that is known"
+            return "its readings fit no cause that is known", float("nan")
         text = f"loads differ by {factor - 1.0:+.1%} from what is stated"
         forces = [cell_force(one.load) for one in self.model.test.cases[case].loads]
         if len(forces) == 1 and forces[0] > 0.0:
             more = (factor - 1.0) * forces[0]
             text += f", by {more:+.3g} N, the weight of {more / STANDARD_GRAVITY:+.2g} kg"
-        return text
+        return text, factor
 
 
 def _turned(weight: Weight, turn: float) -> Weight:

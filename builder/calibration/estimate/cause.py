@@ -18,7 +18,7 @@ class Cause:
     ----------
     where : what differs: the vehicle or the whole test, the noise, a load, a gauge or a case.
     kind : of the vehicle or the test "direction", "support", "joint", "modulus", "taper", "second harmonic",
-        "drift" or "hysteresis"; the kind of ``where`` otherwise.
+        "drift" or "hysteresis"; of a gauge "gain" or "gauge"; the kind of ``where`` otherwise.
     number : of the joint, load, gauge or case.
     entries : of the vector that are set free; empty where scatter is added.
     wide : (n,) their standard deviations.

@@ -133,6 +133,8 @@ def _of_gauges(model: ReadingsModel) -> Iterator[Cause]:
             entries=entries,
             wide=WIDE_GAUGE * model.std[entries],
         )
+        gain = entries[: OF_GAUGE.index("gauge_gain") + 1]
+        yield Cause(where="gauge", kind="gain", number=gauge, entries=gain, wide=WIDE_GAUGE * model.std[gain])
 
 
 class Evidence:
@@ -168,16 +170,26 @@ class Evidence:
         )
         return cause if more > 0.0 else None
 
+    def sizes(self, cause: Cause) -> FloatArray:
+        """Return what the readings say of the entries of ``cause``, (n_entries,), or of its one quantity, (1,)."""
+        b, a, own = self._terms(cause)
+        return np.asarray(own * np.linalg.solve(a, b))
+
     def _of_terms(self, cause: Cause) -> float:
+        b, a, _ = self._terms(cause)
+        return 0.5 * float(b @ np.linalg.solve(a, b) - np.linalg.slogdet(a)[1])
+
+    def _terms(self, cause: Cause) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return b and A of the module's formula, and the standard deviations that the columns are scaled by."""
         if cause.together:
-            columns = self._slope[:, cause.entries] @ cause.wide[:, None]
+            own, columns = np.ones(1), self._slope[:, cause.entries] @ cause.wide[:, None]
         else:
             own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
             columns = self._slope[:, cause.entries] * own
         turned = self._axes.T @ columns
         b = turned.T @ (self._along / self._value)
         a = np.eye(columns.shape[1]) + turned.T @ (turned / self._value[:, None])
-        return 0.5 * float(b @ np.linalg.solve(a, b) - np.linalg.slogdet(a)[1])
+        return b, a, own
 
     def _of_noise(self) -> tuple[Cause, float]:
         def likelihood(factor: float) -> float:

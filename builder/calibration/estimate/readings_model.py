@@ -22,8 +22,8 @@ from builder.calibration.ground_test.load_changes import PLACED, cell_force, com
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.derivatives import (
     Key,
+    derivative_keys,
     of_gauges,
-    parameter_derivatives,
     uncertain_keys,
 )
 from builder.structure.as_built.response_tables import LoadResponse, together
@@ -71,12 +71,16 @@ class StatedErrors:
     drift: FloatArray
     hysteresis: float
 
+    @property
+    def along(self) -> FloatArray:
+        """(n_loads,) part of each force that is left in its stated direction: a tilt does not change its size."""
+        return np.asarray(1.0 / np.sqrt(1.0 + np.sum(self.pad[:, -2:] ** 2, axis=1)))
+
 
 class _Kept(NamedTuple):
-    """Readings and derivatives at a vector, by the keys of what is not known exactly."""
+    """Readings and derivatives at a vector, by all that the structure was solved for."""
 
     vector: FloatArray
-    keys: set[Key]
     readings: FloatArray
     jacobian: FloatArray
 
@@ -191,9 +195,20 @@ class ReadingsModel:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
         if not self.loads:
             return np.zeros((0, self.structure.n_gauges))
+        return self.structure.response_strain(built, self._responses)
+
+    def _load_slopes(self, built: AsBuilt) -> tuple[FloatArray, dict[Key, FloatArray]]:
+        """Return :meth:`load_strains`, and their derivatives (n_d, n_loads) by key."""
+        if not self.loads:
+            return self.load_strains(built), {}
+        reading, slopes = self.structure.response_slopes(built, self._responses, self.structure.solved_keys)
+        return reading.T, slopes
+
+    @property
+    def _responses(self) -> LoadResponse:
         if self._together is None:
             self._together = together([self.structure.response(one.load) for _, one in self.loads])
-        return self.structure.response_strain(built, self._together)
+        return self._together
 
     def readings(self, vector: FloatArray) -> FloatArray:
         """Return what the gauges should read (n_cases, n_d) [m/m]."""
@@ -205,14 +220,13 @@ class ReadingsModel:
         The derivatives at the last vector are kept for the next time, and the derivatives at the drawing.
         Measured readings and standard deviations do not change them.
         """
-        keys, at_drawing = set(uncertain_keys(self.prior)), not vector.any()
+        at_drawing = not vector.any()
         kept = self._kept.get(at_drawing)
-        if kept is None or not np.array_equal(kept.vector, vector) or not keys <= kept.keys:
-            kept = self._kept[at_drawing] = _Kept(vector.copy(), keys, *self._differences(vector))
-        if keys == kept.keys:
-            return kept.readings, kept.jacobian
+        if kept is None or not np.array_equal(kept.vector, vector):
+            kept = self._kept[at_drawing] = _Kept(vector.copy(), *self._slopes(vector))
+        known = set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior))
         found = kept.jacobian.copy()
-        for key in kept.keys - keys:
+        for key in known:
             found[:, :, self._entries(key)] = 0.0
         return kept.readings, found
 
@@ -221,16 +235,13 @@ class ReadingsModel:
         at = slices(self.structure.counts)[key[0]]
         return at if of_gauges(key) else slice(at.start + key[1], at.start + key[1] + 1)
 
-    def _differences(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return :meth:`jacobian`, solved."""
+    def _slopes(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return :meth:`jacobian` by all keys that the structure was solved for."""
         built, errors = self.built(vector), self.errors(vector)
-        strain = self.load_strains(built)
         n_c, n_d = len(self.test.cases), self.structure.n_gauges
         found = np.zeros((n_c, n_d, len(vector)))
         gauge, where = np.arange(n_d), slices(self.structure.counts)
-        derivatives = parameter_derivatives(
-            lambda one: self.load_strains(one).T, built, uncertain_keys(self.prior)
-        )
+        strain, derivatives = self._load_slopes(built)
         for key, value in derivatives.items():
             rows = self._summed((1.0 + errors.scale)[:, None] * value.T)
             start = where[key[0]].start
@@ -239,9 +250,12 @@ class ReadingsModel:
             else:
                 found[:, :, start + key[1]] = rows
         self._zero_derivatives(found, where[ZERO].start)
-        self._load_derivatives(found, strain)
+        pads = [columns.copy() for columns in self._pads]
+        for columns, own, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
+            columns[-2:] -= np.outer(tilt, own)
+        self._load_derivatives(found, strain, pads)
         readings = self._joined(strain, errors)
-        self._common_derivatives(found, readings - self._zeros(errors))
+        self._common_derivatives(found, readings - self._zeros(errors), pads)
         return readings, found
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
@@ -258,7 +272,7 @@ class ReadingsModel:
     def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
         shape = strain.shape
-        total = (1.0 + errors.scale)[:, None] * (strain + moved.reshape(shape))
+        total = ((1.0 + errors.scale) * errors.along)[:, None] * (strain + moved.reshape(shape))
         strain = self._summed(total)
         strain[1:] += errors.hysteresis * strain[:-1].copy()
         return strain + self._zeros(errors)
@@ -281,20 +295,20 @@ class ReadingsModel:
             first = start if group == 0 else self.n_built + (group - 1) * len(gauge)
             found[k, gauge, first + gauge] = 1.0
 
-    def _load_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+    def _load_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
         cells, n_p = self.cell_entries, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
             found[case, :, first + number] += strain[number]
             found[case, :, cells] += np.outer(strain[number], self._on_cell[number])
             pad = cells.stop + n_p * number
-            found[case, :, pad : pad + n_p] += self._pads[number].T
+            found[case, :, pad : pad + n_p] += pads[number].T
 
-    def _common_derivatives(self, found: FloatArray, strain: FloatArray) -> None:
+    def _common_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
         """Set the derivatives by :attr:`common_entries`; ``strain`` (n_cases, n_d) is without zeros."""
         turn, gauge = self.common_entries.start, np.arange(self.structure.n_gauges)
         for number, (case, _) in enumerate(self.loads):
-            by_turn = self._pads[number][-2:].T @ self._turns[number]
+            by_turn = pads[number][-2:].T @ self._turns[number]
             found[case, :, turn : turn + len(DIRECTIONS)] += by_turn
         found[:, gauge, turn + len(DIRECTIONS) + gauge] = self.time[:, None]
         found[1:, :, self.common_entries.stop - 1] = strain[:-1]

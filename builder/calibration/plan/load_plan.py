@@ -27,7 +27,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
-from builder.structure.as_built.derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.structure.as_built.derivatives import of_gauges, uncertain_keys
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import prior_std, slices
 from builder.structure.loads.applied import Load
@@ -190,11 +190,9 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     net = (pressure[chosen] - ensemble.fixed_pressure).T
 
     std = prior_std(vehicle.calibration, as_built.counts)
-    found = parameter_derivatives(
-        lambda one: as_built.strain_operator(one) @ net,
-        as_built.exactly_built(),
-        uncertain_keys(std, in_flight=True),
-    )
+    keys = uncertain_keys(std, in_flight=True)
+    slopes = as_built.operator_slopes(as_built.exactly_built(), keys)
+    found = {key: slope @ net for key, slope in slopes.items()}
     jacobian = np.zeros((FLIGHTS, as_built.n_gauges, len(std.vector) + 1))
     where, gauge = slices(as_built.counts), np.arange(as_built.n_gauges)
     for key, value in found.items():

@@ -3,7 +3,7 @@
 Each draw is a vehicle whose wall varies smoothly along the body, on a mesh of its own, with gauges, loads and load
 cell that err as vehicle file and test state, and the error of one row. The calibration sees the readings alone. It
 may refuse them, name the error, or make a map, which then flies on held-out flows next to the map of the vehicle
-known exactly. The structures are solved once for all draws.
+known exactly. The structures are solved once for all draws. A file of draws lets a run go on where it was stopped.
 
     python -m builder.calibration.score.trials VEHICLE SNAPSHOTS FLOWS --draws 20 --rows faultless "soft support"
 """
@@ -75,7 +75,7 @@ class TrialSetup:
     flights : on the truth's own nodes.
     ensemble : of the map's flows.
     draws : of noise for each flight.
-    exact : mean squared errors of vehicles known exactly, by their vectors; rows share them.
+    exact : errors of vehicles known exactly, by their vectors; rows share them.
     """
 
     vehicle: Vehicle
@@ -87,7 +87,7 @@ class TrialSetup:
     flights: Flights
     ensemble: Ensemble
     draws: int
-    exact: dict[bytes, list[float]] = field(default_factory=dict)
+    exact: dict[bytes, dict[str, Any]] = field(default_factory=dict)
 
 
 def trial_setup(
@@ -216,8 +216,13 @@ def _flown(setup: TrialSetup, built: AsBuilt, estimate: Estimate, number: int) -
         none = np.zeros((len(built.vector),) * 2)
         known = Remaining(parameters=built, covariance=none)
         exact = calibrated_map(vehicle, setup.snapshots, setup.vehicles.on_map, known)
-        setup.exact[key] = flown(exact, strain)["mean_square"]
-    return {"exact": setup.exact[key], **flown(tested, after)}
+        setup.exact[key] = flown(exact, strain)
+    exactly = setup.exact[key]
+    return {
+        "exact": exactly["mean_square"],
+        "exact_coverage_percent": exactly["coverage_percent"],
+        **flown(tested, after),
+    }
 
 
 def summary_of(row: Row, found: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -243,6 +248,9 @@ def summary_of(row: Row, found: Sequence[dict[str, Any]]) -> dict[str, Any]:
             "accepted": len(flown),
             "ratio": np.sqrt(square / exact).round(3).tolist(),
             "coverage_percent": coverage.mean(axis=0).round(2).tolist(),
+            "exact_coverage_percent": np.mean([one["exact_coverage_percent"] for one in flown], axis=0)
+            .round(2)
+            .tolist(),
             "worst_vehicle_percent": float(coverage.min()),
             "silent": sum(silent),
             "chi_square_per_reading": float(np.mean([one["chi_square_per_reading"] for one in flown])),
@@ -268,10 +276,39 @@ def text_of(line: dict[str, Any]) -> str:
     return f"{text}{line['silent']:7d}{line['chi_square_per_reading']:8.2f}  {ratio:34s}  {coverage}"
 
 
-def trials(setup: TrialSetup, rows: Sequence[Row], numbers: Sequence[int]) -> Iterator[list[dict[str, Any]]]:
-    """Return the draws of one row after the other."""
+def held_draws(path: Path | None) -> dict[tuple[str, int], dict[str, Any]]:
+    """Return the draws of an earlier run by row and number; none where there is no file.
+
+    Raises
+    ------
+    InputError
+        The file is no output of this command.
+    """
+    if path is None or not path.exists():
+        return {}
+    try:
+        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        return {(str(one["row"]), int(one["draw"])): one for one in lines}
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: expected draws of this command, one a line, got something else") from error
+
+
+def trials(
+    setup: TrialSetup, rows: Sequence[Row], numbers: Sequence[int], output: Path | None = None
+) -> Iterator[list[dict[str, Any]]]:
+    """Return the draws of one row after the other; draws that ``output`` holds are not made again."""
+    held = held_draws(output)
     for row in rows:
-        yield [trial(setup, row, number) for number in numbers]
+        found = []
+        for number in numbers:
+            one = held.get((row.name, number))
+            if one is None:
+                one = trial(setup, row, number)
+                if output is not None:
+                    with output.open("a", encoding="utf-8") as file:
+                        file.write(json.dumps(one) + "\n")
+            found.append(one)
+        yield found
 
 
 def parser() -> argparse.ArgumentParser:
@@ -284,7 +321,12 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--map", choices=list(KINDS), default="case 1")
     found.add_argument("--flights", type=int, default=60)
     found.add_argument("--noise-draws", type=int, default=8, help="for each flight")
-    found.add_argument("-o", "--output", type=Path, help="file of one line of JSON for each draw")
+    found.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help="file of one line of JSON for each draw; draws that it holds are not made again",
+    )
     return found
 
 
@@ -317,11 +359,8 @@ def run(setup: TrialSetup, names: Sequence[str], numbers: Sequence[int], output:
         raise InputError(f"--rows: expected names of {', '.join(every)}; got {', '.join(unknown)}")
     rows = [every[name] for name in names] or list(every.values())
     print(HEAD, flush=True)
-    for row, found in zip(rows, trials(setup, rows, numbers), strict=True):
+    for row, found in zip(rows, trials(setup, rows, numbers, output), strict=True):
         print(text_of(summary_of(row, found)), flush=True)
-        if output is not None:
-            with output.open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(one) + "\n" for one in found)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from builder.inverse.modes.pod import PressureModes
 from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -31,6 +31,9 @@ if fewer."""
 
 MIN_ROLLS = 12
 """Fewer roll angles than this, 30 degrees apart, leave gaps in the disc of total incidence."""
+
+_NO_HARMONIC = 1e-15
+"""Part of the largest harmonic of an operator below which one is rounding."""
 
 _NEGLIGIBLE = 3e-4
 """Standard deviation, relative to the largest, below which a mode is left out: together 1e-5 of the variance."""
@@ -99,9 +102,32 @@ class Ensemble:
             yield np.roll(rings, roll * n_roll // self.rolls, axis=2).reshape(self.pressure.shape)
 
     def responses(self, operator: FloatArray) -> FloatArray:
-        """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member."""
+        """Return (n, m) ``operator`` (m, n_p) times the pressure less ``fixed_pressure`` of every member.
+
+        Of a rolled ensemble, harmonic by harmonic round the body: to roll a flow turns the phase of each.
+        """
         offset = self.fixed_pressure * operator.sum(axis=1)
-        return np.concatenate([block @ operator.T - offset for block in self.members()])
+        if self.grid is None:
+            return self.pressure @ operator.T - offset
+        n_roll, size = self.grid.n_roll, (len(self.pressure), len(operator))
+        spectrum = np.moveaxis(np.fft.rfft(operator.reshape(len(operator), -1, n_roll), axis=2), 2, 0)
+        largest = np.abs(spectrum).max(axis=(1, 2))
+        m = np.flatnonzero(largest > _NO_HARMONIC * largest.max(initial=0.0))
+        product = np.empty((2, len(m), *size))
+        for k, of_flow in enumerate(self._spectrum[m]):
+            found = of_flow @ np.conj(spectrum[m[k]]).T
+            product[:, k] = found.real, found.imag
+        weight = np.where((m == 0) | (2 * m == n_roll), 1.0, 2.0) / n_roll
+        phase = 2.0 * np.pi * np.outer(np.arange(self.rolls) * (n_roll // self.rolls), m) / n_roll
+        turns = np.hstack([weight * np.cos(phase), weight * np.sin(phase)])
+        return (turns @ product.reshape(2 * len(m), -1)).reshape(-1, size[1]) - offset
+
+    @cached_property
+    def _spectrum(self) -> ComplexArray:
+        """(n_m, N, n_x) the flows' harmonics round the body."""
+        assert self.grid is not None
+        rings = self.pressure.reshape(len(self.pressure), -1, self.grid.n_roll)
+        return np.ascontiguousarray(np.moveaxis(np.fft.rfft(rings, axis=2), 2, 0))
 
     def coefficients(self, loads: FloatArray) -> FloatArray:
         """Return (n, 5) coefficients of every member; ``loads`` is the load operator (5, n_p)."""

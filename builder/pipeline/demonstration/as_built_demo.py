@@ -31,12 +31,10 @@ from builder.pipeline.calibrate import (
     CalibrationParts,
     IndependentModel,
     calibration_by,
-    findings_of,
     with_levels,
-    with_zeros,
+    write_calibration,
     write_zeros_of,
 )
-from builder.pipeline.calibration_report import write_report
 from builder.pipeline.demonstration.flight_score import SCORE_VERSION
 from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
 from builder.pipeline.map_files import true_structure_of
@@ -149,8 +147,7 @@ class AsBuiltRun:
                 "snapshots": pipeline.path(SNAPSHOTS),
                 "vehicle": self.vehicle_path,
             }
-            write_report(findings_of(made, parts, load_test_file(pipeline.path(TEST)), files), path)
-            save_inverse_map(with_zeros(made.inverse_map, found), path)
+            write_calibration(made, parts, load_test_file(pipeline.path(TEST)), files, path)
             write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
         def exact(path: Path) -> None:

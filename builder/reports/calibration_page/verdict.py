@@ -6,6 +6,7 @@ The rule is plain: the test is accepted where all criteria hold, and each that d
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -56,6 +57,17 @@ class Verdict:
     def accepted(self) -> bool:
         """Whether all criteria hold."""
         return all(one.holds for one in self.criteria)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What the map's provenance says of it."""
+        return {
+            "accepted": self.accepted,
+            "criteria": [
+                {"name": one.name, "found": one.found, "allowed": one.allowed, "holds": one.holds}
+                for one in self.criteria
+            ],
+        }
 
     @property
     def title(self) -> str:

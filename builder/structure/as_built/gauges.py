@@ -5,7 +5,7 @@ Amplitudes are as in :mod:`builder.structure.as_built.response_tables`, per harm
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,19 +77,54 @@ class WallGauges:
         normal = np.stack([c * c + across * s * s, s * s + across * c * c], axis=-1)
         return normal, 2.0 * c * s * (1.0 - across)
 
+    def direction_slopes(self, built: AsBuilt) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return the derivatives of :meth:`direction_weights` of one vehicle, by the turn of the gauge and by its
+        transverse sensitivity."""
+        turn = turn_of(built, self.row)
+        turn_c, turn_s = np.cos(turn), np.sin(turn)
+        c = turn_c * self.placed.meridional - turn_s * self.placed.circumferential
+        s = turn_s * self.placed.meridional + turn_c * self.placed.circumferential
+        less = 1.0 - built.transverse_sensitivity
+        both = 2.0 * c * s * less
+        by_turn = np.stack([-both, both], axis=-1), 2.0 * (c * c - s * s) * less
+        by_across = np.stack([s * s, c * c], axis=-1), -2.0 * c * s
+        return {"orientation": by_turn, "row_orientation": by_turn, "transverse_sensitivity": by_across}
+
     def parts(self, table: ResponseTable, built: AsBuilt, thickness: FloatArray) -> BuiltGauges:
         """Return the response of the gauges under the pressures of ``table``; ``thickness`` as there."""
         roll = self.roll_angle(built)
         if roll.ndim > 1 and is_uneven(built):
             return _stacked([self.parts(table, built.one_of(k), thickness[k]) for k in range(len(roll))])
-        lead = table.nominal.ndim - 3
-        normal, shear = self.direction_weights(built)
-        normal, shear = at_gauges(normal, lead, 2), at_gauges(shear, lead)
         found = even_amplitudes(table, built, thickness, self.station)
-        even, odd = (found[..., :2] * normal).sum(axis=-1), found[..., 2] * shear
-        n_m = table.nominal.shape[-3]
+        return self.at_roll(
+            found,
+            uneven_amplitudes(table, built, self.station),
+            roll=roll,
+            weights=self.direction_weights(built),
+            lead=table.nominal.ndim - 3,
+        )
+
+    def at_roll(
+        self,
+        amplitude: FloatArray,
+        parts: Iterable[tuple[int, int, FloatArray]],
+        *,
+        roll: FloatArray,
+        weights: tuple[FloatArray, FloatArray],
+        lead: int,
+    ) -> BuiltGauges:
+        """Return the response of gauges at ``roll`` (.., n_d) [rad] that make ``weights`` of the strain.
+
+        ``amplitude`` (.., n_m, n_d, 3) and ``parts`` are as from
+        :func:`~builder.structure.as_built.response_tables.even_amplitudes` and
+        :func:`~builder.structure.as_built.response_tables.uneven_amplitudes`, per pressure, ``weights`` as from
+        :meth:`direction_weights`; ``lead`` is how many dimensions of the table lead.
+        """
+        n_m = amplitude.shape[-3]
+        normal, shear = at_gauges(weights[0], lead, 2), at_gauges(weights[1], lead)
+        even, odd = (amplitude[..., :2] * normal).sum(axis=-1), amplitude[..., 2] * shear
         phase = np.arange(n_m)[:, None] * roll[..., None, :]
-        for wave, turned, sides in uneven_amplitudes(table, built, self.station):
+        for wave, turned, sides in parts:
             cosine, sine = np.zeros_like(even), np.zeros_like(even)
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
             for (cos_m, sin_m, factor), part in zip(phases, sides, strict=True):

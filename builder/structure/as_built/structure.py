@@ -23,14 +23,14 @@ import numpy as np
 
 from builder.reporting import Progress
 from builder.structure.as_built.counts import counts_of_wall
+from builder.structure.as_built.derivatives import Key, derivative_keys
 from builder.structure.as_built.gauges import WallGauges, gain_of, operator_of, rows_of
+from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, strain_at_roll
 from builder.structure.as_built.response_tables import (
-    QUARTER,
     LoadResponse,
     ResponseTable,
     even_amplitudes,
     nominal_table,
-    side_phases,
     uneven_amplitudes,
 )
 from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
@@ -122,6 +122,13 @@ class AsBuiltStructure:
         return len(self.states.soft) > 2 + self.counts.joint
 
     @property
+    def solved_keys(self) -> list[Key]:
+        """Keys of all that may differ on this structure."""
+        known = {"wall_thickness", "wall_taper"} if not len(self.states.thin) else set[str]()
+        known |= set() if self.has_moduli else {"region_modulus"}
+        return [key for key in derivative_keys(self.counts) if key[0] not in known]
+
+    @property
     def outer_span(self) -> tuple[float, float]:
         """First and last station of the outer surface [m]."""
         return self.states.forces[0].outer_span
@@ -163,20 +170,33 @@ class AsBuiltStructure:
     def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
         thickness, station = self._thickness(parameters), self.states.station
-        roll = self.on_wall.roll_angle(parameters)
         even = even_amplitudes(response.table, parameters, thickness, station)  # 2, .., n_m, n_d, 3
-        n_m = even.shape[-3]
-        phase = np.arange(n_m)[:, None] * roll
-        strain = _at_roll(even, np.cos(phase), np.sin(phase))
-        for wave, turned, parts in uneven_amplitudes(response.table, parameters, station):
-            phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
-            for (cosine, sine, factor), part in zip(phases, parts, strict=True):
-                strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
+        uneven = tuple(uneven_amplitudes(response.table, parameters, station))
+        strain = strain_at_roll(even, uneven, self.on_wall.roll_angle(parameters))
         normal, shear = self.on_wall.direction_weights(parameters)
         reading = (normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2]
         stiffness = 1.0 + parameters.youngs_modulus * np.asarray(response.by_stress)[..., None]
         weight = 1.0 + parameters.mass * np.asarray(response.by_mass)[..., None]
         return np.asarray(gain_of(parameters) * reading * weight / stiffness + response.constant)
+
+    def response_slopes(
+        self, parameters: AsBuilt, response: LoadResponse, keys: Sequence[Key]
+    ) -> tuple[FloatArray, dict[Key, FloatArray]]:
+        """Return the readings (n_d, n_loads) [m/m] under the loads of ``response``, and their derivatives by
+        ``keys``."""
+        thickness = self._thickness_that_changes(parameters, keys)
+        return load_slopes(self.on_wall, response, parameters, thickness, keys)
+
+    def operator_slopes(self, parameters: AsBuilt, keys: Sequence[Key]) -> dict[Key, FloatArray]:
+        """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys`` [1/Pa per unit]."""
+        return operator_slopes(
+            self.on_wall,
+            self.pressure,
+            parameters,
+            thickness=self._thickness_that_changes(parameters, keys),
+            grid=self.surface,
+            keys=keys,
+        )
 
     def nominal_response(self, load: Load) -> LoadResponse:
         """Return what ``load`` strains on the wall that was solved for, alone: for differences between loads.
@@ -235,6 +255,13 @@ class AsBuiltStructure:
             by_stress=not isinstance(load, TemperatureField),
             by_mass=isinstance(load, OF_MASS),
         )
+
+    def _thickness_that_changes(self, parameters: AsBuilt, keys: Sequence[Key]) -> FloatArray:
+        """Return :meth:`_thickness`; refuse keys of what this structure was not solved for."""
+        for kind, _ in keys:
+            if kind in ("wall_thickness", "wall_taper", "region_modulus"):
+                self._thickness(parameters.changed(**{kind: getattr(parameters, kind) + 1.0}))
+        return self._thickness(parameters)
 
     def _thickness(self, parameters: AsBuilt) -> FloatArray:
         """Return (2 n_r,) thickness and taper of the regions over those that were solved for."""
@@ -337,15 +364,6 @@ def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsB
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:
     drawing = structural_model_on(vehicle, grid, resolution, [layout])
     return with_mesh_error(drawing, vehicle, resolution).error_operator(layout)
-
-
-def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
-    """Return strain (.., n_d, 3) of amplitudes (2, .., n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
-    c, s = cosine[..., None], sine[..., None]
-    first, second = amplitude
-    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=-3)
-    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=-3)
-    return np.concatenate([normal, shear], axis=-1)
 
 
 def _table(

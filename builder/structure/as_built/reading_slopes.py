@@ -1,0 +1,178 @@
+"""Derivatives of what gauges as built read, under known loads and per pressure, by the parameters of a vehicle.
+
+They are closed: by gain, modulus and mass from the reading itself, by the direction of the gauges from the same
+strain with other weights, by wall, clamp, joints and stations from the tables, see
+:mod:`builder.structure.as_built.amplitude_slopes`. By the roll angle they are differences of the phases alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from builder.structure.as_built.amplitude_slopes import AmplitudeSlope, amplitude_slope
+from builder.structure.as_built.derivatives import Key
+from builder.structure.as_built.gauges import WallGauges, gain_of, operator_of
+from builder.structure.as_built.response_tables import (
+    QUARTER,
+    LoadResponse,
+    ResponseTable,
+    even_amplitudes,
+    side_phases,
+    uneven_amplitudes,
+)
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+
+ROLL_STEP = 1e-4
+"""Step of the differences by the roll angle [rad]."""
+
+OF_ROLL = ("circumferential_shift", "layout_roll")
+OF_DIRECTION = ("orientation", "row_orientation", "transverse_sensitivity")
+
+Weights = tuple[FloatArray, FloatArray]
+Parts = Sequence[tuple[int, int, FloatArray]]
+
+
+class _Slopes:
+    """Derivatives of one vehicle; what they have in common is found once.
+
+    ``read`` returns readings (n_d, ..) of even amplitudes, uneven parts, roll angles and weights of direction;
+    they are linear in amplitudes and weights.
+    """
+
+    def __init__(
+        self,
+        on_wall: WallGauges,
+        table: ResponseTable,
+        built: AsBuilt,
+        thickness: FloatArray,
+        read: Callable[[FloatArray, Parts, FloatArray, Weights], FloatArray],
+    ) -> None:
+        self._wall, self._table, self._built, self._thickness, self._read = on_wall, table, built, thickness, read
+        self._even = even_amplitudes(table, built, thickness, on_wall.station)
+        self._uneven = tuple(uneven_amplitudes(table, built, on_wall.station))
+        self._roll, self._weights = on_wall.roll_angle(built), on_wall.direction_weights(built)
+        self._by_direction = on_wall.direction_slopes(built)
+        self._by_roll: FloatArray | None = None
+        self.value = read(self._even, self._uneven, self._roll, self._weights)
+
+    def by(self, key: Key) -> FloatArray:
+        """Return the derivative (n_d, ..) by ``key``, which is none of gain, modulus and mass."""
+        kind, number = key
+        if kind in OF_ROLL:
+            slope = self._of_roll()
+            return slope if kind == "layout_roll" else _each(slope, 1.0 / self._wall.radius)
+        if kind in OF_DIRECTION:
+            slope = self._read(self._even, self._uneven, self._roll, self._by_direction[kind])
+            return _each(slope, (self._wall.row == number) * 1.0) if kind == "row_orientation" else slope
+        return self._of_amplitudes(
+            amplitude_slope(self._table, self._built, self._thickness, self._wall.station, key)
+        )
+
+    def _of_roll(self) -> FloatArray:
+        if self._by_roll is None:
+            plus, minus = (
+                self._read(self._even, self._uneven, self._roll + step, self._weights)
+                for step in (ROLL_STEP, -ROLL_STEP)
+            )
+            self._by_roll = (plus - minus) / (2.0 * ROLL_STEP)
+        return self._by_roll
+
+    def _of_amplitudes(self, slope: AmplitudeSlope) -> FloatArray:
+        if slope.even is None and slope.uneven is None:
+            return np.zeros_like(self.value)
+        even = np.zeros_like(self._even) if slope.even is None else slope.even
+        parts = () if slope.uneven is None else (slope.uneven,)
+        return self._read(even, parts, self._roll, self._weights)
+
+
+def _each(value: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return ``value`` (n_d, ..) with the row of each gauge times its ``factor`` (n_d,)."""
+    return value * factor.reshape(-1, *[1] * (value.ndim - 1))
+
+
+def load_slopes(
+    on_wall: WallGauges, response: LoadResponse, built: AsBuilt, thickness: FloatArray, keys: Sequence[Key]
+) -> tuple[FloatArray, dict[Key, FloatArray]]:
+    """Return readings (n_d, ..) under the loads of ``response``, and their derivatives by ``keys`` [m/m per unit].
+
+    ``thickness`` is as in :func:`~builder.structure.as_built.response_tables.even_amplitudes`.
+    """
+
+    def read(even: FloatArray, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
+        normal, shear = weights
+        strain = strain_at_roll(even, parts, roll)
+        return np.moveaxis((normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2], -1, 0)
+
+    found = _Slopes(on_wall, response.table, built, thickness, read)
+    gain, stress = gain_of(built), np.asarray(response.by_stress) * 1.0
+    of_mass = np.asarray(response.by_mass) * 1.0
+    stiffness, weight = 1.0 + built.youngs_modulus[0] * stress, 1.0 + built.mass[0] * of_mass
+    share = weight / stiffness
+    reading = _each(found.value, gain) * share
+    slopes: dict[Key, FloatArray] = {}
+    for key in keys:
+        if key[0] == "gauge_gain":
+            slopes[key] = _each(reading, 1.0 / (1.0 + built.gauge_gain))
+        elif key[0] == "common_gain":
+            slopes[key] = reading / (1.0 + built.common_gain[0])
+        elif key[0] == "youngs_modulus":
+            slopes[key] = -reading * stress / stiffness
+        elif key[0] == "mass":
+            slopes[key] = reading * of_mass / weight
+        else:
+            slopes[key] = _each(found.by(key), gain) * share
+    return reading + np.asarray(response.constant).T, slopes
+
+
+def operator_slopes(
+    on_wall: WallGauges,
+    table: ResponseTable,
+    built: AsBuilt,
+    *,
+    thickness: FloatArray,
+    grid: SurfaceGrid,
+    keys: Sequence[Key],
+) -> dict[Key, FloatArray]:
+    """Return the derivatives (n_d, n_p) of the strain operator on ``grid`` by ``keys`` [1/Pa per unit]."""
+
+    def read(even: FloatArray, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
+        found = on_wall.at_roll(even, parts, roll=roll, weights=weights, lead=table.nominal.ndim - 3)
+        return operator_of(found, built, grid)
+
+    found = _Slopes(on_wall, table, built, thickness, read)
+    slopes: dict[Key, FloatArray] = {}
+    for key in keys:
+        if key[0] == "gauge_gain":
+            slopes[key] = _each(found.value, 1.0 / (1.0 + built.gauge_gain))
+        elif key[0] == "common_gain":
+            slopes[key] = found.value / (1.0 + built.common_gain[0])
+        elif key[0] == "youngs_modulus":
+            slopes[key] = -found.value / (1.0 + built.youngs_modulus[0])
+        else:
+            slopes[key] = found.by(key)
+    return slopes
+
+
+def strain_at_roll(even: FloatArray, parts: Parts, roll: FloatArray) -> FloatArray:
+    """Return strain (.., n_d, 3) at roll angles (n_d,) of amplitudes (2, .., n_m, n_d, 3) and uneven parts."""
+    n_m = even.shape[-3]
+    phase = np.arange(n_m)[:, None] * roll
+    strain = _at_roll(even, np.cos(phase), np.sin(phase))
+    for wave, turned, sides in parts:
+        phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
+        for (cosine, sine, factor), part in zip(phases, sides, strict=True):
+            strain = strain + factor[:, None] * _at_roll(part, cosine, sine)
+    return strain
+
+
+def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
+    """Return strain (.., n_d, 3) of amplitudes (2, .., n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
+    c, s = cosine[..., None], sine[..., None]
+    first, second = amplitude
+    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=-3)
+    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=-3)
+    return np.concatenate([normal, shear], axis=-1)
