@@ -14,7 +14,7 @@ from builder.compare.flights import Readings, one_condition
 from builder.trial.bound import KNOWN
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE, QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -118,7 +118,7 @@ class NonlinearCandidate:
         self.estimator = Estimator(inverse_map)
 
     def answer(self, read: Readings, navigation: str) -> Answer:
-        """Return the estimates of a search of the tables."""
+        """Return the estimates of a search of the tables; air data have errors of their own."""
         known = navigation != PRESSURE_ALONE
         found = self.estimator.estimate(
             read.last,
@@ -126,6 +126,7 @@ class NonlinearCandidate:
             dynamic_pressure_std=read.dynamic_pressure_std,
             mach_number=read.mach_number if known else np.nan,
             static_pressure=read.static_pressure if known else np.nan,
+            q_source=float(QSource.INDEPENDENT),
         )
         columns = [AIR_DATA_NAMES.index(name) for name in AIR_DATA]
         return Answer(
@@ -148,6 +149,7 @@ class NonlinearCandidate:
                 dynamic_pressure_std=read.dynamic_pressure_std,
                 mach_number=float(one.mach_number[0]) if known else np.nan,
                 static_pressure=float(one.static_pressure[0]) if known else np.nan,
+                q_source=float(QSource.INDEPENDENT),
             )
 
         return median_microseconds(step)
