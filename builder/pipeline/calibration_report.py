@@ -68,7 +68,7 @@ def calibration_findings(
     drawn = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawn, as_built=structure)
     return CalibrationFindings(
-        title=f"{vehicle.name}: calibration by {file.name}",
+        title=f"{vehicle.name}: calibration by the ground test '{file.name}'",
         found=found,
         faults=faults,
         outside=outside,
