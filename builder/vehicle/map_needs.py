@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.options import LOAD_FACTOR
 from strainfmu.errors import InputError
 
 
@@ -24,10 +25,6 @@ OF_THE_NONLINEAR = (
     "level_by_strain",
 )
 """Entries of [map] that the tables of the nonlinear estimator take alone."""
-
-
-LOAD_FACTOR = "manoeuvre_load_factor"
-"""The entry of [noise] that the nonlinear estimator takes alone."""
 
 
 def why_linear(vehicle: Vehicle) -> str | None:

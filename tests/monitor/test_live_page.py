@@ -29,11 +29,12 @@ def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, mo
         for of_result, expected in (
             (
                 result(Quality.SUSPECT, **OUTSIDE),
-                "OUTSIDE|the coefficients are outside what the map covers|4.3, limit 3.0|6.020|20.10 km",
+                "OUTSIDE|not usable: the coefficients are outside what the map covers"
+                "|4.3, limit 3.0|6.020|20.10 km",
             ),
             (
                 result(Quality.VALID, health=0),
-                "OK|residual as expected|not known, limit 3.0|not known|not known",
+                "OK|usable: residual as expected|not known, limit 3.0|not known|not known",
             ),
         ):
 

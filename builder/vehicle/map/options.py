@@ -227,9 +227,14 @@ HARDWARE_ERRORS = (
     "region_modulus_percent",
     "joint_softness_mm",
     "transverse_sensitivity_percent",
-    "manoeuvre_load_factor",
 )
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
+
+LOAD_FACTOR = "manoeuvre_load_factor"
+"""The entry of [noise] that the nonlinear estimator takes alone."""
+
+_ADDED = (*HARDWARE_ERRORS, LOAD_FACTOR)
+"""What counts besides the gauges' own noise."""
 
 
 class Noise(Section):
@@ -297,7 +302,7 @@ class Noise(Section):
     def _paper_has_no_hardware_errors(cls, values: Any) -> Any:
         if not isinstance(values, dict) or values.get("model") != "paper":
             return values
-        return dict.fromkeys(HARDWARE_ERRORS, 0.0) | values
+        return dict.fromkeys(_ADDED, 0.0) | values
 
     @model_validator(mode="after")
     def _one_way(self) -> Noise:
@@ -308,7 +313,7 @@ class Noise(Section):
 
     @model_validator(mode="after")
     def _paper_is_gauge_noise_alone(self) -> Noise:
-        added = [name for name in HARDWARE_ERRORS if getattr(self, name) > 0.0]
+        added = [name for name in _ADDED if getattr(self, name) > 0.0]
         if self.model == "paper" and added:
             raise ValueError(f"model 'paper' is gauge noise alone, but {added[0]} is {getattr(self, added[0]):g}")
         if self.model == "paper" and self.nuisance_file is not None:
@@ -322,8 +327,8 @@ class Noise(Section):
         return max(self.gauge_position_mm, self.transverse_sensitivity_percent, *turns) > 0.0
 
     def without_hardware_errors(self) -> Noise:
-        """Return the same section with every error of the hardware set to 0."""
-        return self.model_copy(update=dict.fromkeys(HARDWARE_ERRORS, 0.0))
+        """Return the same section with every error of the hardware, and of manoeuvres, set to 0."""
+        return self.model_copy(update=dict.fromkeys(_ADDED, 0.0))
 
     @property
     def with_truncated_modes(self) -> bool:

@@ -30,6 +30,7 @@ from strainfmu.can.wire.frame_layout import (
     SignalLayout,
 )
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.units import STRAIN_UNITS
@@ -115,7 +116,7 @@ def _stated(name: str) -> Mapping[str, Any]:
     return tomllib.loads((_FOLDER / f"{name}.toml").read_text("utf-8"))
 
 
-LARGEST_DYNAMIC_PRESSURE: float = _stated(_SHARED)["dynamic_pressure"]["maximum"]
+LARGEST_DYNAMIC_PRESSURE: float = _stated(_SHARED)[DYNAMIC_PRESSURE]["maximum"]
 """Dynamic pressure [Pa] above which there are no coefficients."""
 
 

@@ -52,7 +52,7 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     if manifold.considered_tables is not None:
         parts["considered"] = _considered(inverse_map, manifold.considered_tables)
     if manifold.considered_strain is not None:
-        parts["considered_strain"] = {"strain": manifold.considered_strain.T}
+        parts["considered_strain"] = {"errors": manifold.considered_strain.T}
     if inverse_map.has_other_loads:
         parts["flight_loads"] = _other_loads(manifold)
     if manifold.parameters is not None:

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from builder.vehicle.map.gamma_rules import RULES
-from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
+from builder.vehicle.map.options import HARDWARE_ERRORS, LOAD_FACTOR, MapEntry, Noise
 
 pytestmark = pytest.mark.fast
 
@@ -109,12 +109,12 @@ def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
         "region_modulus_percent": 0.0,
         "joint_softness_mm": 0.0,
         "transverse_sensitivity_percent": 0.0,
-        "manoeuvre_load_factor": 2.5,
     }
     assert set(stated) == set(HARDWARE_ERRORS)
     plain = Noise(std_um_per_m=0.4)
     assert {name: getattr(plain, name) for name in HARDWARE_ERRORS} == stated
     assert plain.moves_gauges
+    assert plain.manoeuvre_load_factor == 2.5
     for off in (Noise(std_um_per_m=0.4, model="paper"), plain.without_hardware_errors()):
-        assert not any(getattr(off, name) for name in HARDWARE_ERRORS)
+        assert not any(getattr(off, name) for name in (*HARDWARE_ERRORS, LOAD_FACTOR))
         assert not off.moves_gauges

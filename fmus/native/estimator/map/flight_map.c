@@ -147,8 +147,8 @@ int considered_parse(MapFile *file, size_t n_gauges, size_t n_loads, FlightMap *
         tables_parse(file, "considered", n_gauges + n_loads, &map->considered);
     }
     if (map_has(file, "considered_strain")) {
-        const size_t count = map_length(file, "considered_strain.strain", 0, 1, MAX_CONSIDERED - map->n_considered);
-        map->considered_strain = map_doubles(file, "considered_strain.strain", count, n_gauges);
+        const size_t count = map_length(file, "considered_strain.errors", 0, 1, MAX_CONSIDERED - map->n_considered);
+        map->considered_strain = map_doubles(file, "considered_strain.errors", count, n_gauges);
         map->n_considered += count;
     }
     return file->good;
