@@ -50,14 +50,14 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         loads=loads,
         load_per_coefficient=path.dynamic_pressure[:, None] * manifold.references,
         covariance=covariance,
-        residual_precision=_free_precision(covariance[middle], jacobian[middle, :n]),
+        residual_precision=free_precision(covariance[middle], jacobian[middle, :n]),
         noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
         load_strain_covariance=square * manifold.load_strain_covariance[FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )
 
 
-def _free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
+def free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
     """Return (n_d, n_d) the precision of strain about tables whose state is free, ``jacobian`` (n_d, 4) by it.
 
     States may act alike on every gauge, as Mach number and pressure do in newtonian flow.
