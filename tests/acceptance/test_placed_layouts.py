@@ -119,7 +119,10 @@ def check_fmu(fmu: Path, flown: Flown) -> None:
     for name in ("dynamic_pressure", "mach_number", "altitude"):
         if name in known:
             given[name] = np.full(SAMPLES, getattr(flown, name))
-    inputs = np.rec.fromarrays([CYCLE * np.arange(SAMPLES), *given.values()], names=["time", *given])
+    inputs = np.empty(SAMPLES, dtype=[(name, float) for name in ("time", *given)])
+    inputs["time"] = CYCLE * np.arange(SAMPLES)
+    for name, column in given.items():
+        inputs[name] = column
     outputs = fmpy.simulate_fmu(
         str(fmu),
         input=inputs,
@@ -143,7 +146,7 @@ def check_bus(fmu: Path, flown: Flown, channel: str) -> None:
     layout = map_input_layout(options, fmu)[0]
     with paced_bridge(fmu, options, record=None, publish=None, publish_rate=1.0, also=results.append) as paced:
         send_flight(paced, layout, samples=samples, clock=paced.clock, sleep=paced.sleep)
-    judged = [one for one in results if one.counter is not None and one.valid.all()][SETTLED:]
+    judged = [one for one in results if one.counter is not None][SETTLED:]
     assert len(judged) > 0.5 * (SAMPLES - SETTLED)
     for one in judged:
         assert one.quality is Quality.VALID, one.causes
