@@ -71,7 +71,7 @@ def propose_gauges(
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Candidates: strain and models") as progress:
-        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, kept, progress)
+        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, keep=kept, progress=progress)
     reporter.note(
         f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
         f"{len(study.model.weight)} flight states, {study.kind} estimator"

@@ -153,7 +153,9 @@ def solid_strain(
     rows.append(gauge_rows(case.mesh, together, near_surface=True, with_twins=True, progress=moved_part))
     fields = mapped_fields(basis.fields, split_surface(case.mesh, EXTERNAL)[0], snapshots)
     of_all = csr_array(vstack(rows))
-    found = solve_fields(case.mesh, case.matter, case.support, of_all, fields, case.solver, solved_part)
+    found = solve_fields(
+        case.mesh, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
+    )
     own, *others = np.split(found, 1 + len(moved))
     at = dict(zip(moved, others, strict=True))
 
