@@ -127,14 +127,20 @@ def _slope_tables(grid: SnapshotGrid, slope: ConditionSlopes, tables: FlightTabl
         mach = grid.mach
         if len(mach) == 2:
             mach, values = with_middle_mach(mach, values)
-        one = _polar(grid, mach, values, float(tables.incidence_knots[-1])).response[:, :, :, :n_m]
-        found.append(np.pad(one, [(0, 0)] * 3 + [(0, n_m - one.shape[3]), (0, 0)]))
+        one = _polar(grid, mach, values, float(tables.incidence_knots[-1])).response
+        found.append(with_harmonics(one, n_m))
     return ParameterSlopes(
         powers=slope.powers,
         slope=np.stack(found, axis=2),
         unit_error=slope.unit_error(),
         spread_error=slope.spread_error(),
     )
+
+
+def with_harmonics(coefficients: FloatArray, n_m: int) -> FloatArray:
+    """Return tables of ``n_m`` harmonics of the roll angle, their axis 3; what tables leave out is negligible."""
+    kept = coefficients[:, :, :, :n_m]
+    return np.pad(kept, [(0, 0)] * 3 + [(0, n_m - kept.shape[3]), (0, 0)])
 
 
 def left_out_errors(grid: SnapshotGrid, values: FloatArray) -> FloatArray:

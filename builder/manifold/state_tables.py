@@ -13,7 +13,7 @@ from builder.inverse.noise.flow_models import newtonian_snapshots
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between
 from builder.inverse.problem import AnyStructure
 from builder.inverse.solution import Problem
-from builder.manifold.condition_tables import condition_tables
+from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
@@ -137,7 +137,8 @@ def _difference(
     newtonian = newtonian_snapshots(vehicle, snapshots)
     if newtonian is None:
         return None
-    return model_form(vehicle.map, vehicle.noise).of_newtonian * (tables_of(newtonian) - coefficients)
+    others = with_harmonics(tables_of(newtonian), coefficients.shape[3])
+    return model_form(vehicle.map, vehicle.noise).of_newtonian * (others - coefficients)
 
 
 def _of_revolution(

@@ -70,8 +70,8 @@ def propose_gauges(
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
-    with reporter.stage("Candidates: strain and models"):
-        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, kept)
+    with reporter.stage("Candidates: strain and models") as progress:
+        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, keep=kept, progress=progress)
     reporter.note(
         f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
         f"{len(study.model.weight)} flight states, {study.kind} estimator"
@@ -172,8 +172,8 @@ def review_layout(
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
-    with reporter.stage("Review: strain and models"):
-        found = review_of(placement_study(vehicle, snapshots, structure, grid, kind))
+    with reporter.stage("Review: strain and models") as progress:
+        found = review_of(placement_study(vehicle, snapshots, structure, grid, kind, progress=progress))
     page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
     write_page(page, path)
     if find_spec("matplotlib") is not None:

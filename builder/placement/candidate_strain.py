@@ -129,7 +129,13 @@ def fourier_strain(
     )
 
 
-def solid_strain(case: FreeCase, snapshots: Snapshots, basis: PressureBasis, gauges: Gauges) -> CandidateStrain:
+def solid_strain(
+    case: FreeCase,
+    snapshots: Snapshots,
+    basis: PressureBasis,
+    gauges: Gauges,
+    progress: Progress | None = None,
+) -> CandidateStrain:
     """Return the strain of gauges on a surface of any shape, by the solid model.
 
     As in a map, strain goes with 1 / t of the wall's thickness; modes of temperature are not counted.
@@ -140,11 +146,17 @@ def solid_strain(case: FreeCase, snapshots: Snapshots, basis: PressureBasis, gau
         A gauge is not on its surface.
     """
     moved = displaced_on_surface("", gauges, *surface_axes(case.mesh, gauges))
-    rows = [gauge_rows(case.mesh, gauges, with_twins=True)]
-    rows += [gauge_rows(case.mesh, one, near_surface=True, with_twins=True) for one in moved.values()]
+    own_part, moved_part, solved_part = _parts_of(progress, (0.1, 0.6, 1.0))
+    rows = [gauge_rows(case.mesh, gauges, with_twins=True, progress=own_part)]
+    # All in one call: directions at one point share the search for it.
+    together = _one_after_another(list(moved.values()))
+    rows.append(gauge_rows(case.mesh, together, near_surface=True, with_twins=True, progress=moved_part))
     fields = mapped_fields(basis.fields, split_surface(case.mesh, EXTERNAL)[0], snapshots)
-    found = solve_fields(case.mesh, case.matter, case.support, csr_array(vstack(rows)), fields, case.solver)
-    own, *others = np.split(found, len(rows))
+    of_all = csr_array(vstack(rows))
+    found = solve_fields(
+        case.mesh, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
+    )
+    own, *others = np.split(found, 1 + len(moved))
     at = dict(zip(moved, others, strict=True))
 
     def difference(plus: str, minus: str, step: float) -> FloatArray:
@@ -160,6 +172,27 @@ def solid_strain(case: FreeCase, snapshots: Snapshots, basis: PressureBasis, gau
         wall_thickness=-own,
         thermal=np.zeros((len(own), 0)),
     )
+
+
+def _one_after_another(gauges: Sequence[Gauges]) -> Gauges:
+    return Gauges(
+        name=tuple(name for one in gauges for name in one.name),
+        position=np.concatenate([one.position for one in gauges]),
+        direction=np.concatenate([one.direction for one in gauges]),
+        length=np.concatenate([one.length for one in gauges]),
+        surface=tuple(name for one in gauges for name in one.surface),
+    )
+
+
+def _parts_of(progress: Progress | None, ends: Sequence[float]) -> list[Progress | None]:
+    """Return the progress of parts of a stage that end at shares ``ends`` of its time."""
+    if progress is None:
+        return [None] * len(ends)
+
+    def part(begin: float, end: float) -> Progress:
+        return lambda done, of: progress(round(1000 * (begin + (end - begin) * done / of)), 1000)
+
+    return [part(begin, end) for begin, end in zip((0.0, *ends[:-1]), ends, strict=True)]
 
 
 def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> FloatArray:

@@ -161,7 +161,7 @@ def placement_study(
     grid: CandidateGrid,
     kind: Kind | None = None,
     keep: GaugeLayout | None = None,
-    reporter: Reporter | None = None,
+    progress: Progress | None = None,
 ) -> Study:
     """Return the candidates of ``grid`` with their models.
 
@@ -171,6 +171,7 @@ def placement_study(
     grid : what candidates there are.
     kind : estimator; by default the vehicle file's.
     keep : gauges that are placed in any case.
+    progress : called with (done, in all) as the strain of the candidates is found.
 
     Raises
     ------
@@ -206,12 +207,12 @@ def placement_study(
     )
     if case is None:
         assert isinstance(surface, SurfaceGrid)
-        strain = fourier_strain(vehicle, surface, basis, everything.gauges)
+        strain = fourier_strain(vehicle, surface, basis, everything.gauges, progress)
     else:
         placed = everything.gauges
         length = float(case.layouts[vehicle.gauges.layout].length[0])
         gauges = gauges_at(placed.position, placed.direction, placed.names, length, str(bonded))
-        strain = solid_strain(case, snapshots, basis, gauges)
+        strain = solid_strain(case, snapshots, basis, gauges, progress)
     kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
     model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
     without = None

@@ -25,7 +25,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
-from builder.manifold.condition_tables import condition_tables
+from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
@@ -320,6 +320,16 @@ def test_two_mach_numbers_follow_the_dynamic_pressure() -> None:
     state = state_of(check.conditions()[0])
     state[3] = 0.0
     np.testing.assert_allclose(evaluate(tables, state[None]).value[0], true, rtol=2e-3)
+
+
+def test_tables_take_the_number_of_harmonics_of_others() -> None:
+    """Two flow models leave out negligible harmonics of the roll angle each for itself."""
+    table = np.random.default_rng(1).standard_normal((3, 4, 2, 5, 2))
+    longer = with_harmonics(table, 7)
+    assert longer.shape == (3, 4, 2, 7, 2)
+    assert not longer[:, :, :, 5:].any()
+    np.testing.assert_array_equal(with_harmonics(longer, 5), table)
+    np.testing.assert_array_equal(with_harmonics(table, 2), table[:, :, :, :2])
 
 
 def test_the_process_has_unit_variance_and_tells_the_sides_of_a_fin_apart() -> None:

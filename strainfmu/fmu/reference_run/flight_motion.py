@@ -18,6 +18,9 @@ from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_
 _PITCH, _YAW = (0.25, 0.55), 0.1
 """Least and largest u of a pull-up and push-over, and amplitude of w, of half the ranges that the map covers."""
 
+_ALIKE = 1e-8
+"""Least singular value, of the largest, of states that act on strain in ways of their own."""
+
 
 def flight_states(manifold: ManifoldMap, path: FlightPath) -> FloatArray:
     """Return (n, 4) flight states of ``path``, inside the ranges of ``manifold``: they end where they begin."""
@@ -47,18 +50,24 @@ def flight_of_tables(inverse_map: InverseMap, path: FlightPath) -> ReferenceFlig
         loads=loads,
         load_per_coefficient=path.dynamic_pressure[:, None] * manifold.references,
         covariance=covariance,
-        residual_precision=_free_precision(covariance[middle], jacobian[middle, :n]),
+        residual_precision=free_precision(covariance[middle], jacobian[middle, :n]),
         noise_std=white_noise(inverse_map.noise_std, manifold.gauge_covariance),
         load_strain_covariance=square * manifold.load_strain_covariance[FIVE_LOADS],
         air_data={f"air_data.{name}": values for name, values in air_data.items()},
     )
 
 
-def _free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Return (n_d, n_d) the precision of strain about tables whose state is free, ``jacobian`` (n_d, 4) by it."""
-    precision = np.linalg.inv(covariance)
-    weighted = precision @ jacobian
-    return np.asarray(precision - weighted @ np.linalg.solve(jacobian.T @ weighted, weighted.T))
+def free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """Return (n_d, n_d) the precision of strain about tables whose state is free, ``jacobian`` (n_d, 4) by it.
+
+    States may act alike on every gauge, as Mach number and pressure do in newtonian flow.
+    """
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+    columns = whitening @ jacobian
+    size = np.linalg.norm(columns, axis=0)
+    left, value, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    free = left[:, value > _ALIKE * value[0]]
+    return np.asarray(whitening.T @ whitening - (whitening.T @ free) @ (free.T @ whitening))
 
 
 def clean_motion(inverse_map: InverseMap, n_rows: int) -> tuple[FloatArray, FloatArray]:

@@ -21,7 +21,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
-from strainfmu.fmu.reference_run.flight_motion import flight_states
+from strainfmu.fmu.reference_run.flight_motion import flight_states, free_precision
 from strainfmu.fmu.reference_run.flight_path import altitude_of, flight_path
 from strainfmu.fmu.reference_run.readings import failing_gauge, reference_readings
 from strainfmu.fmu.reference_run.run import N_ROWS, ReferenceRun, held, is_usual, reference_run, signal_table
@@ -282,6 +282,19 @@ def test_the_gauge_that_fails_is_one_whose_fault_is_told() -> None:
     precision[1, 3] = precision[3, 1] = 3.9
     gauge, size = failing_gauge(precision)
     assert (gauge, size) == (4, 15.0 / np.sqrt(2.0))
+
+
+def test_what_states_do_to_strain_is_taken_out_of_its_precision() -> None:
+    """The inverse of the covariance across the columns; columns that are alike or zero change nothing."""
+    random = np.random.default_rng(3)
+    columns, root = random.standard_normal((6, 3)), random.standard_normal((6, 6))
+    covariance = root @ root.T + np.eye(6)
+    q = np.linalg.qr(columns, mode="complete")[0][:, 3:]
+    expected = q @ np.linalg.inv(q.T @ covariance @ q) @ q.T
+    scaled = columns * [1.0, 1e4, 1e-6]
+    np.testing.assert_allclose(free_precision(covariance, scaled), expected, atol=1e-12)
+    alike = np.column_stack([scaled, 3.0 * columns[:, 0], np.zeros(6)])
+    np.testing.assert_allclose(free_precision(covariance, alike), expected, atol=1e-12)
 
 
 def test_the_run_is_in_its_file_to_the_last_digit() -> None:

@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from builder.reporting import Progress
 from builder.structure.fourier.gauges import LARGEST_DISTANCE, LARGEST_TILT
-from builder.structure.solid.elements.closest_point import FootPoint, foot_point
+from builder.structure.solid.elements.closest_point import FootPoint
 from builder.structure.solid.elements.element_faces import boundary_facets
 from builder.structure.solid.gauges.strain_recovery import SurfacePatches, strain_weights
 from builder.structure.solid.mesh.mesh_checks import match_facets
@@ -139,7 +140,13 @@ class PlacedGauge:
     direction: FloatArray
 
 
-def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False, with_twins: bool = False) -> csr_array:
+def gauge_rows(
+    mesh: SolidMesh,
+    gauges: Gauges,
+    near_surface: bool = False,
+    with_twins: bool = False,
+    progress: Progress | None = None,
+) -> csr_array:
     """Return B, the strain of each gauge per displacement.
 
     Parameters
@@ -149,6 +156,7 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False, with
     near_surface : gauges are moved onto the mesh however far it is from them, for meshes that only come near the
         true surface, as linear elements do.
     with_twins : gauges may be at one position with the same direction, as candidates and those in use.
+    progress : called with (done, in all).
 
     Returns
     -------
@@ -171,6 +179,8 @@ def gauge_rows(mesh: SolidMesh, gauges: Gauges, near_surface: bool = False, with
             row.append(np.full(weight.size, i))
             column.append((3 * node[:, None] + np.arange(3)).ravel())
             entry.append(weight_of_point * weight.ravel())
+        if progress is not None:
+            progress(i + 1, len(placed))
     index = (np.concatenate(row), np.concatenate(column))
     return csr_array(coo_array((np.concatenate(entry), index), shape=(len(placed), mesh.n_dof)))
 
@@ -192,7 +202,7 @@ def _placed(
     placed = []
     for i, name in enumerate(gauges.name):
         unit = _unit(gauges.direction[i], name)
-        foot = foot_point(patches[gauges.surface[i]].curved, gauges.position[i])
+        foot = patches[gauges.surface[i]].foot(gauges.position[i])
         if not near_surface:
             _refuse_off_surface(mesh, gauges.position[i], foot, gauges.surface[i], name)
         tilt = float(np.arcsin(min(abs(float(unit @ foot.normal)), 1.0)))
@@ -277,7 +287,7 @@ def _refuse_off_surface(mesh: SolidMesh, position: FloatArray, foot: FootPoint, 
         found = f"{1e3 * distance:.2f} mm off surface '{surface}', {side} the material"
     for other in (EXTERNAL, INTERNAL, *mesh.surface):
         if other != surface and len(mesh.surface.get(other, ())):
-            there = foot_point(_patches(mesh, other).curved, position)
+            there = _patches(mesh, other).foot(position)
             if np.linalg.norm(there.offset) <= LARGEST_DISTANCE:
                 found += f" and on surface '{other}'"
                 break
@@ -308,7 +318,7 @@ def _points_along(
     position, weight = np.polynomial.legendre.leggauss(POINTS_ALONG_GAUGE)
     points = []
     for s, w in zip(0.5 * length * position, 0.5 * weight, strict=True):
-        foot = foot_point(surface.curved, gauge.foot.point + s * gauge.direction)
+        foot = surface.foot(gauge.foot.point + s * gauge.direction)
         if foot.beyond_edge > LARGEST_DISTANCE:
             raise InputError(f"{name}: its length of {1e3 * length:g} mm reaches beyond the edge of its surface")
         points.append((PlacedGauge(foot, _in_plane(gauge.direction, foot.normal)), float(w)))

@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from builder.structure.solid.elements.closest_point import CurvedFacets, FootPoint, feet_on
+from builder.structure.solid.elements.closest_point import CurvedFacets, FootPoint, feet_on, foot_point
 from builder.structure.solid.elements.element_faces import FACE_CORNERS
 from builder.structure.solid.elements.elements import ReferenceElement, reference_facet
 from builder.structure.solid.operators.surface_load import normals_at_nodes
@@ -77,6 +77,30 @@ class SurfacePatches:
         linear = self.facet.shape[1] == FACE_CORNERS[self.element_type]
         return float(SHARPEST_BEND_OF_LINEAR if linear else SHARPEST_BEND)
 
+    @cached_property
+    def _known_feet(self) -> dict[bytes, FootPoint]:
+        return {}
+
+    @cached_property
+    def _known_sides(self) -> dict[tuple[int, bytes], list[FootPoint]]:
+        return {}
+
+    def foot(self, point: FloatArray) -> FootPoint:
+        """Return the point closest to ``point`` (3,) [m]; directions at one point share the search."""
+        key = point.tobytes()
+        if key not in self._known_feet:
+            self._known_feet[key] = foot_point(self.curved, point)
+        return self._known_feet[key]
+
+    def feet_of_all_sides(self, foot: FootPoint) -> list[FootPoint]:
+        """Return the foot on every facet that it lies on and that goes on smoothly there; shared too."""
+        key = (foot.facet, foot.point.tobytes())
+        if key not in self._known_sides:
+            others = feet_on(self.curved, self.around(foot.facet)[1:], foot.point)
+            on_the_line = [other for other in others if np.linalg.norm(other.offset) < ON_THE_LINE]
+            self._known_sides[key] = [foot, *on_the_line]
+        return self._known_sides[key]
+
     def around(self, facet: int) -> IntArray:
         """Return the facets (k,) that go on smoothly, in one region, at a node of ``facet``, itself first."""
         found = [facet]
@@ -97,16 +121,10 @@ def strain_weights(patches: SurfacePatches, foot: FootPoint, direction: FloatArr
     node : (k,) nodes, a node of several facets several times.
     weight : (k, 3) strain per displacement [1/m].
     """
-    feet = _feet_of_all_sides(patches, foot)
+    feet = patches.feet_of_all_sides(foot)
     parts = [_weights_of_patch(patches, one, direction) for one in feet]
     node, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     return node, weight / len(feet)
-
-
-def _feet_of_all_sides(patches: SurfacePatches, foot: FootPoint) -> list[FootPoint]:
-    """Return the foot on every facet that it lies on and that goes on smoothly there."""
-    others = feet_on(patches.curved, patches.around(foot.facet)[1:], foot.point)
-    return [foot, *(other for other in others if np.linalg.norm(other.offset) < ON_THE_LINE)]
 
 
 def _weights_of_patch(
