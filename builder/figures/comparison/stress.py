@@ -23,10 +23,19 @@ ROW = 0.21
 """Height of a row [in]."""
 
 
+def by_class(entries: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Return the entries of ``stress.json`` by class, the most undetected and detected ones first."""
+
+    def rank(entry: dict[str, Any]) -> tuple[float, float]:
+        return -round(entry["undetected_percent"], 1), -round(entry["detected_percent"])
+
+    groups = {name: sorted((one for one in entries if one["class"] == name), key=rank) for name in TITLES}
+    return {name: found for name, found in groups.items() if found}
+
+
 def stress_figure(entries: Sequence[dict[str, Any]], title: str) -> Figure:
     """Draw the entries of ``stress.json`` as bars, class by class."""
-    groups = {name: [one for one in entries if one["class"] == name] for name in TITLES}
-    groups = {name: found for name, found in groups.items() if found}
+    groups = by_class(entries)
     sizes = [len(found) for found in groups.values()]
     figure = blank_figure(10.0, 1.6 + ROW * (sum(sizes) + 3 * len(sizes)))
     panels = figure.subplots(len(groups), 1, sharex=True, squeeze=False, height_ratios=[n + 1 for n in sizes])[

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -116,13 +117,15 @@ def stress(
 
 
 def _show(console: Console, result: StressResult) -> None:
+    from builder.figures.comparison.stress import by_class
+
     missed = ", * target missed" if result.missed else ""
     title = escape(f"{result.vehicle}: errors on the truth model, samples [%]{missed}")
     table = Table(title=title, box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     table.add_column("error, size", overflow="fold")
     for heading in ("class", "detected", "undetected", "rms/bound"):
         table.add_column(heading, justify="left" if heading == "class" else "right", no_wrap=True)
-    for one in result.entries:
+    for one in chain.from_iterable(by_class(result.entries).values()):
         table.add_row(
             escape(f"{one['error']}, {one['size']}"),
             one["class"],
