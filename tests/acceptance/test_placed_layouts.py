@@ -113,7 +113,7 @@ def snapshots_in_flight(file: Path, snapshots: Snapshots, noise_std: np.ndarray)
 
 
 def check_fmu(fmu: Path, flown: Flown) -> None:
-    """Step the FMU by fmpy on the strains: loads within three sigma of those of the snapshot."""
+    """Step the FMU by fmpy on the strains: loads within three sigma of the snapshot's loads."""
     known = {variable.name for variable in fmpy.read_model_description(str(fmu)).modelVariables}
     given = {f"strain[{i + 1}]": column for i, column in enumerate(flown.strain.T)}
     for name in ("dynamic_pressure", "mach_number", "altitude"):
@@ -138,7 +138,7 @@ def check_fmu(fmu: Path, flown: Flown) -> None:
 
 
 def check_bus(fmu: Path, flown: Flown, channel: str) -> None:
-    """Send the strains to the bridge: VALID results, loads within three sigma of those of the snapshot."""
+    """Send the strains to the bridge: VALID results, loads within three sigma of the snapshot's loads."""
     options = BridgeOptions(interface="virtual", channel=f"placed {channel}", cycle_time=CYCLE)
     sample = partial(FlownSample, mach_number=flown.mach_number, altitude=flown.altitude)
     samples = [sample(strain, flown.dynamic_pressure, flown.truth) for strain in flown.strain]

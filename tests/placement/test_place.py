@@ -16,6 +16,7 @@ from builder.figures.placement import placement_figure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
+from builder.inverse.solution import Problem
 from builder.manifold.build import with_manifold
 from builder.pipeline.gauge_placement import write_layout
 from builder.placement import curves, design, lost_gauge
@@ -91,22 +92,25 @@ def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
         np.testing.assert_allclose(found[number], sigma, rtol=0.08)
 
 
+def sigma_by_bayes(problem: Problem) -> np.ndarray:
+    """(5,) sigma of the coefficients by Bayes' rule with the covariance of the problem's own terms, no basis."""
+    modes = rolled_modes(problem.ensemble, None)
+    factor = modes.modes * modes.coefficient_std()
+    strain = problem.strain_operator @ factor
+    loads = problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T
+    covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
+    after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
+    return np.asarray(np.sqrt(np.diag(after)))
+
+
 def test_the_linear_model_states_the_uncertainty_of_case_2(
     vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
     """Bayes' rule with the covariance of the problem's own terms, without any basis: within 3 %."""
     bayes = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"case": 2})})
     study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
-    problem = inverse_problem(bayes, snapshots, structure)
-    modes = rolled_modes(problem.ensemble, None)
-    factor = modes.modes * modes.coefficient_std()
-    strain, loads = (
-        problem.strain_operator @ factor,
-        problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T,
-    )
-    covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
-    after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
-    np.testing.assert_allclose(study.own_sigma, np.sqrt(np.diag(after)), rtol=0.03)
+    expected = sigma_by_bayes(inverse_problem(bayes, snapshots, structure))
+    np.testing.assert_allclose(study.own_sigma, expected, rtol=0.03)
 
 
 def test_flush_ports_and_an_inertial_unit_count(
@@ -121,16 +125,8 @@ def test_flush_ports_and_an_inertial_unit_count(
         update={"map": vehicle.map.model_copy(update={"case": 2}), "sensors": sensors},
     )
     study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
-    problem = inverse_problem(bayes, snapshots, structure)
-    modes = rolled_modes(problem.ensemble, None)
-    factor = modes.modes * modes.coefficient_std()
-    strain, loads = (
-        problem.strain_operator @ factor,
-        problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T,
-    )
-    covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
-    after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
-    np.testing.assert_allclose(study.own_sigma, np.sqrt(np.diag(after)), rtol=0.03)
+    expected = sigma_by_bayes(inverse_problem(bayes, snapshots, structure))
+    np.testing.assert_allclose(study.own_sigma, expected, rtol=0.03)
 
 
 def test_the_goal_of_the_field_is_the_posterior_of_pressure(

@@ -95,6 +95,11 @@ def manoeuvre_strain(vehicle: Vehicle) -> FloatArray | None:
     """Return (n_d, 3) strain of the layout in use by ``noise.manoeuvre_load_factor`` along each axis [m/m].
 
     None where a section [mass] includes inertia, and where the mass of the wall is not known or loads nothing.
+
+    Raises
+    ------
+    InputError
+        As :func:`strain_by_inertia`.
     """
     load_factor, entries = vehicle.noise.manoeuvre_load_factor, vehicle.structure
     on_fourier = vehicle.is_of_revolution and entries.model == "fourier" and entries.external is None
