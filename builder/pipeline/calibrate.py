@@ -37,7 +37,8 @@ from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flows import load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits
@@ -328,13 +329,7 @@ def _independent_model(
         return None, ()
     if not flows.exists():
         return None, (f"alarm levels: as of the map as drawn, {flows.name} is not next to the snapshots",)
-    table = load_flow_table(flows)
-    stations = vehicle.resolution.truth.surface_stations
-    if table.vehicle != vehicle.name or table.harmonic.shape[2] != stations:
-        raise InputError(
-            f"{flows}: expected flows of '{vehicle.name}' at {stations} stations, "
-            f"got flows of '{table.vehicle}' at {table.harmonic.shape[2]}"
-        )
+    table = load_truth_flows(flows, vehicle)
     return IndependentModel(structure=solved_true_structure(vehicle, reporter), flows=table), ()
 
 

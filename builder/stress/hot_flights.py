@@ -28,13 +28,14 @@ from builder.trial.conditions import held_out_conditions
 from builder.trial.readings import navigation_at
 from builder.trial.score import Score, score_of
 from builder.truth.as_built import drawn_many
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flows import load_truth_flows
 from builder.truth.revolution.strain import TrueStructure, one_flight, true_flights, true_strain, true_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.structure.temperature import Temperature, TemperatureSensor
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.signal_names import TEMPERATURE
@@ -228,9 +229,7 @@ def main() -> None:
     vehicle = load_vehicle(options.vehicle)
     if vehicle.temperature is None:
         vehicle = vehicle.model_copy(update={TEMPERATURE: standard_temperature(vehicle.body().length)})
-    table, resolution = load_flow_table(options.flows), vehicle.resolution.truth
-    if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
-        raise InputError(f"{options.flows}: flows of another [resolution.truth] than in {options.vehicle}")
+    table = load_truth_flows(options.flows, vehicle)
     cold, warm = maps_of(vehicle, load_snapshots(options.snapshots))
     heating = Heating(
         nose=options.nose, aft=options.aft, through_wall=options.through_wall, side=0.01 * options.side_percent

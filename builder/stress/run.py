@@ -36,6 +36,7 @@ from builder.structure.solid.case import structure_case
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table, save_flow_table
+from builder.truth.revolution.flows import load_truth_flows
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import FlowReachError, InputError
@@ -183,12 +184,9 @@ def vehicle_and_flows(
     InputError
         A file is missing or damaged, or the three do not belong together.
     """
-    table, vehicle = load_flow_table(flows), of_map(load_vehicle(vehicle_path), inverse_map)
+    vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
     check_fit(vehicle, inverse_map, map_path)
-    resolution = vehicle.resolution.truth
-    if table.harmonic.shape[2:] != (resolution.surface_stations, resolution.harmonics + 1):
-        raise InputError(f"{flows}: flows of another [resolution.truth] than in {vehicle_path}")
-    return vehicle, table
+    return vehicle, load_truth_flows(flows, vehicle)
 
 
 def _flows(pipeline: Pipeline, vehicle: Vehicle, effort: Effort) -> None:

@@ -18,7 +18,9 @@ from builder.truth.revolution.flow_table import (
     pressure_harmonics,
     save_flow_table,
 )
+from builder.truth.revolution.flows import load_truth_flows, truth_surface
 from builder.truth.revolution.strain import TrueStructure
+from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -101,6 +103,25 @@ def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
     loaded = load_flow_table(tmp_path / "flow.h5")
     np.testing.assert_array_equal(loaded.harmonic, table.harmonic)
     assert loaded.vehicle == "random"
+
+
+def blunt_cone_table(blunt_cone: Vehicle, n_harmonics: int, name: str) -> FlowTable:
+    n_x = len(truth_surface(blunt_cone).x)
+    values = np.zeros((len(MACH), len(INCIDENCE), n_x, n_harmonics + 1))
+    return replace(table_of(values), vehicle=name)
+
+
+def test_flows_of_a_blunt_body_are_taken(tmp_path: Path) -> None:
+    """A blunt tip has more stations than the vehicle file states; flows with these stations are the vehicle's."""
+    vehicle = load_vehicle(VEHICLES / "blunt_cone.toml")
+    truth = vehicle.resolution.truth
+    assert len(truth_surface(vehicle).x) > truth.surface_stations
+    save_flow_table(blunt_cone_table(vehicle, truth.harmonics, vehicle.name), tmp_path / "flow.h5")
+    load_truth_flows(tmp_path / "flow.h5", vehicle)
+    for harmonics, name in ((truth.harmonics - 1, vehicle.name), (truth.harmonics, "another")):
+        save_flow_table(blunt_cone_table(vehicle, harmonics, name), tmp_path / "flow.h5")
+        with pytest.raises(InputError, match=f"expected flows of '{vehicle.name}' at .* got flows of '{name}'"):
+            load_truth_flows(tmp_path / "flow.h5", vehicle)
 
 
 def test_values_that_are_no_table_are_refused() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import degrees, radians
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
-from builder.truth.revolution.flow_table import FlowTable, flow_table
+from builder.truth.revolution.flow_table import FlowTable, flow_table, load_flow_table
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import KNOTS
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -60,6 +61,26 @@ def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
     """Return the pressure nodes of the independent model."""
     settings = vehicle.resolution.truth
     return surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
+
+
+def load_truth_flows(path: Path, vehicle: Vehicle) -> FlowTable:
+    """Return the flows of a file if they are flows of the independent model of ``vehicle``.
+
+    Raises
+    ------
+    InputError
+        As :func:`~builder.truth.revolution.flow_table.load_flow_table`, or the flows are of another vehicle or of
+        another ``[resolution.truth]``.
+    """
+    table = load_flow_table(path)
+    stations, harmonics = len(truth_surface(vehicle).x), vehicle.resolution.truth.harmonics
+    got = table.harmonic.shape[2], table.harmonic.shape[3] - 1
+    if table.vehicle != vehicle.name or got != (stations, harmonics):
+        raise InputError(
+            f"{path}: expected flows of '{vehicle.name}' at {stations} stations with {harmonics} harmonics "
+            f"([resolution.truth]), got flows of '{table.vehicle}' at {got[0]} with {got[1]}"
+        )
+    return table
 
 
 def truth_engine(vehicle: Vehicle) -> EulerEngine | NewtonianEngine:
