@@ -60,7 +60,8 @@ def cramer_rao_bound(
     if manifold is None:
         return None
     n_d, n_f = len(manifold.error_strain), len(manifold.error_load)
-    sound = replace(manifold, error_strain=np.zeros((n_d, 1)), error_load=np.zeros((n_f, 1)), parameters=None)
+    none = np.zeros((n_d, 1)), np.zeros((n_f, 1))
+    sound = replace(manifold, error_strain=none[0], error_load=none[1], parameters=None, shape_field=None)
     state = flight_states(conditions)
     of_navigation = _of_navigation(manifold, state, known, dynamic_pressure_std)
     pieces = [slice(first, first + PIECE) for first in range(0, len(state), PIECE)]

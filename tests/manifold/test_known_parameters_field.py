@@ -11,6 +11,7 @@ from deflected_shape import NAME, deflected, known_map, snapshots_of_grid
 from shape_case import flown, grid_conditions, shape_structure
 
 from builder.campaign.snapshots import Snapshots
+from builder.trial.bound import KNOWN, cramer_rao_bound
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
@@ -54,6 +55,18 @@ def fields(found: Estimate) -> list[PressureField]:
 
 def deflection() -> np.ndarray:
     return flights()[0].condition[:, -1]
+
+
+def test_the_cramer_rao_bound_needs_no_field() -> None:
+    """The bound takes the parameters out of the map, and the field that holds derivatives by them."""
+    conditions = flights()[0].conditions()
+    with_field, without = (
+        cramer_rao_bound(known_map(keep_field=keep), conditions, KNOWN) for keep in (True, False)
+    )
+    assert with_field is not None
+    assert without is not None
+    assert np.all(with_field > 0.0)
+    np.testing.assert_array_equal(with_field, without)
 
 
 def test_tables_at_a_known_value_pass_through_its_snapshots() -> None:
