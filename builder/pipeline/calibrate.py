@@ -37,6 +37,7 @@ from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
+from builder.structure.loads.fourier import harmonics_of
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
@@ -135,7 +136,8 @@ def run_calibrate(
     refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
     test, notes = load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as progress:
-        structure = structure_of_test(vehicle, progress=progress)
+        harmonics = max(harmonics_of(one.load) for case in test.cases for one in case.loads)
+        structure = structure_of_test(vehicle, max_harmonic=harmonics, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
     independent, missing = _independent_model(
@@ -330,7 +332,8 @@ def _independent_model(
     if not flows.exists():
         return None, (f"alarm levels: as of the map as drawn, {flows.name} is not next to the snapshots",)
     table = load_truth_flows(flows, vehicle)
-    return IndependentModel(structure=solved_true_structure(vehicle, reporter), flows=table), ()
+    # What a vehicle as built changes of the strain follows from the structure of the test.
+    return IndependentModel(structure=solved_true_structure(vehicle, reporter, ()), flows=table), ()
 
 
 def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining, reporter: Reporter) -> InverseMap:

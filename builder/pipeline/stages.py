@@ -7,6 +7,7 @@ here is the map that ``strainfmu build`` writes, bit for bit.
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -332,10 +333,12 @@ def _with_sources(
     return {**kept, **json.loads(json.dumps(sources, sort_keys=True))}
 
 
-def solved_true_structure(vehicle: Vehicle, reporter: Reporter) -> TrueStructure:
-    """Return the structure of the independent model."""
+def solved_true_structure(
+    vehicle: Vehicle, reporter: Reporter, kinds: Collection[str] | None = None
+) -> TrueStructure:
+    """Return the structure of the independent model; ``kinds`` as of :func:`true_structure`."""
     with reporter.stage("Structure: the vehicle that flies") as progress:
-        return true_structure(vehicle, progress)
+        return true_structure(vehicle, progress, kinds)
 
 
 def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:

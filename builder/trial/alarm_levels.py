@@ -17,6 +17,7 @@ from builder.trial.tail_quantile import tail_quantile
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -33,6 +34,10 @@ PARTS, RATE_OF_PARTS = 10, 2e-3
 
 SLOPES, AS_FEW = 21, 1.1
 """Slopes of the levels that are compared, and alarms over the fewest of these that count as as few."""
+
+UPPER = 0.1
+"""Part of the samples, by each test of the nonlinear estimator, that take steps from their own estimates: levels
+are set from the upper hundredth, :data:`~builder.trial.tail_quantile.TAIL`."""
 
 LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
@@ -165,7 +170,7 @@ def with_flight_alarm_levels(inverse_map: InverseMap, flights: ReadFlights) -> I
     """
     manifold = inverse_map.manifold
     assert manifold is not None
-    ratios, _ = ratios_and_health(inverse_map, flights)
+    ratios = tail_ratios(inverse_map, flights)
     scales = alarm_scales(ratios)
     agrees = bool(scales.max() <= LARGEST_SCALE)
     facts = {
@@ -197,19 +202,40 @@ def ratios_and_health(
     from a search of the tables. Weights at the true states would give other tests: a vehicle's errors last, and
     its estimates are wrong by as much in every step.
     """
-    manifold, estimator = inverse_map.manifold, Estimator(inverse_map)
-    assert manifold is not None
-    scale = estimator.settings.alarm_scale
+    estimator = Estimator(inverse_map)
     found = estimator.estimate(flights.strain, **flights.known, start=None if search else _of_flights(flights))
     if not search:
         found = estimator.estimate(flights.strain, **flights.known, start=found.state)
+    return _ratios(estimator, found), np.asarray(found.health)
+
+
+def tail_ratios(inverse_map: InverseMap, flights: ReadFlights) -> FloatArray:
+    """Return the tests (2 or 3, n) of :func:`ratios_and_health` where they are large, which levels are set from.
+
+    Steps from the states that vehicles estimate are taken by the samples with a test in the upper
+    :data:`UPPER` of it from the true state; the tests of the others are of the true state.
+    """
+    estimator = Estimator(inverse_map)
+    found = estimator.estimate(flights.strain, **flights.known, start=_of_flights(flights))
+    ratios = _ratios(estimator, found)
+    upper = np.any(ratios > np.quantile(ratios, 1.0 - UPPER, axis=1, keepdims=True), axis=0)
+    known = {name: np.broadcast_to(value, len(upper))[upper] for name, value in flights.known.items()}
+    again = estimator.estimate(flights.strain[upper], **known, start=np.asarray(found.state)[upper])
+    ratios[:, upper] = _ratios(estimator, again)
+    return ratios
+
+
+def _ratios(estimator: Estimator, found: Estimate) -> FloatArray:
+    """Return the tests of strain (2 or 3, n) of estimates, each over its level."""
+    manifold = estimator.inverse_map.manifold
+    assert manifold is not None
     tests = [
         found.chi_square / np.asarray(found.chi_square_limit),
         (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
     ]
     if manifold.shapes.shape[1]:
-        tests.append(found.discrepancy_chi_square / shape_limit(manifold, scale))
-    return np.stack(tests), np.asarray(found.health)
+        tests.append(found.discrepancy_chi_square / shape_limit(manifold, estimator.settings.alarm_scale))
+    return np.stack(tests)
 
 
 def _of_flights(flights: ReadFlights) -> FloatArray:

@@ -16,10 +16,12 @@ from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.derivatives import Key, of_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import slices
+from builder.structure.as_built.vehicle import exactly_built, slices
 from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
+from builder.truth.as_built import drawn_many
+from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.revolution.strain import TrueStructure, reading_of, strain_per_pressure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
@@ -32,7 +34,9 @@ class AllowedVehicles:
 
     Attributes
     ----------
-    drawing : the vehicle of the drawing with the errors that no ground test knows.
+    drawing : flights of the drawing, and the errors that no ground test knows.
+    of_flow, of_unit : (k, n_d) and (n_d,) strain of the drawing by the flow per p_inf, and by a uniform outer
+        pressure [1/Pa].
     change : (k, n_d) strain of the estimate less the strain of the drawing [m/m].
     slope : (k, n_d) derivatives of that strain by every key [m/m per unit].
     factor : (n, r) whose product with its transpose is the covariance after the test.
@@ -40,6 +44,8 @@ class AllowedVehicles:
     """
 
     drawing: DrawnVehicles
+    of_flow: FloatArray
+    of_unit: FloatArray
     change: FloatArray
     slope: Mapping[Key, FloatArray]
     factor: FloatArray
@@ -58,15 +64,19 @@ class AllowedVehicles:
         return self.drawing.coefficients
 
     def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        strain, stated = self.drawing.read(number, count, random)
+        flights = self.drawing.flights
+        built = drawn_many(self.drawing.noise, flights.counts, count, random)
+        one = slice(number, number + 1)
+        ambient, inside = flights.ambient_pressure[one], flights.internal_pressure[one]
+        strain = reading_of(built, ambient, inside, self.of_flow[number], self.of_unit)
         error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
         # Zeros are taken off as estimated, so that their error is a reading of its own.
         strain = strain + self.change[number] + error[:, self.where[ZERO]]
         for key, slope in self.slope.items():
             start = self.where[key[0]].start
             own = error[:, self.where[key[0]]] if of_gauges(key) else error[:, [start + key[1]]]
-            strain = strain + slope[number] * own
-        return strain, stated
+            strain += slope[number] * own
+        return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
 
 
 def allowed_vehicles(
@@ -92,6 +102,8 @@ def allowed_vehicles(
         A condition is outside the table.
     """
     drawing = drawn_vehicles(calibrated_vehicle(vehicle), true, table, conditions)
+    assert isinstance(drawing.flights, RevolvedFlights)
+    of_flow, of_unit = strain_per_pressure(true, drawing.flights.flown, exactly_built(drawing.flights.counts))
     pressure = net_pressure(structure, true, table, drawing).T
     nominal = structure.strain_operator(structure.exactly_built())
     change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
@@ -99,6 +111,8 @@ def allowed_vehicles(
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,
+        of_flow=of_flow,
+        of_unit=of_unit,
         change=change.T,
         slope={key: np.ascontiguousarray((one @ pressure).T) for key, one in slope.items()},
         factor=vector * np.sqrt(np.maximum(value, 0.0)),

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from builder.reporting import Progress
-from builder.structure.as_built.structure import MAX_HARMONIC, AsBuiltStructure, as_built_structure
+from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle

@@ -43,6 +43,7 @@ from builder.structure.fourier.model import place_layouts, structural_model_on, 
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.loads.applied import Acceleration, ApparentStrain, Load, SurfacePressure, Weight
+from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
 from builder.structure.loads.temperature import TemperatureField
@@ -56,9 +57,6 @@ from strainfmu.errors import InputError
 
 SHIFT = 1e-3
 """Step along the surface [m]."""
-
-MAX_HARMONIC = 24
-"""Highest harmonic in roll angle of known loads; harmonics of pressure are the resolution's."""
 
 OF_MASS = (Weight, Acceleration)
 """Loads that go with the vehicle's mass."""

@@ -6,6 +6,7 @@ as built follows :mod:`builder.structure.as_built.revolved`.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,8 +37,13 @@ TrueStructure = RevolvedStructure
 """The structure of the independent model."""
 
 
-def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueStructure:
+def true_structure(
+    vehicle: Vehicle, progress: Progress | None = None, kinds: Collection[str] | None = None
+) -> TrueStructure:
     """Solve the structure of ``vehicle`` at the resolution of its independent model.
+
+    ``kinds`` are the kinds of error that it is solved for; by default those that [noise] states and
+    :data:`~builder.structure.as_built.revolved.SOLVED`.
 
     Raises
     ------
@@ -52,9 +58,10 @@ def true_structure(vehicle: Vehicle, progress: Progress | None = None) -> TrueSt
     layouts, all_placed = place_layouts(vehicle, mesh, [layout])
     placed = all_placed[layout]
     nominal = harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress)
-    # Other kinds are tried at fixed sizes as well, whatever [noise] states.
-    stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
-    kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
+    if kinds is None:
+        # Other kinds are tried at fixed sizes as well, whatever [noise] states.
+        stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
+        kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
     return revolved_structure(
         vehicle,
         layout,
@@ -167,6 +174,17 @@ def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) 
     For v vehicles (:func:`builder.truth.as_built.drawn_many`) there must be one flight, and the strain is (v,
     n_d).
     """
+    ambient, inside = flights.ambient_pressure[:, None], flights.internal_pressure[:, None]
+    return reading_of(built, ambient, inside, *strain_per_pressure(structure, flights, built))
+
+
+def strain_per_pressure(
+    structure: TrueStructure, flights: TrueFlights, built: AsBuilt
+) -> tuple[FloatArray, FloatArray]:
+    """Return strain of the gauges (k, n_d) by the flow per p_inf, and (n_d,) by a uniform outer pressure [1/Pa].
+
+    Shapes of v vehicles as in :func:`true_strain`.
+    """
     gauges = structure.parts(built, flights.table)
     wind = np.array([condition.leeward_roll_angle for condition in flights.conditions])
     phase = gauges.roll_angle - wind[:, None]
@@ -178,9 +196,15 @@ def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) 
     for m in range(even.shape[-2]):
         of_flow += even[..., m, :] * around.real + odd[..., m, :] * around.imag
         around = around * turn
-    ambient = flights.ambient_pressure[:, None]
-    inside = flights.internal_pressure[:, None] + built.internal_pressure * ambient
-    of_unit = structure.parts(built, flights.uniform).even[..., 0, 0, :]
+    return of_flow, structure.parts(built, flights.uniform).even[..., 0, 0, :]
+
+
+def reading_of(
+    built: AsBuilt, ambient: FloatArray, inside: FloatArray, of_flow: FloatArray, of_unit: FloatArray
+) -> FloatArray:
+    """Return (k, n_d) readings [m/m] of the strains of :func:`strain_per_pressure`, at p_inf ``ambient`` and the
+    stated pressure ``inside`` (k, 1) [Pa]."""
+    inside = inside + built.internal_pressure * ambient
     return np.asarray(gain_of(built) * (ambient * of_flow - inside * of_unit) + built.apparent_strain)
 
 
