@@ -168,15 +168,22 @@ def cases_of_test(vehicle: Vehicle, count: int) -> tuple[Candidate, ...]:
 
 def blank_test(vehicle: Vehicle, structure: AsBuiltStructure, count: int, errors: LoadErrors) -> LoadTest:
     """Return a test without readings: ``count`` pads, and own weight in four attitudes."""
+    return load_test_of(structure, cases_of_test(vehicle, count), errors)
+
+
+def load_test_of(
+    structure: AsBuiltStructure, cases: Sequence[Candidate], errors: LoadErrors, reading_std: float = READING_STD
+) -> LoadTest:
+    """Return the test of ``cases`` without readings, whose standard deviation will be ``reading_std`` [m/m]."""
     n_d = structure.n_gauges
     found = [
         LoadCase(
             name=one.name,
             loads=known_loads(one, errors),
             reading=np.zeros(n_d),
-            reading_std=np.full(n_d, READING_STD),
+            reading_std=np.full(n_d, reading_std),
         )
-        for one in cases_of_test(vehicle, count)
+        for one in cases
     ]
     return LoadTest(gauge_names=structure.gauges.names, cases=tuple(found), errors=errors)
 

@@ -1,7 +1,8 @@
 """What a calibration makes of ground tests in which something went wrong, on vehicles of an independent truth.
 
 Each draw is a vehicle whose wall varies smoothly along the body, on a mesh of its own, with gauges, loads and load
-cell that err as vehicle file and test state, and the error of one row. The calibration sees the readings alone. It
+cell that err as vehicle file and test state, and the error of one row. The test is the one that `strainfmu
+loadtest` proposes for the noise of the row's readings, of bonded pads. The calibration sees the readings alone. It
 may refuse them, name the error, or make a map, which then flies on held-out flows next to the map of the vehicle
 known exactly. The structures are solved once for all draws. A file of draws lets a run go on where it was stopped.
 
@@ -14,14 +15,18 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import process_time
 from typing import Any
 
 import numpy as np
 
-from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after
+from builder.calibration.after_test.calibrated_map import (
+    calibrated_map,
+    calibrated_structure,
+    remaining_after,
+)
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
@@ -30,14 +35,17 @@ from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied
-from builder.calibration.ground_test.load_test import LoadErrors
+from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
+from builder.calibration.plan.load_plan import PlanParts, load_plan
 from builder.calibration.score.flown import flown_errors
 from builder.calibration.score.setup import (
     HARMONICS,
+    READING_STD,
     Flights,
-    blank_test,
     flights_of,
+    load_test_of,
     properties_of,
     score_parser,
 )
@@ -70,7 +78,8 @@ class TrialSetup:
     vehicle : its map holds no errors of the hardware but those that the test leaves.
     snapshots : on the nodes of ``structure``.
     structure : the map's.
-    model : the test, without readings.
+    tests : the test for each noise of a reading [m/m], without readings.
+    cases : of a test, in addition to its attitudes.
     vehicles, loads : the truth.
     flights : on the truth's own nodes.
     ensemble : of the map's flows.
@@ -81,13 +90,20 @@ class TrialSetup:
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AsBuiltStructure
-    model: ReadingsModel
+    cases: int
     vehicles: SmoothVehicles
     loads: LoadTables
     flights: Flights
     ensemble: Ensemble
     draws: int
     exact: dict[bytes, dict[str, Any]] = field(default_factory=dict)
+    tests: dict[float, ReadingsModel] = field(default_factory=dict)
+
+    def model(self, noise: float = READING_STD) -> ReadingsModel:
+        """Return the test that is proposed where a reading has ``noise`` [m/m], without readings."""
+        if noise not in self.tests:
+            self.tests[noise] = proposed_test(self.vehicle, self.snapshots, self.structure, self.cases, noise)
+        return self.tests[noise]
 
 
 def trial_setup(
@@ -99,19 +115,30 @@ def trial_setup(
     vehicle = vehicle.model_copy(update={"noise": noise, "map": entry})
     structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
     vehicles = smooth_vehicles(vehicle, structure)
-    test = blank_test(vehicle, structure, cases, LoadErrors())
     on_map = snapshots_on(snapshots, structure.surface)
     return TrialSetup(
         vehicle=vehicle,
         snapshots=on_map,
         structure=structure,
-        model=ReadingsModel(structure, test, prior_of_test(vehicle, structure)),
+        cases=cases,
         vehicles=vehicles,
         loads=LoadTables(vehicles.structure),
         flights=flights_of(vehicle, table, vehicles.structure.surface, flights),
         ensemble=ensemble_of(vehicle, on_map),
         draws=draws,
     )
+
+
+def proposed_test(
+    vehicle: Vehicle, snapshots: Snapshots, structure: AsBuiltStructure, count: int, noise: float
+) -> ReadingsModel:
+    """Return the test of ``count`` bonded pads that is proposed for readings of ``noise`` [m/m]."""
+    drawing = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
+    parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawing, as_built=structure)
+    errors = LoadErrors()
+    plan = load_plan(parts, count, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
+    test = load_test_of(structure, (*plan.cases, *plan.attitudes), errors, noise)
+    return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -143,9 +170,10 @@ def verdict_of(model: ReadingsModel) -> Verdict:
     return Verdict(found=found, faults=faults, lines=lines, refused=unexplained(found, outside))
 
 
-def applied_test(setup: TrialSetup, row: Row, built: AsBuilt, random: np.random.Generator) -> AppliedTest:
+def applied_test(
+    setup: TrialSetup, row: Row, test: LoadTest, built: AsBuilt, random: np.random.Generator
+) -> AppliedTest:
     """Return the test as it is applied to a vehicle of the truth, with drawn errors of its loads."""
-    test = setup.model.test
     gain, offset = random.standard_normal(2).tolist()
     cell = CellErrors(gain=test.errors.common * gain, offset=test.errors.cell_offset * offset)
     strain, weight = np.zeros((2, *test.readings.shape))
@@ -167,16 +195,13 @@ def trial(setup: TrialSetup, row: Row, number: int) -> dict[str, Any]:
     """Return what is said of draw ``number`` of a row, and how its map flies where there is one."""
     random, start = np.random.default_rng([number, 41]), process_time()
     built = row.vehicle(setup.vehicles.drawn(random), random)
-    applied = applied_test(setup, row, built, random)
     stated, noise = row.noise
-    test = applied.test
-    cases = tuple(replace(one, reading_std=np.full(len(built.zero), stated)) for one in test.cases)
-    stated_test = replace(test, cases=cases)
+    model = setup.model(stated)
+    applied = applied_test(setup, row, model.test, built, random)
     reading = applied.strain + applied.zero
-    wanted = row.spoil(reading, random, replace(applied, test=stated_test))
+    wanted = row.spoil(reading, random, applied)
     reading = reading + noise * random.standard_normal(reading.shape)
-    model = setup.model.with_readings(reading, np.full(reading.shape, stated))
-    verdict = verdict_of(model)
+    verdict = verdict_of(model.with_readings(reading))
     gauges = set(setup.structure.gauges.names)
     blamed = {one.where: one.kind for one in verdict.faults}
     of_cases = {where: kind for where, kind in blamed.items() if where not in gauges}
@@ -187,7 +212,7 @@ def trial(setup: TrialSetup, row: Row, number: int) -> dict[str, Any]:
         "refused": verdict.refused,
         "named": named,
         "gauges_blamed": len(set(blamed) & gauges) / len(gauges),
-        "cases_blamed": len(set(of_cases) - set(wanted)) / len(test.cases),
+        "cases_blamed": len(set(of_cases) - set(wanted)) / len(model.test.cases),
         "wanted": wanted,
         "lines": list(verdict.lines),
     }
@@ -317,7 +342,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--draws", type=int, default=20, help="vehicles of each row")
     found.add_argument("--first", type=int, default=0, help="number of the first draw, its seed")
     found.add_argument("--rows", nargs="+", default=[], help="names of rows; all by default")
-    found.add_argument("--cases", type=int, default=12, help="pads of the test, in addition to four attitudes")
+    found.add_argument("--cases", type=int, default=12, help="pads of the test, in addition to its attitudes")
     found.add_argument("--map", choices=list(KINDS), default="case 1")
     found.add_argument("--flights", type=int, default=60)
     found.add_argument("--noise-draws", type=int, default=8, help="for each flight")
@@ -353,7 +378,7 @@ def run(setup: TrialSetup, names: Sequence[str], numbers: Sequence[int], output:
     InputError
         There is no row of a name.
     """
-    every = rows_of(setup.model.test)
+    every = rows_of(setup.model().test)
     unknown = [name for name in names if name not in every]
     if unknown:
         raise InputError(f"--rows: expected names of {', '.join(every)}; got {', '.join(unknown)}")

@@ -91,8 +91,11 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
         return spoil
 
     def two(random: np.random.Generator) -> tuple[int, int]:
-        a, b = random.choice(loaded, 2, replace=False).tolist()
-        return a, b
+        """Return two cases of different loads: one that is repeated may stand for the other."""
+        while True:
+            a, b = random.choice(loaded, 2, replace=False).tolist()
+            if test.cases[a].loads != test.cases[b].loads:
+                return a, b
 
     def duplicate(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
         a, b = two(random)
