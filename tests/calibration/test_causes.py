@@ -168,6 +168,19 @@ def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, structure: As
         assert [one.where for one in faults] == expected
 
 
+def test_a_load_far_beyond_its_statement_blames_no_gauge(vehicle: Vehicle, structure: AsBuiltStructure) -> None:
+    """3 % off where 0.05 % is stated: without this case the gauges fit."""
+    exact = model_of(vehicle, structure, LoadErrors(load=0.0005))
+    at = exact.cell_entries.start - len(exact.loads)
+    for case in (1, 4, 6):
+        change = np.zeros(len(exact.std))
+        (number,) = [k for k, (one, known) in enumerate(exact.loads) if one == case and known.on_load_cell]
+        change[at + number] = 0.03
+        reading, _ = drawn_readings(exact, np.random.default_rng(case), change)
+        _, faults = calibrate_with_faults(exact.with_readings(reading))
+        assert [(one.where, one.kind) for one in faults] == [(exact.test.cases[case].name, "load")]
+
+
 def test_a_tilted_force_keeps_its_size(model: ReadingsModel) -> None:
     number = next(k for k, (_, one) in enumerate(model.loads) if isinstance(one.load, PadForce))
     case, known = model.loads[number]

@@ -117,7 +117,8 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
     """Return the gauges and load cases that do not fit, and the model in which they do not.
 
     Where gauges or cases do not fit and no cause of their own is known, what they may have in common is set free
-    first, if that makes the readings more probable than any gauge's, load's or case's own fault.
+    first, if that makes the readings more probable than any gauge's, load's or case's own fault. The others are
+    judged without a gauge, a load or a case whose own fault does so more.
     """
     faults = named_faults(model, usable(model))
     sure = [one for one in faults if one.kind not in UNNAMED]
@@ -132,8 +133,13 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
             model = freed(model, cause)
             faults = named_faults(model, usable(model))
             sure = [one for one in faults if one.kind not in UNNAMED]
-        else:  # left out while others are looked for
-            sure = [*sure, Fault(where=_place(model, cause), kind=cause.kind, line="")]
+        else:  # left out while others are looked for, and named after the estimate
+            left = Fault(where=_place(model, cause), kind=cause.kind, line="")
+            sure = [*sure, left]
+            others = _left(model, [left])
+            if others.any():
+                known = [one for one in faults if one.where == left.where]
+                faults = [*known, *named_faults(model, others)]
     return model, faults
 
 
