@@ -22,7 +22,7 @@ class Cause:
     number : of the joint, load, gauge or case.
     entries : of the vector that are set free; empty where scatter is added.
     wide : (n,) their standard deviations.
-    factor : of the noise.
+    factor : of the noise; of a gauge or a case without entries what its scatter adds to its noise, over it.
     together : whether the entries go together, as ``wide`` and its opposite: one quantity, not each on its own.
     """
 

@@ -65,7 +65,7 @@ WIDE_GAUGE = 20.0
 NOISES = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
 """Noise over what is stated. Beyond, the readings are of another test."""
 
-SCATTERS = (3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
+SCATTERS = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4)
 """Scatter of one gauge or case whose cause is not known, in standard deviations of its noise."""
 
 OF_GAUGE = ("gauge_gain", "orientation", "axial_shift", "circumferential_shift", "transverse_sensitivity")
@@ -152,6 +152,7 @@ class Evidence:
             wide[one.entries] = np.maximum(wide[one.entries], one.wide)
         predicted, jacobian = model.with_std(wide).jacobian(vector)
         noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
+        self._noise, self._predicted = noise, predicted[used]
         self._slope = jacobian[used] / noise[:, None]
         left = (model.test.readings - predicted)[used] / noise + self._slope @ vector
         rows = self._slope[:, model.std > 0.0] * model.std[model.std > 0.0]
@@ -174,6 +175,16 @@ class Evidence:
         """Return what the readings say of the entries of ``cause``, (n_entries,), or of its one quantity, (1,)."""
         b, a, own = self._terms(cause)
         return np.asarray(own * np.linalg.solve(a, b))
+
+    def part_of_gauge(self, cause: Cause) -> float:
+        """Return what ``cause`` of a gauge changes of its readings, over the changes from case to case [1]."""
+        rows = np.argwhere(self.used)[:, 1] == cause.number
+        if len(cause.entries):
+            change = (self._slope[np.ix_(rows, cause.entries)] @ self.sizes(cause)) * self._noise[rows]
+        else:
+            change = cause.factor * self._noise[rows]
+        strain = float(np.std(self._predicted[rows]))
+        return float(np.sqrt(np.mean(change**2))) / strain if strain > 0.0 else np.inf
 
     def _of_terms(self, cause: Cause) -> float:
         b, a, _ = self._terms(cause)
@@ -213,13 +224,13 @@ class Evidence:
                 value, axes = np.linalg.eigh(precision)
                 spread = 1.0 / np.maximum(value, 1e-300)
                 along = spread * (axes.T @ self._weighted[rows])
-                gain = [
-                    0.5 * float(np.sum(along**2 * (1.0 / spread - 1.0 / wider) - np.log(wider / spread)))
-                    for wider in (spread + scatter**2 for scatter in SCATTERS)
-                ]
+                gain, scatter = max(
+                    (0.5 * float(np.sum(along**2 * (1.0 / spread - 1.0 / wider) - np.log(wider / spread))), size)
+                    for size, wider in ((one, spread + one**2) for one in SCATTERS)
+                )
                 kind: Where = "gauge" if where == "gauge" else "case"
-                cause = Cause(where=kind, kind=kind, number=number, entries=none.astype(np.int64), wide=none)
-                yield cause, max(gain)
+                entries = none.astype(np.int64)
+                yield Cause(where=kind, kind=kind, number=number, entries=entries, wide=none, factor=scatter), gain
 
 
 def least_of(cause: Cause) -> float:

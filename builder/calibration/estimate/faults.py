@@ -36,6 +36,10 @@ LOAD_ALARM = 4.5
 LEAST_OF_LOAD = 0.01
 """Relative error of a load below which it is not called wrong: exact readings show errors of the model, too."""
 
+LEAST_OF_GAUGE = 0.01
+"""Part of its strain by which a gauge that is called wrong differs at least: the wall may differ from the average of
+its region as much. Below it a gauge counts as less exact than stated."""
+
 DOUBTFUL_LOAD = 0.04
 """Relative error of a load by the median gauge from which its case does not judge gauges."""
 
@@ -159,6 +163,8 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
             std = model.std.copy()  # less exact than stated, and estimated
             std[cause.entries] = np.maximum(std[cause.entries], LEAST_OF_LOAD)
             model = model.with_std(std)
+        elif cause.where == "gauge" and evidence.part_of_gauge(cause) < LEAST_OF_GAUGE:
+            model = _less_exact(model, cause)
         elif cause.where == "case" and abs(case_fault_after(found, cause.number).factor - 1.0) < LEAST_OF_LOAD:
             return found, faults  # too little to be named
         elif cause.where in ("vehicle", "noise"):
@@ -170,6 +176,17 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
             break
         found = estimate(model, used, start=found.vector)
     return before, sure
+
+
+def _less_exact(model: ReadingsModel, cause: Cause) -> ReadingsModel:
+    """Return ``model`` with a gauge that is less exact than stated: in what is set free, or by its scatter."""
+    if len(cause.entries):
+        std = model.std.copy()
+        std[cause.entries] = np.maximum(std[cause.entries], cause.wide)
+        return model.with_std(std)
+    noise = model.test.reading_stds.copy()
+    noise[:, cause.number] *= np.hypot(1.0, cause.factor)
+    return model.of_causes(cause).with_readings(model.test.readings, noise)
 
 
 def _of_the_load(evidence: Evidence, cause: Cause) -> float:

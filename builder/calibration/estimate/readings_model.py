@@ -130,7 +130,7 @@ class ReadingsModel:
     @property
     def noise_factor(self) -> float:
         """The noise that counts over what the test states [1]."""
-        return float(np.prod([one.factor for one in self.causes]))
+        return float(np.prod([one.factor for one in self.causes if one.where == "noise"]))
 
     def with_std(self, std: FloatArray) -> ReadingsModel:
         """Return the same model with other standard deviations (n,) of the vector before the test."""

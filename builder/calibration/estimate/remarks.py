@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from builder.calibration.estimate.cause import Cause
-from builder.calibration.estimate.readings_model import DIRECTIONS
+from builder.calibration.estimate.readings_model import DIRECTIONS, ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.as_built.vehicle import slices
 from strainfmu.arrays import FloatArray
@@ -21,8 +21,11 @@ SMALLEST = 0.01
 
 def remarks(found: Estimate) -> tuple[str, ...]:
     """Return a line for each thing that the user should look at, none where all is as stated."""
-    causes = [_of_cause(found, cause) for cause in found.model.causes if cause.where != "noise"]
-    lines = [_of_mass(found), *_of_load_cells(found), *causes, _of_noise(found), found.disagreement]
+    model = found.model
+    causes = [_of_cause(found, cause) for cause in model.causes if cause.where == "vehicle"]
+    gauges = dict.fromkeys(cause.number for cause in model.causes if cause.where == "gauge")
+    scatter = [_of_gauge(model, number) for number in gauges]
+    lines = [_of_mass(found), *_of_load_cells(found), *causes, *scatter, _of_noise(found), found.disagreement]
     return tuple(line for line in lines if line)
 
 
@@ -111,6 +114,14 @@ def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray
     return (
         f"hysteresis: a case reads {_pair(100.0 * size, 100.0 * std)} % of the strain of the case before it; "
         "return to zero load between the cases"
+    )
+
+
+def _of_gauge(model: ReadingsModel, number: int) -> str:
+    scatter = 1e6 * float(np.sqrt(np.mean(model.test.reading_stds[:, number] ** 2)))
+    return (
+        f"gauge '{model.structure.gauges.names[number]}': its readings differ from what the others predict by about "
+        f"{scatter:.2g} um/m, more than stated; they are used, and count as less exact"
     )
 
 
