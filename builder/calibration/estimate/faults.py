@@ -37,8 +37,8 @@ LEAST_OF_LOAD = 0.01
 """Relative error of a load below which it is not called wrong: exact readings show errors of the model, too."""
 
 LEAST_OF_GAUGE = 0.01
-"""Part of its strain by which a gauge that is called wrong differs at least: the wall may differ from the average of
-its region as much. Below it a gauge counts as less exact than stated."""
+"""Part of its strain by which a gauge that is called wrong differs at least: the wall may differ from the average
+of its region as much. Below it a gauge counts as less exact than stated."""
 
 DOUBTFUL_LOAD = 0.04
 """Relative error of a load by the median gauge from which its case does not judge gauges."""

@@ -118,10 +118,11 @@ def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray
 
 
 def _of_gauge(model: ReadingsModel, number: int) -> str:
+    name = model.structure.gauges.names[number]
     scatter = 1e6 * float(np.sqrt(np.mean(model.test.reading_stds[:, number] ** 2)))
     return (
-        f"gauge '{model.structure.gauges.names[number]}': its readings differ from what the others predict by about "
-        f"{scatter:.2g} um/m, more than stated; they are used, and count as less exact"
+        f"gauge '{name}': its readings differ from what the others predict by about {scatter:.2g} um/m, more than "
+        "stated; they are used, and count as less exact"
     )
 
 
