@@ -65,7 +65,8 @@ class Bridge:
     clock : the one clock of the whole run [s].
     on_result : called with every result after it was sent.
     on_frame : called with every frame that the receiver accepted.
-    on_received, on_sent : called with every frame and its time, all in the order of their times; must not block.
+    on_received, on_sent : called with every frame and its time, all in the order of their times; must not block. A
+        sent frame that comes back is not received once more.
     """
 
     def __init__(

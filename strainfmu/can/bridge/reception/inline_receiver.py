@@ -9,8 +9,11 @@ from math import inf
 from strainfmu.can.bridge.bus.raw_bus import RawBus
 from strainfmu.can.bridge.reception.receiver import AT_ONCE, FrameQueue, ReceiverBase
 from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame
+
+_OWN = FrameClass.OWN
 
 LONGEST_EXPECTED = 0.005
 """Longest cycle [s] that is waited for by its expected end; in longer ones a wake-up more costs little, and what a
@@ -109,19 +112,25 @@ class InlineReceiver(ReceiverBase):
         stamped = self._clock() if found else now
         after, frame_of = min(self._known, stamped), self._raw.frame
         refused_as, on_received = self._acceptance.refused, self._on_received
+        returned, is_own = self._raw.returned, self._acceptance.is_own
         for datagram, waited in found:
             # In whole microseconds, which every log format holds exactly.
             came = round(1e6 * (stamped - waited)) / 1e6
             if came > after:
                 after = came if came < stamped else stamped
+            sent = returned(datagram)
+            if sent is not None and is_own(sent):
+                self.account.received += 1
+                self.account.settle(_OWN, after)
+                continue
             try:
                 frame = frame_of(datagram, after)
             except MalformedFrame as error:
                 self._count_malformed(error)
                 continue
-            if on_received is not None:
-                on_received(frame)
             refused = refused_as(frame)
+            if on_received is not None and refused is not _OWN:
+                on_received(frame)
             if refused is None or self._is_reported(frame, refused):
                 frames.append(frame)
         if frames:
