@@ -321,7 +321,7 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             low=0.001,
             high=10_000.0,
             text="largest number of results sent a second",
-            example="25.0",
+            example="20.0",
         ),
         "token": Entry(
             sets="publish_token",

@@ -36,7 +36,7 @@ TOKEN = "token"
 WAITING = 64
 """Maximum number of results that wait for the thread; further ones are dropped and counted."""
 
-CHANGES, CHANGES_AT_ONCE = 25.0, 5
+CHANGES, CHANGES_AT_ONCE = 20.0, 5
 """Changes of quality that are sent per second for long, or the rate if that is larger; and in a row at once. A
 quality that flaps at the rate of the cycles must not cost more than they do; its counts and causes are all sent."""
 
