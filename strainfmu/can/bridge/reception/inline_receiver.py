@@ -119,7 +119,7 @@ class InlineReceiver(ReceiverBase):
         returned, is_own = self._raw.returned, self._acceptance.is_own
         # The core looks at formats and rates too: looking here as well only keeps a flood from the queue.
         is_few = len(found) <= self._few
-        is_input = self._acceptance.is_input
+        inputs = self._acceptance.buckets
         for datagram, waited in found:
             # In whole microseconds, which every log format holds exactly.
             came = round(1e6 * (stamped - waited)) / 1e6
@@ -135,7 +135,8 @@ class InlineReceiver(ReceiverBase):
             except MalformedFrame as error:
                 self._count_malformed(error)
                 continue
-            refused = None if is_few and is_input(frame) else refused_as(frame)
+            is_input = frame.key in inputs and not (frame.is_error or frame.is_remote)
+            refused = None if is_few and is_input else refused_as(frame)
             if on_received is not None and refused is not _OWN:
                 on_received(frame)
             if refused is None or self._is_reported(frame, refused):

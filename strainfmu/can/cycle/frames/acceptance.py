@@ -90,10 +90,6 @@ class Acceptance:
             return True
         return refused is FrameClass.ERROR_FRAME
 
-    def is_input(self, frame: Frame) -> bool:
-        """Return whether a frame is a data frame of the layout, of any length and at any rate."""
-        return frame.key in self.buckets and not (frame.is_error or frame.is_remote)
-
     def is_own(self, frame: Frame) -> bool:
         """Return whether a frame is one that we sent and that comes back."""
         return frame.key in self._own and self._comes_back(frame)
