@@ -72,7 +72,7 @@ class RawBus(ABC):
         self._socket.close()
 
     def returned(self, datagram: bytes) -> Frame | None:
-        """Return the frame that was sent as ``datagram``, each once, if this bus returns what is sent; else None."""
+        """Return the frame that was sent as ``datagram``, each once; None of a bus that returns none."""
         return None
 
     @abstractmethod

@@ -37,8 +37,10 @@ WAITING = 64
 """Maximum number of results that wait for the thread; further ones are dropped and counted."""
 
 CHANGES, CHANGES_AT_ONCE = 20.0, 5
-"""Changes of quality that are sent per second for long, or the rate if that is larger; and in a row at once. A
-quality that flaps at the rate of the cycles must not cost more than they do; its counts and causes are all sent."""
+"""Changes of quality that are sent per second for long, or the rate if that is larger; and in a row at once.
+
+A quality that flaps at the rate of the cycles must not cost more than they do.
+"""
 
 _ATTEMPTS, _FRAME_TIME = 5, 1e-4
 _PATIENCE = 2.0
@@ -81,8 +83,8 @@ class BridgeReports:
 class Publisher:
     """Sends every result, or at most ``rate`` per second; a change of quality is sent at once.
 
-    Of many changes in a row, some are sent late or, if the quality was back by then, not by themselves: every message
-    holds the causes since the message before and the counts of all results.
+    Of many changes in a row some are sent late or, if the quality was back by then, not by themselves: every
+    message holds the causes since the message before and the counts of all results.
 
     Parameters
     ----------
