@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,9 @@ import pytest
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.displays.page_message import GaugePosition, gauge_positions
-from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.bridge.displays.page_message import GaugePosition, gauge_positions, result_message
+from strainfmu.can.bridge.displays.publisher import CHANGES_AT_ONCE, BridgeReports, Publisher, parsed_address
+from strainfmu.can.bridge.options import PUBLISH_RATE
 from strainfmu.can.cycle.frames.account import FrameAccount
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
@@ -123,6 +125,48 @@ def test_the_rate_is_limited_but_for_a_change_of_quality() -> None:
     until(lambda: mouth.sent + mouth.dropped == 3)
     mouth.close()
     assert mouth.sent + mouth.dropped == 3
+
+
+@pytest.mark.fast
+def test_a_flapping_quality_costs_no_more_than_the_rate_and_loses_nothing() -> None:
+    """A thousand changes a second: five at once, then as many as the rate; all causes and counts."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ears:
+        ears.bind(("127.0.0.1", 0))
+        ears.settimeout(60.0)
+        mouth = publisher(ears.getsockname()[1], rate=PUBLISH_RATE)
+        begin, n_results = time.monotonic(), 0
+        while time.monotonic() < begin + 1.0:
+            mouth.result(result((Quality.VALID, Quality.STALE)[n_results % 2]))
+            n_results += 1
+            time.sleep(1e-3)
+        took = time.monotonic() - begin
+        rare = result(Quality.STALE)
+        rare.causes = Cause.FROZEN
+        mouth.result(rare)  # whether it is sent by itself or not
+        time.sleep(2.0 / PUBLISH_RATE)
+        mouth.result(result(Quality.DEGRADED))
+        mouth.close()
+        received = [json.loads(ears.recv(1 << 16)) for _ in range(mouth.sent)]
+    messages = [content for content in received if "layout" not in content]
+    during = len(messages) - 2
+    assert CHANGES_AT_ONCE <= during <= CHANGES_AT_ONCE + 1 + PUBLISH_RATE * took
+    last = messages[-1]
+    assert last["quality_name"] == "DEGRADED", "what lasts is sent"
+    assert sum(last["results"].values()) == n_results + 2
+    assert any("FROZEN" in content["causes_since"] for content in messages)
+    assert mouth.dropped == 0
+
+
+@pytest.mark.fast
+def test_messages_of_ever_new_numbers_do_not_fill_the_memory() -> None:
+    gauges = [GaugePosition(name) for name in "abc"]
+    result_message(result(), gauges, None, Cause.NONE)
+    tracemalloc.start()
+    for number in range(2000):
+        result_message(result(value=1e-6 * number, chi_square=1.0 + number), gauges, None, Cause.NONE)
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown < 100_000
 
 
 @pytest.mark.fast

@@ -14,7 +14,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from strainfmu.can.bridge.options import RESULT_FORMS, BridgeOptions
+from strainfmu.can.bridge.options import PUBLISH_RATE, RESULT_FORMS, BridgeOptions
 from strainfmu.can.settings import RESTARTS
 from strainfmu.can.wire.dbc_files import MAPPING_TABLE
 from strainfmu.can.wire.profiles import PROFILES, Identifiers
@@ -321,7 +321,7 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             low=0.001,
             high=10_000.0,
             text="largest number of results sent a second",
-            example="50.0",
+            example="20.0",
         ),
         "token": Entry(
             sets="publish_token",
@@ -377,7 +377,7 @@ class BusDescription:
     fault_seed: int = 1
     record: Path | None = None
     publish: str | None = None
-    publish_rate: float = 50.0
+    publish_rate: float = PUBLISH_RATE
     publish_token: str | None = None
     publish_field: Path | None = None
     http: str | None = None

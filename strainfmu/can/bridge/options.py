@@ -10,6 +10,9 @@ from strainfmu.can.wire.profiles import Identifiers
 
 RESULT_FORMS = ("fd", "classic-le", "classic-be")
 
+PUBLISH_RATE = 20.0
+"""Largest number of results per second that go to displays where none is stated; a page draws fewer."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BridgeOptions(StatedLimits):

@@ -64,8 +64,8 @@ class Bridge:
     configuration : number of the gauge assignment, 0 for none.
     clock : the one clock of the whole run [s].
     on_result : called with every result after it was sent.
-    on_frame : called with every frame that the receiver accepted.
-    on_received, on_sent : called with every frame and its time, all in the order of their times; must not block.
+    on_received, on_sent : called with every frame and its time, all in the order of their times; must not block. A
+        sent frame that comes back is not received once more.
     """
 
     def __init__(
@@ -77,7 +77,6 @@ class Bridge:
         back_off: BackOffSettings | None = None,
         clock: Clock = monotonic,
         on_result: Callable[[CycleResult], None] | None = None,
-        on_frame: Callable[[Frame], None] | None = None,
         queued_cycles: int = QUEUED_CYCLES,
         on_received: Callable[[Frame], None] | None = None,
         on_sent: Callable[[Frame], None] | None = None,
@@ -92,7 +91,7 @@ class Bridge:
         self._max_age = core.settings.max_age * core.layout.cycle_time
         self._answering = 0.0
         self._back_off = BackOff(back_off or BackOffSettings())
-        self._on_result, self._on_frame = on_result, on_frame
+        self._on_result = on_result
         self._on_received, self._on_sent = on_received, on_sent
         self.known = clock()
         self._bus: Any = None
@@ -187,8 +186,6 @@ class Bridge:
             if isinstance(item, BusFault):
                 self._lose_bus(item.reason, item.time)
                 continue
-            if self._on_frame is not None:
-                self._on_frame(item)
             if results := self._core.receive(item, is_answered):
                 self._publish(results)
         now = self._clock()

@@ -57,7 +57,8 @@ class Taps:
 
     Attributes
     ----------
-    on_received, on_sent : called with every frame and its time, in the order of their times.
+    on_received, on_sent : called with every frame and its time, in the order of their times; a sent one that comes
+        back is not received once more.
     on_result : called with every result after it was sent.
     on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
     outputs : other outputs of the estimator that results hold, as far as it has them.

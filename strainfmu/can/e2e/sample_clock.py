@@ -260,7 +260,8 @@ class SampleClock:
         count = self.record.drift.n
         if count < 5:
             return float("nan")
-        kept = np.array(self.record.drift.minimum).reshape(-1, 2)[:count]
-        time, minimum = np.roll(kept, -count if count > _WINDOWS else 0, axis=0).T  # the oldest first
-        slope = np.polyfit(time - time[0], minimum - minimum[0], 1)[0]
+        kept = np.frombuffer(self.record.drift.minimum).reshape(-1, 2)[:count]
+        time, minimum = (kept - kept[0]).T
+        time = time - time.mean()
+        slope = (time @ minimum) / (time @ time)
         return float(1e6 * (slope + 1.0 - self.record.pace))

@@ -23,7 +23,7 @@ import numpy as np
 
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.bridge.bus.raw_bus import raw_bus
-from strainfmu.can.bridge.options import BridgeOptions
+from strainfmu.can.bridge.options import PUBLISH_RATE, BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.bridge.summary import BridgeSummary
@@ -158,7 +158,7 @@ def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recor
             return (time.process_time() - begin) / n_cycles
         composer = ResultFrames(layouts, configuration)
         reports = BridgeReports(account=lambda: core.account, bus_state=lambda: core.bus_state)
-        publisher = Publisher(("127.0.0.1", 9), gauge_positions(fmu), rate=50.0, reports=reports)
+        publisher = Publisher(("127.0.0.1", 9), gauge_positions(fmu), rate=PUBLISH_RATE, reports=reports)
         begin = time.process_time()
         for frames in cycles:
             for frame in frames:
@@ -274,7 +274,7 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
     )
     fmu = folder / "estimator.fmu"
     with observed_bridge(
-        fmu, options, record=log, publish="127.0.0.1:9", publish_rate=50.0, also=keep
+        fmu, options, record=log, publish="127.0.0.1:9", publish_rate=PUBLISH_RATE, also=keep
     ) as observed:
         bridge = observed.ready.bridge
 

@@ -88,7 +88,9 @@ def _library() -> ctypes.CDLL:
         raise NoCoreError(
             f"the bridge's compiled part has version {version}, must be {VERSION}: install the whole package again"
         )
-    return found
+    # It works for a few microseconds, so it keeps Python to itself: to let it go and get it back costs more, and a
+    # thread that records or publishes would come in between.
+    return ctypes.PyDLL(found._name, handle=found._handle)
 
 
 @cache

@@ -25,6 +25,8 @@ _FD_LENGTHS = frozenset(FD_LENGTHS)
 _EXTENDED, _REMOTE, _ERROR = 0x80000000, 0x40000000, 0x20000000
 _BITRATE_SWITCH = 0x01
 _HEADER = struct.Struct("=IBB2x")
+_REMEMBERED = 1000
+"""Sent datagrams that may still come back: as many as the socket's buffer holds, about."""
 _CLASSIC_SIZE, _FD_SIZE = 16, 72
 """Source: struct can_frame and canfd_frame of Linux's include/uapi/linux/can.h."""
 
@@ -69,6 +71,10 @@ class RawBus(ABC):
         self._waiting.close()
         self._socket.close()
 
+    def returned(self, datagram: bytes) -> Frame | None:
+        """Return the frame that was sent as ``datagram``, each once; None of a bus that returns none."""
+        return None
+
     @abstractmethod
     def frame(self, datagram: bytes, received: float) -> Frame:
         """Return the frame of a datagram that was received at the time ``received`` [s] of the bridge's clock.
@@ -102,6 +108,11 @@ class RawMulticast(RawBus):
         self._target = target
         self._pack, self._unpack, self._unpack_as_python_can = msgpack.packb, msgpack.unpackb, unpack_message
         self._received, self._sent = DatagramShapes(self._unpack), DatagramShapes(self._unpack)
+        self._returning: dict[bytes, Frame] = {}
+
+    def returned(self, datagram: bytes) -> Frame | None:
+        """Return as :meth:`RawBus.returned`: multicast returns everything, which need not be read once more."""
+        return self._returning.pop(datagram, None)
 
     def frame(self, datagram: bytes, received: float) -> Frame:
         """Return the frame of a datagram; one out of the ordinary is read as python-can reads it."""
@@ -158,6 +169,10 @@ class RawMulticast(RawBus):
         if datagram is None:
             datagram = self._packed(frame)
             self._sent.learn(datagram, frame)
+        returning = self._returning
+        returning[datagram] = frame
+        if len(returning) > _REMEMBERED:
+            del returning[next(iter(returning))]
         self._socket.sendto(datagram, socket.MSG_DONTWAIT, self._target)
 
     def _packed(self, frame: Frame) -> bytes:

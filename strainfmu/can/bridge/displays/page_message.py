@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -243,7 +242,6 @@ def result_message(
     }
 
 
-@cache
 def finite(value: float | None) -> float | None:
     """Return the number, None where JSON has none for it."""
     return value if value is not None and isfinite(value) else None

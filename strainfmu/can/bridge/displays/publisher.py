@@ -36,6 +36,12 @@ TOKEN = "token"
 WAITING = 64
 """Maximum number of results that wait for the thread; further ones are dropped and counted."""
 
+CHANGES, CHANGES_AT_ONCE = 20.0, 5
+"""Changes of quality that are sent per second for long, or the rate if that is larger; and in a row at once.
+
+A quality that flaps at the rate of the cycles must not cost more than they do.
+"""
+
 _ATTEMPTS, _FRAME_TIME = 5, 1e-4
 _PATIENCE = 2.0
 _ENCODED = json.JSONEncoder(separators=(",", ":")).encode
@@ -77,6 +83,9 @@ class BridgeReports:
 class Publisher:
     """Sends every result, or at most ``rate`` per second; a change of quality is sent at once.
 
+    Of many changes in a row some are sent late or, if the quality was back by then, not by themselves: every
+    message holds the causes since the message before and the counts of all results.
+
     Parameters
     ----------
     address : host and port.
@@ -110,12 +119,12 @@ class Publisher:
             raise StrainfmuError(f"page.publish {address[0]}:{address[1]}: {error.strerror or error}") from error
         self._socket.setblocking(False)
         self._target = target
-        self._gauges, self._period = tuple(gauges), 1.0 / rate
+        self._gauges, self._period, self._change_period = tuple(gauges), 1.0 / rate, 1.0 / max(rate, CHANGES)
         self._reports, self._facts = reports, facts or EstimatorFacts()
         self._field = field
         self._token = {} if token is None else {TOKEN: token}
         self._start = time.monotonic()
-        self._next = self._next_layout = self._next_field = float("-inf")
+        self._next = self._next_change = self._next_layout = self._next_field = float("-inf")
         self._quality: Quality | None = None
         self._since = Cause.NONE
         self._counts: Counter[Quality] = Counter()
@@ -132,9 +141,11 @@ class Publisher:
         if result.causes:  # the sum of two flags takes longer than all the rest
             self._since |= result.causes
         self._counts[quality] += 1
-        if now < self._next and quality is self._quality:
+        ahead = 0.0 if quality is self._quality else CHANGES_AT_ONCE * self._change_period
+        if now < self._next_change - ahead or (now < self._next and not ahead):
             return
         self._quality, self._next = quality, now + self._period
+        self._next_change = max(self._next_change, now) + self._change_period
         if len(self._waiting) >= WAITING or self._stop:
             self.dropped += 1
             return

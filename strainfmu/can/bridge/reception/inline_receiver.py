@@ -9,8 +9,14 @@ from math import inf
 from strainfmu.can.bridge.bus.raw_bus import RawBus
 from strainfmu.can.bridge.reception.receiver import AT_ONCE, FrameQueue, ReceiverBase
 from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.e2e.clock import Clock
 from strainfmu.can.wire.frame import Frame, MalformedFrame
+
+_FEW = 2
+"""Cycles of frames that wait at once in which the core alone finds wrong formats and a babbling sender."""
+
+_OWN = FrameClass.OWN
 
 LONGEST_EXPECTED = 0.005
 """Longest cycle [s] that is waited for by its expected end; in longer ones a wake-up more costs little, and what a
@@ -47,6 +53,7 @@ class InlineReceiver(ReceiverBase):
         self._raw, self._collect_time, self._cycle = raw, collect_time, cycle
         self._cycle_time = cycle_time if cycle_time <= LONGEST_EXPECTED else -inf
         self._newest = self._last_whole = -inf
+        self._few = _FEW * cycle
         self._known = clock()
         self._is_broken_off = self._is_drained = False
 
@@ -109,19 +116,29 @@ class InlineReceiver(ReceiverBase):
         stamped = self._clock() if found else now
         after, frame_of = min(self._known, stamped), self._raw.frame
         refused_as, on_received = self._acceptance.refused, self._on_received
+        returned, is_own = self._raw.returned, self._acceptance.is_own
+        # The core looks at formats and rates too: looking here as well only keeps a flood from the queue.
+        is_few = len(found) <= self._few
+        inputs = self._acceptance.buckets
         for datagram, waited in found:
             # In whole microseconds, which every log format holds exactly.
             came = round(1e6 * (stamped - waited)) / 1e6
             if came > after:
                 after = came if came < stamped else stamped
+            sent = returned(datagram)
+            if sent is not None and is_own(sent):
+                self.account.received += 1
+                self.account.settle(_OWN, after)
+                continue
             try:
                 frame = frame_of(datagram, after)
             except MalformedFrame as error:
                 self._count_malformed(error)
                 continue
-            if on_received is not None:
+            is_input = frame.key in inputs and not (frame.is_error or frame.is_remote)
+            refused = None if is_few and is_input else refused_as(frame)
+            if on_received is not None and refused is not _OWN:
                 on_received(frame)
-            refused = refused_as(frame)
             if refused is None or self._is_reported(frame, refused):
                 frames.append(frame)
         if frames:

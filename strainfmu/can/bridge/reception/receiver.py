@@ -150,9 +150,9 @@ class ReceiverBase(ABC):
 
     def _is_accepted(self, frame: Frame) -> bool:
         """Report a frame to ``on_received``; return whether it is to be queued, and count it here if not."""
-        if self._on_received is not None:
-            self._on_received(frame)
         refused = self._acceptance.refused(frame)
+        if self._on_received is not None and refused is not FrameClass.OWN:
+            self._on_received(frame)
         return refused is None or self._is_reported(frame, refused)
 
     def _is_reported(self, frame: Frame, refused: FrameClass) -> bool:
@@ -213,7 +213,7 @@ class Receiver(ReceiverBase):
 
     Parameters
     ----------
-    on_received : called with every frame, in the order of their times.
+    on_received : called with every frame but own ones that come back, in the order of their times.
     collect_time : after the first message of a batch, further ones are collected for this time [s].
     """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isnan, nan
 from operator import itemgetter
@@ -21,8 +21,8 @@ from strainfmu.can.wire.signal_plan import SignalPlan
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 _NOTHING = [nan] * 5
-_HEADER = {E2E_CRC: 0, E2E_COUNTER: 0}
-"""Values of the signals that are written when all others are: whole numbers are encoded fastest."""
+_HEADER, _NO_HEADER = (E2E_CRC, E2E_COUNTER), (0, 0)
+"""Signals that are written when all others are, and their values until then: whole numbers are encoded fastest."""
 _LARGEST_UNCERTAINTY = 6553.4
 """Largest uncertainty of an age in a frame [ms]; it stands for all above."""
 _LARGEST_SCORE = 25.4
@@ -70,16 +70,18 @@ class ResultFrames:
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int) -> None:
         self._configuration = configuration
         self._others = OtherLoadSignals(layouts)
-        self._of_result = [_ResultFrame(layout) for layout in layouts if layout.cycle_time is not None]
+        names = (*_RESULT_NAMES, *self._others.names)
+        self._of_result = [_ResultFrame(layout, names) for layout in layouts if layout.cycle_time is not None]
         no_result = [layout for layout in layouts if layout.cycle_time is None]
-        self._of_status = [_ResultFrame(layout) for layout in no_result if layout.name != DETAIL]
-        self._details = [_ResultFrame(layout) for layout in no_result if layout.name == DETAIL]
+        self._of_status = [_ResultFrame(layout, _STATUS_NAMES) for layout in no_result if layout.name != DETAIL]
+        self._details = [_ResultFrame(layout, _DETAIL_NAMES) for layout in no_result if layout.name == DETAIL]
 
     def of_result(self, result: CycleResult) -> list[Frame]:
         """Return the frames of one result; frames of a result with further causes hold their details too."""
         values = _result_values(result, self._configuration)
         if self._others:
-            values |= self._others.values(result.other_outputs if result.quality.has_coefficients else {})
+            outputs = result.other_outputs if result.quality.has_coefficients else {}
+            values = (*values, *self._others.values(outputs).values())
         frames = [frame.compose(values) for frame in self._of_result]
         if int(result.causes) >> 16:
             details = _detail_values(
@@ -100,13 +102,13 @@ class ResultFrames:
 
 
 class _ResultFrame:
-    """One frame, with its counter."""
+    """One frame, with its counter; ``names`` are the signals of the values that it is composed of."""
 
-    def __init__(self, layout: FrameLayout) -> None:
+    def __init__(self, layout: FrameLayout, names: Sequence[str]) -> None:
         assert layout.protection is not None
         self._layout, self._protection = layout, layout.protection
         self._plan = SignalPlan(layout)
-        self._pick = itemgetter(*[signal.name for signal in layout.signals])
+        self._pick = itemgetter(*[names.index(signal.name) for signal in layout.signals])
         self._counter, self._modulus = 0, layout.protection.counter_modulus
         self._frame = Frame(
             identifier=layout.identifier,
@@ -116,77 +118,101 @@ class _ResultFrame:
             bitrate_switch=layout.is_fd,
         )
 
-    def compose(self, values: Mapping[str, float]) -> Frame:
-        """Return the next frame with ``values`` by signal; further ones are passed over."""
+    def compose(self, values: Sequence[float]) -> Frame:
+        """Return the next frame with its signals among ``values``."""
         counter = self._counter
         self._counter = (counter + 1) % self._modulus
         data = self._plan.encode(self._pick(values))
         return self._frame.with_data(protect(data, self._protection, counter))
 
 
-def _result_values(result: CycleResult, configuration: int) -> dict[str, float]:
-    """Return the values of all signals of a result, NaN where it has none."""
-    published = result.quality.has_coefficients
+_RESULT_NAMES = (
+    *_HEADER,
+    *COEFFICIENT_NAMES,
+    *SIGMA_NAMES,
+    *("Quality", "Health", "Usable", "SampleTime", "ChiSquare", "Age", "Causes", "GaugesUsed", "AnsweredCounter"),
+    *("Configuration", "UsedPressure", "EnvelopeScore8"),
+)
+
+
+def _result_values(result: CycleResult, configuration: int) -> tuple[float, ...]:
+    """Return the values of _RESULT_NAMES, NaN where a result has none."""
+    quality, health, score = result.quality, result.health, result.envelope_score
+    published = quality.has_coefficients
     coefficients = result.coefficients.tolist() if published else _NOTHING
     deviations = result.coefficients_std.tolist() if published else _NOTHING
-    return {
-        **dict(zip(COEFFICIENT_NAMES, coefficients, strict=True)),
-        **dict(zip(SIGMA_NAMES, deviations, strict=True)),
-        "Quality": int(result.quality),
-        "Health": nan if result.health is None else result.health,
-        "Usable": int(result.usable),
-        "SampleTime": nan if result.sample_time is None else result.sample_time,
-        "ChiSquare": result.chi_square,
-        "Age": 1e3 * result.age,
-        "Causes": low_causes(result.causes),
-        "GaugesUsed": min(result.valid.tobytes().count(1), 255),
-        "AnsweredCounter": result.counter or 0,
-        "Configuration": configuration,
-        "UsedPressure": result.dynamic_pressure,
-        "EnvelopeScore8": nan if isnan(result.envelope_score) else min(result.envelope_score, _LARGEST_SCORE),
-        **_HEADER,
-    }
+    return (
+        *_NO_HEADER,
+        *coefficients,
+        *deviations,
+        int(quality),
+        nan if health is None else health,
+        int(result.usable),
+        nan if result.sample_time is None else result.sample_time,
+        result.chi_square,
+        1e3 * result.age,
+        low_causes(result.causes),
+        min(result.valid.tobytes().count(1), 255),
+        result.counter or 0,
+        configuration,
+        result.dynamic_pressure,
+        nan if isnan(score) else min(score, _LARGEST_SCORE),
+    )
+
+
+_DETAIL_NAMES = (*_HEADER, "Quality", "AllCauses", "Usable", "AgeUncertainty", "AnsweredCounter")
 
 
 def _detail_values(
     quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None, usable: bool
-) -> dict[str, float]:
-    """Return the values of all signals of the details of a result."""
-    return {
-        "Quality": int(quality),
-        "AllCauses": int(causes),
-        "Usable": int(usable),
-        "AgeUncertainty": nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
-        "AnsweredCounter": counter or 0,
-        **_HEADER,
-    }
+) -> tuple[float, ...]:
+    """Return the values of _DETAIL_NAMES."""
+    return (
+        *_NO_HEADER,
+        int(quality),
+        int(causes),
+        int(usable),
+        nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
+        counter or 0,
+    )
 
 
-def _status_values(status: BridgeStatus, configuration: int) -> dict[str, float]:
-    """Return the values of all signals of the status."""
+_COUNTS = ("Received", "Used", "Rejected", "Cycles", "Overrun")
+_STATUS_NAMES = (
+    *_HEADER,
+    *LAST_NAMES,
+    *_COUNTS,
+    *(f"{name}16" for name in _COUNTS),
+    *("LastAge", "LastAge16", "Quality", "BusState", "SendFailures", "Reconnects", "Drift", "EnvelopeScore"),
+    "Configuration",
+)
+
+
+def _status_values(status: BridgeStatus, configuration: int) -> tuple[float, ...]:
+    """Return the values of _STATUS_NAMES."""
     last, account = status.last_valid, status.account
     age = nan if last is None else 1e3 * (status.time - last.time + last.age)
-    coefficients = _NOTHING if last is None else last.coefficients.tolist()
-    counts = {
-        "Received": account.received,
-        "Used": account.classes[FrameClass.USED],
-        "Rejected": account.rejected,
-        "Cycles": status.cycles,
-        "Overrun": account.classes[FrameClass.OVERRUN],
-    }
-    return {
-        **dict(zip(LAST_NAMES, coefficients, strict=True)),
+    classes = account.classes
+    counts = (
+        account.received,
+        classes[FrameClass.USED],
+        account.rejected,
+        status.cycles,
+        classes[FrameClass.OVERRUN],
+    )
+    return (
+        *_NO_HEADER,
+        *(_NOTHING if last is None else last.coefficients.tolist()),
         # Counts wrap: every layout takes as many of the low bits as its signal has.
-        **{name: count % 2**32 for name, count in counts.items()},
-        **{f"{name}16": count % 2**16 for name, count in counts.items()},
-        "LastAge": min(age, 2**32 - 2.0) if not isnan(age) else nan,
-        "LastAge16": min(age, 655_340.0) if not isnan(age) else nan,
-        "Quality": int(status.quality),
-        "BusState": int(status.bus_state),
-        "SendFailures": status.send_failures % 2**16,
-        "Reconnects": min(status.reconnects, 255),
-        "Drift": status.drift_ppm,
-        "EnvelopeScore": status.envelope_score,
-        "Configuration": configuration,
-        **_HEADER,
-    }
+        *[count % 2**32 for count in counts],
+        *[count % 2**16 for count in counts],
+        min(age, 2**32 - 2.0) if not isnan(age) else nan,
+        min(age, 655_340.0) if not isnan(age) else nan,
+        int(status.quality),
+        int(status.bus_state),
+        status.send_failures % 2**16,
+        min(status.reconnects, 255),
+        status.drift_ppm,
+        status.envelope_score,
+        configuration,
+    )

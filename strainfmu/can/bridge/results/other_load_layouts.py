@@ -46,6 +46,11 @@ class OtherLoadSignals:
         }
         self._steps = {name: step for name, step in steps.items() if signals[name].length == 16}
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the signals, in the order of their values."""
+        return tuple(self._outputs)
+
     def __bool__(self) -> bool:
         return bool(self._outputs)
 

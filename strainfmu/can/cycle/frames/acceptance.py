@@ -90,6 +90,10 @@ class Acceptance:
             return True
         return refused is FrameClass.ERROR_FRAME
 
+    def is_own(self, frame: Frame) -> bool:
+        """Return whether a frame is one that we sent and that comes back."""
+        return frame.key in self._own and self._comes_back(frame)
+
     def _comes_back(self, frame: Frame) -> bool:
         """Return whether a frame on an identifier of ours is one that we sent."""
         return self._own_frames.comes_back(frame)

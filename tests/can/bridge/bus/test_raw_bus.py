@@ -19,6 +19,7 @@ from strainfmu.can.bridge.bus.raw_bus import RawMulticast, RawSocketCan, can_fra
 from strainfmu.can.bridge.reception.inline_receiver import InlineReceiver
 from strainfmu.can.bridge.reception.receiver import BusFault, FrameQueue
 from strainfmu.can.cycle.frames.acceptance import Acceptance
+from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.frames.own_frames import OwnFrames
 from strainfmu.can.settings import BridgeSettings
 from strainfmu.can.wire.frame import Frame, MalformedFrame, from_message, to_message
@@ -145,6 +146,74 @@ def test_own_frames_that_have_come_back_do_not_end_the_wait(buses: list[can.BusA
     later.join()
     assert [item.key for item in queue.take(0.0, time.monotonic)[0] if isinstance(item, Frame)] == [FRAMES[0].key]
     assert receiver.account.received == 1
+    receiver.stop()
+
+
+def test_own_frames_that_come_back_are_neither_read_nor_recorded_and_each_is_own_once(
+    buses: list[can.BusABC], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 3)
+    own = [Frame(identifier=0x390, data=bytes([number, 7])) for number in range(3)]
+    sent, recorded, read = OwnFrames([0x390]), list[Frame](), list[bytes]()
+    receiver = InlineReceiver(
+        raw, queue, Acceptance(layout(), sent, BridgeSettings()), clock=time.monotonic, on_received=recorded.append
+    )
+    frame_of = raw.frame
+
+    def reading(datagram: bytes, received: float) -> Frame:
+        read.append(datagram)
+        return frame_of(datagram, received)
+
+    monkeypatch.setattr(raw, "frame", reading)
+    for frame in own:
+        sent.sending(frame)
+        raw.send(frame)
+    time.sleep(0.05)
+    receiver.collect(0.0)
+    assert (receiver.account.received, receiver.account.classes[FrameClass.OWN]) == (3, 3)
+    assert (read, recorded) == ([], [])
+    # The same content once more is another bridge's, and so is an identifier that is not ours what it is.
+    buses[1].send(to_message(own[1]))
+    raw.send(FRAMES[2])
+    time.sleep(0.05)
+    receiver.collect(0.0)
+    assert [frame.data for frame in recorded] == [own[1].data, FRAMES[2].data]
+    items = [item for item in queue.take(0.0, time.monotonic)[0] if isinstance(item, Frame)]
+    core_side = Acceptance(layout(), sent, BridgeSettings())
+    assert [core_side.refused(item) for item in items] == [FrameClass.SECOND_BRIDGE]
+    classes = receiver.account.classes
+    assert (classes[FrameClass.OWN], classes[FrameClass.UNKNOWN_IDENTIFIER]) == (3, 1)
+    receiver.stop()
+
+
+def test_datagrams_that_never_come_back_do_not_fill_the_memory(buses: list[can.BusABC]) -> None:
+    raw = raw_multicast(buses[0])
+    first = Frame(identifier=0x390, data=bytes(8))
+    raw.send(first)
+    (datagram, _), *_ = waiting(raw, 1)
+    for number in range(1000):
+        raw.send(Frame(identifier=0x390, data=number.to_bytes(2, "big")))
+    assert len(raw._returning) == 1000
+    assert raw.returned(datagram) is None, "the oldest is forgotten, and would be read as any other"
+    raw.close()
+
+
+def test_formats_and_rates_of_few_frames_are_for_the_core_and_of_a_flood_for_the_receiver(
+    buses: list[can.BusABC],
+) -> None:
+    raw, queue = raw_multicast(buses[0]), FrameQueue(100, 2)
+    acceptance = Acceptance(layout(), (), BridgeSettings())
+    receiver = InlineReceiver(raw, queue, acceptance=acceptance, clock=time.monotonic, cycle=2)
+    known = next(iter(acceptance.buckets))
+    wrong = Frame(identifier=known, data=b"1")
+    for n_frames, n_refused in ((4, 0), (5, 5)):
+        for _ in range(n_frames):
+            buses[1].send(to_message(wrong))
+        time.sleep(0.05)
+        receiver.collect(0.0)
+        assert receiver.account.classes[FrameClass.WRONG_FORMAT] == n_refused
+    assert len(queue) == 4
+    assert Acceptance(layout(), (), BridgeSettings()).refused(wrong) is FrameClass.WRONG_FORMAT
     receiver.stop()
 
 
