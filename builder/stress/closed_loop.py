@@ -12,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -45,11 +45,22 @@ FAULTS = {
 """Kind and value [m/m, m/m per s] by name."""
 
 
-def flown(scenario: Scenario, feedback: str) -> FlightResult:
-    """Return how a scenario scores with ``feedback`` of "truth" or of the "estimate"."""
+@dataclass(frozen=True)
+class Flown:
+    """One flight: its score, and the numbers of the gauges that were taken out of use."""
+
+    score: FlightResult
+    out_of_use: tuple[int, ...]
+
+
+def flown(scenario: Scenario, feedback: str) -> Flown:
+    """Fly a scenario with ``feedback`` of "truth" or of the "estimate"."""
     with TemporaryDirectory() as folder:
         recording = fly(scenario, export_flight(scenario, Path(folder)), feedback)
-    return flight_result(scenario, recording, load_flight_model(scenario.flight_model))
+    model = load_flight_model(scenario.flight_model)
+    gauges = range(1, model.n_gauges + 1)
+    out_of_use = tuple(gauge for gauge in gauges if not np.all(recording[f"autopilot.valid[{gauge}]"]))
+    return Flown(flight_result(scenario, recording, model), out_of_use)
 
 
 def without_fault(scenario: Scenario, linear_map: Path) -> dict[str, list[FlightResult]]:
@@ -62,12 +73,13 @@ def without_fault(scenario: Scenario, linear_map: Path) -> dict[str, list[Flight
             ("nonlinear estimator", "estimate", sound.inverse_map),
             ("linear estimator", "estimate", linear_map),
         ):
-            found.setdefault(name, []).append(flown(replace(sound, inverse_map=of_map), feedback))
+            score = flown(replace(sound, inverse_map=of_map), feedback).score
+            found.setdefault(name, []).append(score)
     return found
 
 
-def with_faults(scenario: Scenario) -> Iterator[tuple[str, list[FlightResult]]]:
-    """Yield the scores of the flights of each of :data:`FAULTS`, one flight for each gauge."""
+def with_faults(scenario: Scenario) -> Iterator[tuple[str, list[Flown]]]:
+    """Yield the flights of each of :data:`FAULTS`, one flight for each gauge."""
     gauges = range(1, load_flight_model(scenario.flight_model).n_strain_gauges + 1, EVERY)
     for name, (kind, value) in FAULTS.items():
         events = [FaultEvent(time=FAILS_AT, gauge=gauge, kind=kind, value=value) for gauge in gauges]
@@ -90,13 +102,14 @@ def lines_of_seeds(found: dict[str, list[FlightResult]]) -> list[str]:
     return lines
 
 
-def line_of_fault(name: str, results: Sequence[FlightResult]) -> str:
+def line_of_fault(name: str, flights: Sequence[Flown]) -> str:
     """Return when the flights of one fault reported it and took the gauge out of use."""
-    reports = [one.faults[0] for one in results]
-    holds = sum(one.holds for one in results)
+    reports = [one.score.faults[0] for one in flights]
+    holds = sum(one.score.holds for one in flights)
+    healthy = sum(len(set(one.out_of_use) - {one.score.faults[0].event.gauge}) for one in flights)
     return (
-        f"{name:26s}holds in {holds} of {len(results)}; reported after {_times(reports, 'reported_after')}; "
-        f"isolated after {_times(reports, 'isolated_after')}"
+        f"{name:26s}holds in {holds} of {len(flights)}; reported after {_times(reports, 'reported_after')}; "
+        f"isolated after {_times(reports, 'isolated_after')}; healthy gauges out of use: {healthy}"
     )
 
 
@@ -126,8 +139,8 @@ def main() -> None:
         linear_map = Path(folder) / "linear.h5"
         save_inverse_map(inverse_map.without_tables(), linear_map)
         print("\n".join(lines_of_seeds(without_fault(scenario, linear_map))), flush=True)
-    for name, results in with_faults(scenario):
-        print(line_of_fault(name, results), flush=True)
+    for name, flights in with_faults(scenario):
+        print(line_of_fault(name, flights), flush=True)
 
 
 if __name__ == "__main__":

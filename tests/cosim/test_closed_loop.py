@@ -25,9 +25,10 @@ def test_seeds_differ_and_stand_in_the_table(scenario: Scenario, monkeypatch: py
 def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(closed_loop, "FAULTS", {"dropout": (GaugeFault.DROPOUT, 0.0)})
     monkeypatch.setattr(closed_loop, "FAILS_AT", 0.5 * scenario.stop_time)
-    ((name, results),) = closed_loop.with_faults(scenario)
+    ((name, flights),) = closed_loop.with_faults(scenario)
     gauges = load_flight_model(scenario.flight_model).n_strain_gauges
-    assert len(results) == len(range(0, gauges, closed_loop.EVERY))
-    line = closed_loop.line_of_fault(name, results)
+    assert len(flights) == len(range(0, gauges, closed_loop.EVERY))
+    line = closed_loop.line_of_fault(name, flights)
     assert line.startswith("dropout")
-    assert f"holds in {len(results)} of {len(results)}; reported after 10, 10, 10 ms; isolated after -" in line
+    assert f"holds in {len(flights)} of {len(flights)}; reported after 10, 10, 10 ms; isolated after -" in line
+    assert line.endswith("healthy gauges out of use: 0")
