@@ -56,7 +56,7 @@ FOLLOWS = 0.8
 UNNAMED = ("gauge", "load")
 """Kinds of faults of which no cause is known."""
 
-MOST_CAUSES = 6
+MOST_CAUSES = 10
 """Causes, gauges and loads among them, that are looked for before and after the estimate."""
 
 MOST_GAUGES = 0.34
