@@ -8,6 +8,7 @@ the stated rate of false alarms is met on such data, drawn over conditions, vehi
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -219,7 +220,9 @@ def tail_ratios(inverse_map: InverseMap, flights: ReadFlights) -> FloatArray:
     found = estimator.estimate(flights.strain, **flights.known, start=_of_flights(flights))
     ratios = _ratios(estimator, found)
     upper = np.any(ratios > np.quantile(ratios, 1.0 - UPPER, axis=1, keepdims=True), axis=0)
-    known = {name: np.broadcast_to(value, len(upper))[upper] for name, value in flights.known.items()}
+    known: dict[str, Any] = {
+        name: np.broadcast_to(value, len(upper))[upper] for name, value in flights.known.items()
+    }
     again = estimator.estimate(flights.strain[upper], **known, start=np.asarray(found.state)[upper])
     ratios[:, upper] = _ratios(estimator, again)
     return ratios

@@ -33,7 +33,8 @@ LEAST = 12.0
 
 LEAST_OF_MASS = 5.0
 """The same for a mass that hangs on a load without being stated. Across a force it looks like a force that is
-turned: 10 kg on 1500 N by 3.7 deg, with 1 deg stated. One sound test of 12 pads in 400 has a force turned so far."""
+turned: 10 kg on 1500 N by 3.7 deg, with 1 deg stated. One sound test of 12 pads in 400 has a force turned so
+far."""
 
 LEAST_OF_WALLS = 4.0
 """The same for taper and second harmonic: few walls have neither, and to estimate one for nothing costs little."""
