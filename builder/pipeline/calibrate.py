@@ -14,7 +14,7 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.after_test.flown_after_test import allowed_vehicles
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
+from builder.calibration.as_built.structure_of_test import harmonics_of_test, prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
@@ -37,7 +37,6 @@ from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
-from builder.structure.loads.fourier import harmonics_of
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
@@ -136,8 +135,7 @@ def run_calibrate(
     refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
     test, notes = load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as progress:
-        harmonics = max(harmonics_of(one.load) for case in test.cases for one in case.loads)
-        structure = structure_of_test(vehicle, max_harmonic=harmonics, progress=progress)
+        structure = structure_of_test(vehicle, max_harmonic=harmonics_of_test(test), progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
     independent, missing = _independent_model(

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from as_built_case import TITANIUM
 
-from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
+from builder.calibration.as_built.structure_of_test import (
+    harmonics_of_test,
+    joint_candidates,
+    prior_of_test,
+    structure_of_test,
+)
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.faults import calibrate_with_faults
@@ -14,12 +21,15 @@ from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.load_changes import common_turns, tilted
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.calibration.score.faults import drawn_readings
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
-from builder.structure.loads.applied import PadForce
+from builder.structure.loads.applied import Load, PadForce, PointForce, Weight
+from builder.structure.loads.fourier import MAX_HARMONIC, harmonics_of
+from builder.structure.loads.gauge_strain import gauge_strain
+from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -73,6 +83,31 @@ def test_a_vehicle_file_without_joints_has_candidates_that_are_taken_for_zero(
     assert not prior.joint_softness.any()
     assert not prior.region_modulus.any()
     assert structure.has_moduli
+
+
+def test_a_test_needs_the_harmonics_of_its_loads(model: ReadingsModel) -> None:
+    """Pads of 30 deg 12; narrower ones and points more; a test without any load those of the pads of a plan."""
+
+    def needed(*loads: Load) -> int:
+        case = replace(model.test.cases[0], loads=tuple(KnownLoad(load=load) for load in loads))
+        return harmonics_of_test(replace(model.test, cases=(case,)))
+
+    (pad,) = [one.load for one in model.test.cases[0].loads if isinstance(one.load, PadForce)]
+    assert needed() == needed(Weight()) == harmonics_of_test(model.test) == 12
+    assert needed(Weight(), replace(pad, half_angle=float(np.deg2rad(20.0)))) == 18
+    point = PointForce(station=1.0, roll_angle=0.0, force=(0.0, 0.0, 1.0))
+    assert needed(point) == needed(replace(pad, half_angle=0.1)) == MAX_HARMONIC
+
+
+def test_harmonics_beyond_what_a_pad_needs_leave_its_strain(vehicle: Vehicle) -> None:
+    pads = [one.load for _, loads in standard_cases(10, 3.6, LoadErrors()) for one in loads if one.on_load_cell]
+    few, many = (
+        fourier_structure_of(vehicle, vehicle.gauges.layout, properties=TITANIUM, max_harmonic=count)
+        for count in (harmonics_of(pads[0]), MAX_HARMONIC)
+    )
+    for pad in pads:
+        strain, exact = (gauge_strain(one, [pad]) for one in (few, many))
+        assert np.abs(strain - exact).max() < 2e-4 * np.abs(exact).max()
 
 
 def test_common_turns_are_those_of_a_tilted_force() -> None:

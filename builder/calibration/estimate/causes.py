@@ -249,6 +249,4 @@ def freed(model: ReadingsModel, cause: Cause) -> ReadingsModel:
     """Return ``model`` with what ``cause`` of the vehicle, the test or the noise sets free; it is noted there."""
     if cause.where == "noise":
         return model.of_causes(cause).with_readings(model.test.readings, cause.factor * model.test.reading_stds)
-    std = model.std.copy()
-    std[cause.entries] = np.maximum(std[cause.entries], cause.wide)
-    return model.with_std(std).of_causes(cause)
+    return model.with_wider_std(cause.entries, cause.wide).of_causes(cause)

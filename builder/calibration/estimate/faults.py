@@ -160,9 +160,7 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
             return found, faults
         model = found.model
         if cause.where == "load" and _of_the_load(evidence, cause) < LEAST_OF_LOAD:
-            std = model.std.copy()  # less exact than stated, and estimated
-            std[cause.entries] = np.maximum(std[cause.entries], LEAST_OF_LOAD)
-            model = model.with_std(std)
+            model = model.with_wider_std(cause.entries, LEAST_OF_LOAD)  # less exact than stated, and estimated
         elif cause.where == "gauge" and evidence.part_of_gauge(cause) < LEAST_OF_GAUGE:
             model = _less_exact(model, cause)
         elif cause.where == "case" and abs(case_fault_after(found, cause.number).factor - 1.0) < LEAST_OF_LOAD:
@@ -181,9 +179,7 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
 def _less_exact(model: ReadingsModel, cause: Cause) -> ReadingsModel:
     """Return ``model`` with a gauge that is less exact than stated: in what is set free, or by its scatter."""
     if len(cause.entries):
-        std = model.std.copy()
-        std[cause.entries] = np.maximum(std[cause.entries], cause.wide)
-        return model.with_std(std)
+        return model.with_wider_std(cause.entries, cause.wide)
     noise = model.test.reading_stds.copy()
     noise[:, cause.number] *= np.hypot(1.0, cause.factor)
     return model.of_causes(cause).with_readings(model.test.readings, noise)

@@ -138,6 +138,12 @@ class ReadingsModel:
         found.std, found.prior = std, self.prior.of_vector(std[: self.n_built])
         return found
 
+    def with_wider_std(self, entries: IntArray, std: FloatArray | float) -> ReadingsModel:
+        """Return the same model where ``entries`` (k,) have at least the standard deviations ``std`` (k,)."""
+        wide = self.std.copy()
+        wide[entries] = np.maximum(wide[entries], std)
+        return self.with_std(wide)
+
     def of_causes(self, *causes: Cause) -> ReadingsModel:
         """Return the same model with more ``causes``."""
         found = copy(self)

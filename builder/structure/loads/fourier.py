@@ -45,17 +45,26 @@ MAX_HARMONIC = 24
 """Highest harmonic in roll angle of known loads, where the loads do not say that fewer do."""
 
 
-def harmonics_of(load: Load) -> int:
-    """Return the highest harmonic in roll angle that ``load`` needs, at most :data:`MAX_HARMONIC`.
+ROUNDING = 1e-9
+"""By which a quotient may exceed the whole number that it is."""
 
-    The force of a pad of half angle w is zero at harmonic 2 pi / w and below 2.4 % of its mean beyond. Pads of 30
-    deg on the shipped vehicle strain its gauges by less than 1e-4 of a case's largest strain there.
-    """
+
+def harmonics_of(load: Load) -> int:
+    """Return the highest harmonic in roll angle that ``load`` needs, at most :data:`MAX_HARMONIC`."""
     if isinstance(load, PointForce):
         return MAX_HARMONIC
     if isinstance(load, PadForce | PadPressure):
-        return min(MAX_HARMONIC, int(np.ceil(2.0 * np.pi / load.half_angle)))
+        return pad_harmonics(load.half_angle)
     return min(MAX_HARMONIC, load.max_harmonic) if isinstance(load, TemperatureField) else 1
+
+
+def pad_harmonics(half_angle: float) -> int:
+    """Return the same of a pad of ``half_angle`` w [rad].
+
+    Its force is zero at harmonic 2 pi / w and below 2.4 % of its mean beyond. There, pads of 30 deg on the shipped
+    vehicle strain its gauges by about 1e-4 of a case's largest strain at most.
+    """
+    return min(MAX_HARMONIC, int(np.ceil(2.0 * np.pi / half_angle - ROUNDING)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
