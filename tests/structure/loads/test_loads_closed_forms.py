@@ -69,6 +69,13 @@ def test_point_and_pad_force_bend_as_a_beam_far_away(cantilever: FourierStructur
         np.testing.assert_allclose(found, expected, atol=0.005 * np.abs(expected).max())
 
 
+def test_a_pad_that_does_not_push_strains_nothing(cantilever: FourierStructure) -> None:
+    """As in the zero readings of a ground test."""
+    pad = {"station": 0.5, "roll_angle": 0.0, "half_length": 0.1, "half_angle": 0.6}
+    for load in (PadForce(**pad, force=(0.0, 0.0, 0.0)), PadPressure(**pad, push=0.0)):
+        assert not read(cantilever, load).any()
+
+
 def test_axial_force_and_bending_moments(cantilever: FourierStructure) -> None:
     force = read(cantilever, SectionLoad(station=0.0, force=(5e3, 0.0, 0.0)))
     np.testing.assert_allclose(force[..., 0], -5e3 / (E * AREA), rtol=0.005)
