@@ -14,7 +14,7 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
 from builder.calibration.after_test.flown_after_test import allowed_vehicles
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.structure_of_test import harmonics_of_test, prior_of_test, structure_of_test
+from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
@@ -22,6 +22,7 @@ from builder.calibration.estimate.outside_terms import OutsideModel, outside_mod
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, load_test_file
 from builder.calibration.ground_test.readings import load_test

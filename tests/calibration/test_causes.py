@@ -8,18 +8,14 @@ import numpy as np
 import pytest
 from as_built_case import TITANIUM
 
-from builder.calibration.as_built.structure_of_test import (
-    harmonics_of_test,
-    joint_candidates,
-    prior_of_test,
-    structure_of_test,
-)
+from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.faults import calibrate_with_faults
 from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import usable
+from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.calibration.ground_test.candidate_cases import LoadLimits
-from builder.calibration.ground_test.load_test import LoadTest
 from builder.reporting import Progress
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
-from builder.structure.loads.fourier import MAX_HARMONIC, harmonics_of, pad_harmonics
+from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
@@ -47,12 +45,6 @@ def structure_of_test(
         max_harmonic=max_harmonic,
         progress=progress,
     )
-
-
-def harmonics_of_test(test: LoadTest) -> int:
-    """Return the highest harmonic in roll angle of the loads of ``test``, and of the pads that a plan offers."""
-    needed = [harmonics_of(one.load) for case in test.cases for one in case.loads]
-    return max([pad_harmonics(LoadLimits().half_angle), *needed])
 
 
 def prior_of_test(vehicle: Vehicle, structure: AsBuiltStructure) -> AsBuilt:

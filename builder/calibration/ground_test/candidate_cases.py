@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.loads.applied import Load, PadForce, PadPressure, SectionLoad, SurfacePressure, Weight
+from builder.structure.loads.fourier import harmonics_of, pad_harmonics
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
@@ -132,3 +134,9 @@ def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Can
     along = {"out": (0.0, s, c), "axial": (1.0, 0.0, 0.0), "around": (0.0, c, -s)}[direction]
     x, y, z = (limits.force * part for part in along)
     return Candidate(name=name, loads=(PadForce(**place, force=(x, y, z)),))
+
+
+def harmonics_of_test(test: LoadTest) -> int:
+    """Return the highest harmonic in roll angle of the loads of ``test``, and of the pads that a plan offers."""
+    needed = [harmonics_of(one.load) for case in test.cases for one in case.loads]
+    return max([pad_harmonics(LoadLimits().half_angle), *needed])
