@@ -7,26 +7,19 @@ They have no covariance. Their bands come from split conformal prediction (Lei e
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from math import ceil
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from builder.compare.candidate import AIR_DATA, GIVEN, Answer, median_microseconds
 from builder.compare.flights import Readings, one_condition
 from builder.compare.training import TrainingFlights
+from builder.processors import one_thread_of_blas
 from strainfmu.arrays import FloatArray
 
 LEVEL = 0.9973
 """Probability of 3 sigma of a normal error."""
-
-
-def _one_thread() -> AbstractContextManager[object]:
-    """Return a context without threads of OpenMP and BLAS: they wait for each other where processors are busy."""
-    from threadpoolctl import threadpool_limits
-
-    return cast(AbstractContextManager[object], threadpool_limits(1))
 
 
 def _tree(seed: int) -> Any:
@@ -90,7 +83,7 @@ class RivalCandidate:
         self._feature_mean, self._feature_std = features.mean(axis=0), features.std(axis=0)
         self._mean, self._std = training.target.mean(axis=0), training.target.std(axis=0)
         self._model = RIVALS[name](seed)
-        with _one_thread():
+        with one_thread_of_blas():
             self._model.fit(self._scaled(features), (training.target - self._mean) / self._std)
             residual = calibration.target - self._predicted(self._features(calibration))
         self.half_width = conformal_half_width(residual)
@@ -111,7 +104,7 @@ class RivalCandidate:
 
     def answer(self, read: Readings, navigation: str) -> Answer:
         """Return coefficients and the two angles; ``navigation`` is as in the training."""
-        with _one_thread():
+        with one_thread_of_blas():
             found = self._predicted(self._features(read))
         air = np.full((len(found), len(AIR_DATA)), np.nan)
         air[:, :2] = found[:, 5:]
@@ -121,5 +114,5 @@ class RivalCandidate:
     def step_microseconds(self, read: Readings, navigation: str) -> float:
         """Return the median time of one prediction."""
         features = self._features(one_condition(read))
-        with _one_thread():
+        with one_thread_of_blas():
             return median_microseconds(lambda: self._predicted(features))

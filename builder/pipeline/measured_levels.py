@@ -14,7 +14,7 @@ from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
 from builder.trial.alarm_levels import with_alarm_levels, with_flight_alarm_levels
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
-from builder.trial.readings import SEED, ReadFlights, read_flights, readings
+from builder.trial.readings import SEED, VEHICLES, ReadFlights, read_flights, readings
 from builder.trial.vehicles import DrawnVehicles, Fly
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import truth_knots
@@ -111,10 +111,19 @@ def with_shape_levels(
 
 
 def with_measured_levels(
-    vehicle: Vehicle, inverse_map: InverseMap, flows: FlowTable, fly: Fly, reporter: Reporter
+    vehicle: Vehicle,
+    inverse_map: InverseMap,
+    flows: FlowTable,
+    fly: Fly,
+    reporter: Reporter,
+    vehicles: int = VEHICLES,
 ) -> InverseMap:
-    """Return ``inverse_map`` with alarm levels set on flights of the independent model."""
-    return _with_levels(vehicle, inverse_map, lambda: read_flights(inverse_map, vehicle, flows, fly), reporter)
+    """Return ``inverse_map`` with alarm levels set on flights of the independent model, of ``vehicles`` each."""
+
+    def read() -> ReadFlights:
+        return read_flights(inverse_map, vehicle, flows, fly, vehicles=vehicles)
+
+    return _with_levels(vehicle, inverse_map, read, reporter)
 
 
 def _with_levels(

@@ -7,15 +7,16 @@ import pytest
 from as_built_case import strain_covariances
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
-from builder.calibration.after_test.flown_after_test import allowed_vehicles, net_pressure
+from builder.calibration.after_test.flown_after_test import allowed_vehicles, strain_of_flows
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.trial.conditions import held_out_conditions
-from builder.trial.vehicles import drawn_vehicles
-from builder.truth.revolution.flow_table import FlowTable
+from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
+from strainfmu.arrays import FloatArray
 
 COUNT = 4000
 
@@ -54,6 +55,18 @@ def quiet(vehicle: Vehicle) -> Vehicle:
     return vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
 
 
+def net_pressure(
+    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, drawing: DrawnVehicles
+) -> FloatArray:
+    """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
+    mach, incidence, wind = flow_states(drawing.conditions)
+    grid, flights = structure.surface, drawing.flights
+    between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
+    harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between)
+    ratio = ratio_on(harmonic, wind, grid.roll_angle)
+    return np.asarray(flights.ambient_pressure[:, None] * ratio - flights.internal_pressure[:, None])
+
+
 def test_they_scatter_about_the_estimate_as_the_test_says(
     quiet: Vehicle, as_built: AsBuiltStructure, tested: Remaining, true_model: TrueStructure, table: FlowTable
 ) -> None:
@@ -62,6 +75,9 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
     drawing = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
     n = as_built.n_gauges
     pressures = net_pressure(as_built, true_model, table, drawing)
+    nominal = as_built.strain_operator(as_built.exactly_built())
+    found = strain_of_flows(nominal, as_built.surface, true_model.surface.x, table, drawing)
+    np.testing.assert_allclose(found, pressures @ nominal.T, rtol=0, atol=1e-12 * np.abs(found).max())
     covariances = strain_covariances(as_built, tested.parameters, tested.covariance, pressures)
     for number, (pressure, covariance) in enumerate(zip(pressures, covariances, strict=True)):
         strain, stated = flown.read(number, COUNT, np.random.default_rng(number))
@@ -70,8 +86,7 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
         centre = plain[0] + flown.change[number]
         deviation = strain.std(axis=0)
         assert np.all(np.abs(strain.mean(axis=0) - centre) < 5.0 * deviation / np.sqrt(COUNT))
-        nominal = as_built.strain_operator(as_built.exactly_built()) @ pressure
-        np.testing.assert_allclose(nominal, plain[0], atol=0.05 * np.abs(plain).max())  # the mesh
+        np.testing.assert_allclose(nominal @ pressure, plain[0], atol=0.05 * np.abs(plain).max())  # the mesh
         expected = covariance + tested.covariance[5 * n : 6 * n, 5 * n : 6 * n]
         scale = np.sqrt(np.diag(expected))
         np.testing.assert_allclose(

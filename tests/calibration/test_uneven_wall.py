@@ -39,6 +39,7 @@ def states() -> WallStates:
         along=np.array([1e-3]),
         properties=LoadProperties(density=4430.0),
         max_harmonic=4,
+        changed_harmonic=4,
     )
 
 

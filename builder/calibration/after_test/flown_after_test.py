@@ -7,23 +7,24 @@ The errors that no ground test knows are drawn as for the map of the drawing.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.structure.as_built.derivatives import Key, of_gauges
+from builder.structure.as_built.derivatives import of_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import exactly_built, slices
 from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
 from builder.truth.as_built import drawn_many
 from builder.truth.flights import RevolvedFlights
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
+from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
 from builder.truth.revolution.strain import TrueStructure, reading_of, strain_per_pressure
 from builder.vehicle.file import Vehicle
-from strainfmu.arrays import FloatArray
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.flight_condition import FlightCondition
 
@@ -38,18 +39,23 @@ class AllowedVehicles:
     of_flow, of_unit : (k, n_d) and (n_d,) strain of the drawing by the flow per p_inf, and by a uniform outer
         pressure [1/Pa].
     change : (k, n_d) strain of the estimate less the strain of the drawing [m/m].
-    slope : (k, n_d) derivatives of that strain by every key [m/m per unit].
+    by_gauge : (k, n_g, n_d) derivatives of that strain by the kinds of which every gauge has its own parameter
+        [m/m per unit].
+    by_all : (k, n_a, n_d) derivatives by the parameters that all gauges see [m/m per unit].
     factor : (n, r) whose product with its transpose is the covariance after the test.
-    where : place of every kind in the vector of parameters.
+    zeros, of_gauge, of_all : places of the zeros (n_d,) and of those parameters (n_g, n_d), (n_a,) in the vector.
     """
 
     drawing: DrawnVehicles
     of_flow: FloatArray
     of_unit: FloatArray
     change: FloatArray
-    slope: Mapping[Key, FloatArray]
+    by_gauge: FloatArray
+    by_all: FloatArray
     factor: FloatArray
-    where: Mapping[str, slice]
+    zeros: IntArray
+    of_gauge: IntArray
+    of_all: IntArray
 
     @property
     def conditions(self) -> Sequence[FlightCondition]:
@@ -71,11 +77,8 @@ class AllowedVehicles:
         strain = reading_of(built, ambient, inside, self.of_flow[number], self.of_unit)
         error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
         # Zeros are taken off as estimated, so that their error is a reading of its own.
-        strain = strain + self.change[number] + error[:, self.where[ZERO]]
-        for key, slope in self.slope.items():
-            start = self.where[key[0]].start
-            own = error[:, self.where[key[0]]] if of_gauges(key) else error[:, [start + key[1]]]
-            strain += slope[number] * own
+        strain = strain + self.change[number] + error[:, self.zeros] + error[:, self.of_all] @ self.by_all[number]
+        strain += np.einsum("vgd,gd->vd", error[:, self.of_gauge], self.by_gauge[number])
         return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
 
 
@@ -104,30 +107,53 @@ def allowed_vehicles(
     drawing = drawn_vehicles(calibrated_vehicle(vehicle), true, table, conditions)
     assert isinstance(drawing.flights, RevolvedFlights)
     of_flow, of_unit = strain_per_pressure(true, drawing.flights.flown, exactly_built(drawing.flights.counts))
-    pressure = net_pressure(structure, true, table, drawing).T
     nominal = structure.strain_operator(structure.exactly_built())
-    change = (structure.strain_operator(remaining.parameters) - nominal) @ pressure
+    change = structure.strain_operator(remaining.parameters) - nominal
     slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
+    operators = np.stack([change, *slope.values()])
+    strain = strain_of_flows(
+        operators.reshape(-1, structure.surface.n_nodes), structure.surface, true.surface.x, table, drawing
+    ).reshape(len(conditions), len(operators), structure.n_gauges)
+    own = [key for key in slope if of_gauges(key)]
+    common = [key for key in slope if not of_gauges(key)]
+    order = [1 + list(slope).index(key) for key in (*own, *common)]
+    where, place = slices(structure.counts), np.arange(len(remaining.covariance))
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,
         of_flow=of_flow,
         of_unit=of_unit,
-        change=change.T,
-        slope={key: np.ascontiguousarray((one @ pressure).T) for key, one in slope.items()},
+        change=strain[:, 0],
+        by_gauge=strain[:, order[: len(own)]],
+        by_all=strain[:, order[len(own) :]],
         factor=vector * np.sqrt(np.maximum(value, 0.0)),
-        where=slices(structure.counts),
+        zeros=place[where[ZERO]],
+        of_gauge=np.array([place[where[kind]] for kind, _ in own], dtype=np.intp).reshape(-1, structure.n_gauges),
+        of_all=np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp),
     )
 
 
-def net_pressure(
-    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, drawing: DrawnVehicles
+def strain_of_flows(
+    operator: FloatArray, grid: SurfaceGrid, stations: FloatArray, table: FlowTable, drawing: DrawnVehicles
 ) -> FloatArray:
-    """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
-    conditions, grid = drawing.conditions, structure.surface
-    mach, incidence, wind = flow_states(conditions)
-    between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
-    harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between, optimize=True)
-    ratio = ratio_on(harmonic, wind, grid.roll_angle)
-    flights = drawing.flights
-    return np.asarray(flights.ambient_pressure[:, None] * ratio - flights.internal_pressure[:, None])
+    """Return (k, n_o) what ``operator`` (n_o, n_p) [1/Pa] on ``grid`` makes of p - p_internal in every flight.
+
+    The pressure is linear between the ``stations`` (n_x,) of ``table`` [m]. Strain is linear in the flows of the
+    table, so that it is found for these and interpolated.
+    """
+    n_m = table.harmonic.shape[-1]
+    around = np.outer(grid.roll_angle, np.arange(n_m))
+    between = np.array([np.interp(grid.x, stations, row) for row in np.eye(len(stations))])
+    by_station = operator.reshape(len(operator), len(grid.x), -1)
+    mach, incidence, wind = flow_states(drawing.conditions)
+    phase = np.outer(wind, np.arange(n_m))
+    ratio = np.zeros((len(wind), len(operator)))
+    for of_parity, weight in zip(by_parity(n_m), knot_weights(table, mach, incidence), strict=True):
+        flows = np.einsum("abxm,xy->abym", table.harmonic[..., of_parity], between, optimize=True)
+        for wave in (np.cos, np.sin):
+            rolled = by_station @ wave(around[:, of_parity])  # n_o, n_x, harmonics
+            strain = np.einsum("oym,abym->mabo", rolled, flows, optimize=True)
+            turned = wave(phase[:, of_parity])[:, :, None] * weight[:, None, :]
+            ratio += turned.reshape(len(wind), -1) @ strain.reshape(-1, len(operator))
+    ambient, inside = drawing.flights.ambient_pressure, drawing.flights.internal_pressure
+    return np.asarray(ambient[:, None] * ratio - np.outer(inside, operator.sum(axis=1)))

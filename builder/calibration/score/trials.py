@@ -39,6 +39,7 @@ from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.plan.load_plan import PlanParts, load_plan
+from builder.calibration.plan.schedule import run_order
 from builder.calibration.score.flown import flown_errors
 from builder.calibration.score.setup import (
     HARMONICS,
@@ -132,12 +133,13 @@ def trial_setup(
 def proposed_test(
     vehicle: Vehicle, snapshots: Snapshots, structure: AsBuiltStructure, count: int, noise: float
 ) -> ReadingsModel:
-    """Return the test of ``count`` bonded pads that is proposed for readings of ``noise`` [m/m]."""
+    """Return the test of ``count`` bonded pads that is proposed for readings of ``noise`` [m/m], in the order in
+    which it is run: with zero readings between and at the end."""
     drawing = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawing, as_built=structure)
     errors = LoadErrors()
     plan = load_plan(parts, count, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
-    test = load_test_of(structure, (*plan.cases, *plan.attitudes), errors, noise)
+    test = load_test_of(structure, [one.case for one in run_order(plan)], errors, noise)
     return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
 
 

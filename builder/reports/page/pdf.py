@@ -101,9 +101,7 @@ class _Sheets:
     def room(self, height: float) -> None:
         """Begin another sheet where less than ``height`` [in] is left."""
         if not self.figures or self.y - height < BOTTOM:
-            figure = blank_figure(*SHEET)
-            figure.set_layout_engine("none")
-            self.figures.append(figure)
+            self.figures.append(blank_figure(*SHEET, layout=None))
             self.y = SHEET[1] - TOP
 
     def text(self, x: float, y: float, text: str, size: float, **style: Any) -> None:

@@ -36,7 +36,13 @@ from builder.structure.as_built.response_tables import (
 from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
-from builder.structure.as_built.wall_states import WALL_STEP, Adjoint, WallStates, wall_states
+from builder.structure.as_built.wall_states import (
+    WALL_STEP,
+    Adjoint,
+    WallStates,
+    changed_harmonic_of,
+    wall_states,
+)
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import place_layouts, structural_model_on, with_mesh_error
@@ -329,6 +335,7 @@ def as_built_structure(
         along=SHIFT * at_gauge.tangent[:, 0],
         properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
         max_harmonic=max(max_harmonic, resolution.harmonics),
+        changed_harmonic=changed_harmonic_of(max_harmonic, resolution.harmonics),
         with_regions=known_thickness is None,
         joints=vehicle.calibration.joint_stations_m,
         with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
@@ -371,17 +378,27 @@ def _table(
     uneven: FloatArray,
     soft: FloatArray,
 ) -> ResponseTable:
-    """Return the table through values a step SHIFT before and behind, and WALL_STEP thinner and thicker."""
+    """Return the table through values a step SHIFT before and behind, and WALL_STEP thinner and thicker.
+
+    ``wall``, ``uneven`` and ``soft`` may have fewer harmonics; in the others they change nothing.
+    """
     fore, aft = along
     thin, thick = wall
+    n_m = nominal.shape[-3]
+    even = nominal[..., : thin.shape[-3], :, :] if len(thin) else nominal
+
+    def of_all(change: FloatArray) -> FloatArray:
+        fewer = [(0, 0)] * (change.ndim - 3) + [(0, n_m - change.shape[-3]), (0, 0), (0, 0)]
+        return np.pad(change, fewer) if len(change) else change
+
     return ResponseTable(
         nominal=nominal,
         along=(aft - fore) / (2.0 * SHIFT),
         along_twice=(aft - 2.0 * nominal + fore) / (2.0 * SHIFT**2),
-        wall=(thick - thin) / (2.0 * WALL_STEP),
-        wall_twice=(thick - 2.0 * nominal + thin) / (2.0 * WALL_STEP**2) if len(thin) else thin,
-        uneven=uneven,
-        soft=soft,
+        wall=of_all((thick - thin) / (2.0 * WALL_STEP)),
+        wall_twice=of_all((thick - 2.0 * even + thin) / (2.0 * WALL_STEP**2)) if len(thin) else thin,
+        uneven=of_all(uneven),
+        soft=of_all(soft),
     )
 
 

@@ -1,8 +1,7 @@
 """Strain per nodal force of walls that differ from the expected one: thicker, tapered, uneven round the body.
 
-Thickness has states of its own, each with its factors. What the calibration takes for zero by default needs no
-more than the factors of the wall as expected. With strain rows b, stiffness K and a taper s, the adjoint
-a(s) = b K^-1 follows to second order from
+The factors of the wall as expected serve all of them. With strain rows b, stiffness K and a thickness or taper s,
+the adjoint a(s) = b K^-1 follows to second order from
 
     a_0 = b_0 K_0^-1,  a_1 = (b_1 - a_0 K_1) K_0^-1,  a_2 = (b_2 - a_1 K_1 - a_0 K_2) K_0^-1.
 
@@ -77,19 +76,7 @@ def solved(solver: HarmonicSolver, rows: FloatArray) -> FloatArray:
 
 
 class ThickerWall:
-    """A wall of another thickness."""
-
-    def __init__(self, mesh: MeridianMesh, material: Material) -> None:
-        self._mesh, self._stiffness = mesh, assemble_stiffness(mesh, material)
-
-    def adjoint(self, x: FloatArray, n: int) -> FloatArray:
-        """Return the adjoint (n_s, 3, n_dof) of harmonic ``n`` at stations ``x`` (n_s,)."""
-        solver = factor_harmonic(self._mesh, self._stiffness, n, twist=True)
-        return solved(solver, strain_rows(self._mesh, x, n))
-
-
-class TaperedWall:
-    """A wall that changes in one way, by its first two derivatives.
+    """A wall whose thickness changes in one way, by its first two derivatives.
 
     ``minus`` and ``plus`` are meshes of the wall changed by a small ``step`` to both sides; ``even`` is the
     stiffness of the wall as expected.
@@ -99,7 +86,7 @@ class TaperedWall:
         self, minus: MeridianMesh, plus: MeridianMesh, step: float, even: FourierStiffness, material: Material
     ) -> None:
         self._minus, self._plus, self._step = minus, plus, step
-        of_minus, of_plus = (assemble_stiffness(one, material).term for one in (minus, plus))
+        of_minus, of_plus = (assemble_stiffness(one, material, even).term for one in (minus, plus))
         terms = self._by_order(of_minus, of_plus, even.term)
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
@@ -184,7 +171,7 @@ class StifferRegion:
         moduli = np.maximum(weight, FAINT**2) * material.youngs_modulus
         own = tuple(replace(material, youngs_modulus=one) for one in moduli.tolist())
         each = replace(mesh, materials=own, material_of=np.arange(1, len(own) + 1))
-        term = size * assemble_stiffness(each, material).term
+        term = size * assemble_stiffness(each, material, even).term
         term[:, np.abs(term).max(axis=0) < FAINT * np.abs(term).max()] = 0.0
         self._stiffness = _without_zeros(even, term)
 

@@ -7,6 +7,7 @@ these rows of the adjoint solutions are kept.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,7 +19,6 @@ from builder.structure.as_built.wall_changes import (
     ElasticClamp,
     ExpectedWall,
     StifferRegion,
-    TaperedWall,
     ThickerWall,
     UnevenChange,
     uneven_adjoint,
@@ -44,11 +44,17 @@ ROUNDING = 1e-9
 WALL_STEP = 0.04
 """Step of the thickness of a region, relative to it."""
 
-TAPER_STEP = 2e-3
-"""Step of the derivatives by the taper of a region, relative to the thickness."""
+THICKNESS_STEP = 2e-3
+"""Step of the derivatives by the thickness and the taper of a region, relative to the thickness."""
 
 HARMONIC_STEP = 1e-3
 """Step of the derivative by the amplitude of an uneven wall, relative to the thickness."""
+
+CHANGED_PART, CHANGED_BY_FLOW = 5.0 / 6.0, 10
+"""Part of the harmonics of known loads in which changes of the wall count, and the highest of a flow.
+
+A change of 3 % needs less accuracy than what it changes: of pads that need twelve harmonics, the others of the
+change are below 2e-5 of a case's largest strain, and of flows below 3e-5."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,23 +98,25 @@ class Adjoint:
     Attributes
     ----------
     outer : (.., n_m, n_s, 3, 3 n_out) of forces on the outer surface [1/N].
-    low : (.., LOW, n_s, 3, n_dof) of all forces in the lowest harmonics [1/N].
+    low : for each of the LOW lowest harmonics, (.., n_s, 3, n_dof) of all forces [1/N].
     """
 
     outer: FloatArray
-    low: FloatArray
+    low: tuple[FloatArray, ...]
 
     def strain(self, forces: tuple[FloatArray, FloatArray]) -> FloatArray:
-        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under split forces."""
+        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under split forces, in the harmonics of the adjoint."""
+        n_m = self.outer.shape[-4]
         outer, within = forces
-        found = _product(self.outer, outer)
+        found = _product(self.outer, outer[:, :n_m])
         if within.any():
-            found[..., : within.shape[1], :, :] += _product(self.low, within)
+            for n, adjoint in enumerate(self.low[: within.shape[1]]):
+                found[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], within[:, n : n + 1])
         return found
 
     def at(self, rows: IntArray) -> Adjoint:
         """Return the same at stations ``rows``."""
-        return Adjoint(outer=self.outer[..., rows, :, :], low=self.low[..., rows, :, :])
+        return Adjoint(outer=self.outer[..., rows, :, :], low=tuple(one[..., rows, :, :] for one in self.low))
 
 
 def _product(adjoint: FloatArray, force: FloatArray) -> FloatArray:
@@ -127,7 +135,8 @@ class WallStates:
     rows : nodal forces that count.
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
     thin, thick : per region, of a wall thinner and thicker there, then of one that tapers towards its aft end and
-        towards its fore end; empty where the wall is known.
+        towards its fore end; empty where the wall is known. These and the next two have the harmonics in which
+        changes count.
     uneven : for each of :data:`~builder.structure.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
         :data:`~builder.structure.as_built.wall_harmonics.SIDES`.
@@ -157,6 +166,7 @@ def wall_states(
     along: FloatArray,
     properties: LoadProperties,
     max_harmonic: int,
+    changed_harmonic: int,
     with_regions: bool = True,
     with_moduli: bool = False,
     joints: Sequence[float] = (),
@@ -172,7 +182,8 @@ def wall_states(
     gauges : on the inner surface.
     along : (n_d,) step of the stations [m].
     properties : density and what else loads need.
-    max_harmonic : highest harmonic in roll angle.
+    max_harmonic, changed_harmonic : highest harmonic in roll angle, and the highest in which changes of the wall
+        count, as by :func:`changed_harmonic_of`.
     with_regions : whether thickness and taper by regions are not known.
     with_moduli : whether Young's modulus by regions is not known.
     joints : stations at which the wall may be softer [m].
@@ -184,32 +195,31 @@ def wall_states(
     moved = np.concatenate([x - along[first], x, x + along[first]])
     stations = distinct_stations(moved)
     fore, at, aft = station_index(stations, moved).reshape(3, -1)
-    pairs = [_thin_and_thick(mesh, wall, regions, k) for k in range(count)]
+    pairs = [_thin_and_thick(mesh, wall, regions, k, WALL_STEP) for k in range(count)]
     expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
-    unknown = range(len(regions)) if with_regions else range(0)
-    thicker = [[ThickerWall(one, wall.material) for one in pairs[k]] for k in unknown]
-    tapered = [_tapered(mesh, wall, regions, k, expected.stiffness) for k in unknown]
+    thicker = [_thicker(mesh, wall, regions, k, expected.stiffness) for k in range(count if with_regions else 0)]
     uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
     clamp = ElasticClamp(mesh, wall.material)
     stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
-    whole = _Kept.of((), n_m, len(stations), rows)
-    of_thin, of_thick = (_Kept.of((count if with_regions else 0,), n_m, len(x), rows) for _ in range(2))
-    of_soft = _Kept.of((2 + len(stiffer),), n_m, len(x), rows)
-    of_uneven = _Kept.of((len(WAVES), len(regions), len(SIDES)), n_m, len(x), rows)
+    whole = _Kept((), n_m, len(stations), rows)
+    changed = changed_harmonic + 1
+    of_thin, of_thick = (_Kept((len(thicker),), changed, len(x), rows) for _ in range(2))
+    of_soft = _Kept((2 + len(stiffer),), changed, len(x), rows)
+    of_uneven = _Kept((len(WAVES), len(regions), len(SIDES)), changed, len(x), rows)
     for n in range(n_m):
         solver = expected.solver(n)
         whole.take(n, expected.adjoint[n])
-        if with_regions:
-            walls = [[one.adjoint(x, n) for one in pair] for pair in thicker]
-            walls += [one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP)) for one in tapered]
-            of_thin.take(n, np.array([thin for thin, _ in walls]))
-            of_thick.take(n, np.array([thick for _, thick in walls]))
+        if progress is not None:
+            progress(n + 1, n_m)
+        if n >= changed:
+            continue
+        walls = [one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP)) for one in thicker]
+        of_thin.take(n, np.array([thin for thin, _ in walls]).reshape(len(walls), len(x), 3, mesh.n_dof))
+        of_thick.take(n, np.array([thick for _, thick in walls]).reshape(len(walls), len(x), 3, mesh.n_dof))
         held = clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n)
         of_soft.take(n, np.array([*held, *(one.adjoint(expected.at_gauges(n), solver, n) for one in stiffer)]))
         of_uneven.take(n, uneven_adjoint(uneven, expected, solver, n))
-        if progress is not None:
-            progress(n + 1, n_m)
     bare = [_forces_only(one, wall, properties, max_harmonic) for one in (mesh, *itertools.chain(*pairs))]
     return WallStates(
         rows=rows,
@@ -225,22 +235,26 @@ def wall_states(
     )
 
 
+def changed_harmonic_of(of_loads: int, of_flows: int) -> int:
+    """Return the highest harmonic in which changes of the wall count, by the highest of loads and of flows."""
+    return max(math.ceil(CHANGED_PART * of_loads), min(CHANGED_BY_FLOW, of_flows))
+
+
 def _thin_and_thick(
-    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, step: float
 ) -> tuple[MeridianMesh, MeridianMesh]:
-    """Return the meshes of a wall that is thinner and thicker in region ``k``, then of one that tapers."""
-    even, taper = np.split(WALL_STEP * np.eye(2 * len(regions))[k], 2)
+    """Return the meshes of a wall that is thinner and thicker by ``step`` in region ``k``, then of one that
+    tapers."""
+    even, taper = np.split(step * np.eye(2 * len(regions))[k], 2)
     thin, thick = (thickened(mesh, wall, regions, sign * even, sign * taper) for sign in (-1.0, 1.0))
     return thin, thick
 
 
-def _tapered(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness) -> TaperedWall:
-    """Return the wall that tapers in region ``k``; ``even`` is the stiffness of the wall as expected."""
-    none = np.zeros(len(regions))
-    minus, plus = (
-        thickened(mesh, wall, regions, none, sign * TAPER_STEP * np.eye(len(regions))[k]) for sign in (-1.0, 1.0)
-    )
-    return TaperedWall(minus, plus, TAPER_STEP, even, wall.material)
+def _thicker(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness) -> ThickerWall:
+    """Return the wall that is thicker in region ``k``, then the one that tapers; ``even`` is the stiffness of the
+    wall as expected."""
+    minus, plus = _thin_and_thick(mesh, wall, regions, k, THICKNESS_STEP)
+    return ThickerWall(minus, plus, THICKNESS_STEP, even, wall.material)
 
 
 def _stiffer_regions(
@@ -293,35 +307,32 @@ def _at_stations(x: FloatArray) -> PlacedGauges:
     return PlacedGauges(x=x, roll_angle=zero, meridional=zero, circumferential=zero)
 
 
-@dataclass(frozen=True, eq=False)
 class _Kept:
     """The rows that count of adjoints (.., n_m, n_s, 3, n_dof), harmonic by harmonic."""
 
-    rows: ForceRows
-    outer: FloatArray
-    low: FloatArray
-
-    @classmethod
-    def of(cls, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows) -> _Kept:
-        """Return room for ``lead`` adjoints."""
-        outer = np.empty((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
-        return cls(rows, outer, np.empty((*lead, min(LOW, n_m), n_s, 3, 3 * rows.n_nodes)))
+    def __init__(self, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows) -> None:
+        """Make room for ``lead`` adjoints."""
+        self._rows = rows
+        self._outer = np.empty((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
+        self._low: list[FloatArray] = []
 
     def take(self, n: int, adjoint: FloatArray) -> None:
-        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n``."""
+        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n``, the next one."""
         by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
-        self.outer[..., n, :, :, :] = by_node[..., self.rows.outer, :].reshape(*adjoint.shape[:-1], -1)
+        self._outer[..., n, :, :, :] = by_node[..., self._rows.outer, :].reshape(*adjoint.shape[:-1], -1)
         if n < LOW:
-            self.low[..., n, :, :, :] = adjoint
+            self._low.append(adjoint)
 
     @property
     def adjoint(self) -> Adjoint:
-        return Adjoint(outer=self.outer, low=self.low)
+        return Adjoint(outer=self._outer, low=tuple(self._low))
 
     @property
     def each(self) -> tuple[Adjoint, ...]:
         """One adjoint for each of the first dimension."""
-        return tuple(Adjoint(outer=a, low=b) for a, b in zip(self.outer, self.low, strict=True))
+        return tuple(
+            Adjoint(outer=outer, low=tuple(one[k] for one in self._low)) for k, outer in enumerate(self._outer)
+        )
 
 
 def _forces_only(

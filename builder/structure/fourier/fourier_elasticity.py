@@ -9,7 +9,7 @@ Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), sec
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,11 +41,14 @@ class FourierStiffness:
     ----------
     indices, indptr : pattern of the compressed columns, common to all harmonics.
     term : (3, n_nonzero) entries of K_0, K_1, K_2 [N/m per radian].
+    place : (n_e 27 27,) where the entries of the elements are among the ``n_nonzero``; None where zeros are left
+        out.
     """
 
     indices: NDArray[np.intp]
     indptr: NDArray[np.intp]
     term: FloatArray
+    place: NDArray[np.intp] | None = None
 
     def matrix(self, harmonic: int) -> csc_array:
         """Return K_m, (n_dof, n_dof), symmetric; no motion is held."""
@@ -54,8 +57,10 @@ class FourierStiffness:
         return csc_array((data, self.indices, self.indptr), shape=(n_dof, n_dof))
 
 
-def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffness:
-    """Assemble the stiffness of all harmonics at once.
+def assemble_stiffness(
+    mesh: MeridianMesh, material: Material, like: FourierStiffness | None = None
+) -> FourierStiffness:
+    """Assemble the stiffness of all harmonics at once; ``like`` is one of a mesh of the same elements.
 
     Raises
     ------
@@ -73,14 +78,24 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
             _virtual_work(linear, stress_linear),
         ]
     )
-    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(len(mesh.element), 27)
-    row = np.broadcast_to(dof[:, :, None], term.shape[1:]).ravel()
-    column = np.broadcast_to(dof[:, None, :], term.shape[1:]).ravel()
-    key, index = np.unique(column * mesh.n_dof + row, return_inverse=True)
-    indptr = np.searchsorted(key, np.arange(mesh.n_dof + 1) * mesh.n_dof)
-    data = np.stack([np.bincount(index, part.ravel()).astype(np.float64) for part in term])
-    stiffness = FourierStiffness(key % mesh.n_dof, indptr, data)
+    if like is None or like.place is None:
+        indices, indptr, place = _pattern(mesh)
+    else:
+        indices, indptr, place = like.indices, like.indptr, like.place
+    data = np.stack([np.bincount(place, part.ravel(), len(indices)) for part in term])
+    stiffness = FourierStiffness(indices, indptr, data, place)
     return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
+
+
+def _pattern(mesh: MeridianMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Return pattern and places of the elements' entries, as in :class:`FourierStiffness`."""
+    n_e = len(mesh.element)
+    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(n_e, 27)
+    row = np.broadcast_to(dof[:, :, None], (n_e, 27, 27)).ravel()
+    column = np.broadcast_to(dof[:, None, :], (n_e, 27, 27)).ravel()
+    key, place = np.unique(column * mesh.n_dof + row, return_inverse=True)
+    indptr = np.searchsorted(key, np.arange(mesh.n_dof + 1) * mesh.n_dof)
+    return key % mesh.n_dof, indptr, place
 
 
 def _stress(mesh: MeridianMesh, material: Material, strain: FloatArray, weight: FloatArray) -> FloatArray:
@@ -106,7 +121,7 @@ def _on_foundation(mesh: MeridianMesh, stiffness: FourierStiffness) -> FourierSt
         for i, j, value in zip(row, column, spring * block.ravel(), strict=True):
             first, last = stiffness.indptr[j : j + 2]
             term[0, first + np.searchsorted(stiffness.indices[first:last], i)] += value
-    return FourierStiffness(stiffness.indices, stiffness.indptr, term)
+    return replace(stiffness, term=term)
 
 
 def ring_products(mesh: MeridianMesh, edge: IntArray) -> FloatArray:

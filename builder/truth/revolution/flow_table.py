@@ -20,7 +20,7 @@ from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import pieces
 from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.records import load_record, save_record
@@ -116,6 +116,31 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
     InputError
         A condition is outside the knots.
     """
+    n_x, n_m = table.harmonic.shape[2:]
+    out = np.zeros((len(mach), n_x, n_m))
+    for of_parity, weight in zip(by_parity(n_m), knot_weights(table, mach, incidence), strict=True):
+        values = weight @ table.harmonic[..., of_parity].reshape(weight.shape[1], -1)
+        out[:, :, of_parity] = values.reshape(len(mach), n_x, -1)
+    return out
+
+
+def by_parity(n_m: int) -> tuple[BoolArray, BoolArray]:
+    """Return which of n_m harmonics are even, and which are odd."""
+    is_odd = np.arange(n_m) % 2 == 1
+    return ~is_odd, is_odd
+
+
+def knot_weights(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the weights (k, n_M n_a) of the flows at the knots in even harmonics, and in odd ones.
+
+    Cubic splines in both, through flows of negative incidence as well: these are the others rolled by half a turn,
+    so that even harmonics add and odd ones subtract their weights.
+
+    Raises
+    ------
+    InputError
+        A condition is outside the knots.
+    """
     for name, values, low, high in (
         (MACH_NUMBER, mach, table.mach_knots[0], table.mach_knots[-1]),
         ("total incidence [rad]", incidence, 0.0, table.incidence_knots[-1]),
@@ -124,20 +149,16 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
             raise InputError(
                 f"{name}: {values.min():.6g} to {values.max():.6g} found, {low:.6g} to {high:.6g} known"
             )
-    n_mach, n_incidence, n_x, n_m = table.harmonic.shape
+    n_mach, n_incidence = table.harmonic.shape[:2]
     along_mach = CubicSpline(table.mach_knots, np.eye(n_mach), axis=0)(mach)
     knots = np.concatenate([-table.incidence_knots[::-1], table.incidence_knots])
     weight = CubicSpline(knots, np.eye(2 * n_incidence), axis=0)(incidence)
     mirrored, direct = weight[:, :n_incidence][:, ::-1], weight[:, n_incidence:]
-    parity = np.where(np.arange(n_m) % 2, -1.0, 1.0)
-    out = np.zeros((len(mach), n_x, n_m))
-    # The spline is linear in its knots' values: even and odd harmonics add or subtract the mirrored weights.
-    for sign in (1.0, -1.0):
-        of_parity = parity == sign
-        both = along_mach[:, :, None] * (direct + sign * mirrored)[:, None, :]
-        values = both.reshape(len(mach), -1) @ table.harmonic[..., of_parity].reshape(n_mach * n_incidence, -1)
-        out[:, :, of_parity] = values.reshape(len(mach), n_x, -1)
-    return out
+    even, odd = (
+        (along_mach[:, :, None] * one[:, None, :]).reshape(len(mach), -1)
+        for one in (direct + mirrored, direct - mirrored)
+    )
+    return even, odd
 
 
 def ratio_on(harmonic: FloatArray, wind: FloatArray, roll_angle: FloatArray) -> FloatArray:

@@ -50,17 +50,19 @@ def calibrate(
         strainfmu calibrate map.h5 loadtest.toml --vehicle my_vehicle.toml --snapshots flows/fine.h5
     """
     from builder.pipeline.calibrate import run_calibrate
+    from builder.processors import one_thread_of_blas
 
     console = Console()
-    result = run_calibrate(
-        inverse_map,
-        test,
-        output,
-        ConsoleReporter(console),
-        vehicle_path=vehicle,
-        snapshots_path=snapshots,
-        accept=accept,
-    )
+    with one_thread_of_blas():
+        result = run_calibrate(
+            inverse_map,
+            test,
+            output,
+            ConsoleReporter(console),
+            vehicle_path=vehicle,
+            snapshots_path=snapshots,
+            accept=accept,
+        )
     _show(console, result)
 
 
