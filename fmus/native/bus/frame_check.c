@@ -90,14 +90,22 @@ static void keep_content(SbCheck *c, const uint8_t *data, int64_t n, const uint8
     memcpy(oldest + n, covered, (size_t)n_covered);
 }
 
-static int64_t counter_status(SbCheck *c, int64_t counter, const uint8_t *data, int64_t n, const uint8_t *covered,
-                              int64_t n_covered) {
+/* Whether a counter has come so lately that one sender has not counted once round since. */
+static int came_lately(const SbCheck *c, int64_t counter, double time) {
+    return time - c->heard[counter] < 0.5 * (double)c->modulus * c->period;
+}
+
+static int64_t counter_status(SbCheck *c, int64_t counter, double time, const uint8_t *data, int64_t n,
+                              const uint8_t *covered, int64_t n_covered) {
     const int64_t last = c->counter, before = c->before, delta = (counter - last + c->modulus) % c->modulus;
+    const int is_known = came_lately(c, counter, time);
+    c->heard[counter] = time;
     if (delta == 0) {
-        c->conflicts = c->n_content >= 0 && !is_content(c->content, c->n_content, data, n, covered, n_covered);
+        c->conflicts = is_known && c->n_content >= 0 &&
+                       !is_content(c->content, c->n_content, data, n, covered, n_covered);
         return SB_REPEATED;
     }
-    const int differs = c->n_content_before >= 0 &&
+    const int differs = is_known && c->n_content_before >= 0 &&
                         !is_content(c->content_before, c->n_content_before, data, n, covered, n_covered);
     c->before = last;
     c->counter = counter;
@@ -106,19 +114,22 @@ static int64_t counter_status(SbCheck *c, int64_t counter, const uint8_t *data, 
         return delta == 1 ? SB_OK : SB_SOME_LOST;
     }
     const int64_t since = (counter - before + c->modulus) % c->modulus;
-    c->alternates = 1 <= since && since <= c->max_delta;
+    const int64_t gap = (last - before + c->modulus) % c->modulus;
+    const int was_missing = since < gap && gap <= c->max_delta && !is_known; /* it is late, of the same sender */
+    c->alternates = 1 <= since && since <= c->max_delta && !was_missing;
     c->conflicts = counter == before && differs;
     return SB_WRONG_SEQUENCE;
 }
 
-int64_t sb_check(SbCheck *check, const uint8_t *data, int n_data, const uint8_t *covered, int n_covered) {
+int64_t sb_check(SbCheck *check, const double *time, const uint8_t *data, int n_data, const uint8_t *covered,
+                 int n_covered) {
     SbCheck *c = check;
     c->conflicts = c->alternates = 0;
     if (n_data + n_covered > c->capacity || !crc_fits(c, data, n_data, covered, n_covered)) {
         return SB_ERROR;
     }
     const int64_t counter = data[c->counter_byte] & c->counter_bits;
-    return counter < c->modulus ? counter_status(c, counter, data, n_data, covered, n_covered) : SB_ERROR;
+    return counter < c->modulus ? counter_status(c, counter, *time, data, n_data, covered, n_covered) : SB_ERROR;
 }
 
 /* Take a status into the window, and the oldest out of it if it is full. */
