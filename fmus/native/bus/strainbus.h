@@ -63,6 +63,22 @@ SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *va
 SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
                       SbCycle *cycle);
 
+/* --- encoder of the signals of a frame ---------------------------------------------------------------------------- */
+
+/* Signals (n) of a frame of `n_bytes`, each in its place as in SbDecoder, and the frame's protection. */
+typedef struct {
+    int64_t n, n_bytes;
+    const int64_t *byte, *count, *shift, *length, *is_big, *kind;
+    const double *scale, *offset;             /* value = raw scale + offset in the signal's unit */
+    const double *low, *high;                 /* values outside are "not available" */
+    const int64_t *has_none, *none;           /* whether there is a raw number for that, and it; a float has NaN */
+    int64_t profile, data_id, end;            /* 0 without protection; bytes under the CRC, itself included, -1: all */
+} SbEncoder;
+
+/* Write a frame with the nearest raw numbers of the values (n), with this counter and the CRC unless it is below 0:
+   -1. Else the index of a signal that cannot hold its value and has nothing for "not available". */
+SB_API int64_t sb_encode(const SbEncoder *encoder, const double *value, int counter, uint8_t *data);
+
 /* --- end-to-end protection of a frame ------------------------------------------------------------------------------- */
 
 /* Result of one check, as E2EStatus of strainfmu/can/e2e/check.py. */
