@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 import struct
+from collections import OrderedDict
 from dataclasses import replace
 
 import cantools
