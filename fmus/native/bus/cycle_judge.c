@@ -54,8 +54,9 @@ static void check_trailer(SbJudge *j, const SbParts *p, int64_t trailer) {
         return;
     }
     const int64_t *start = j->assembler->start;
-    const int64_t status = sb_check(slot->check, p->data + start[trailer], (int)(start[trailer + 1] - start[trailer]),
-                                    p->data, (int)start[j->n_strain]);
+    const int length = (int)(start[trailer + 1] - start[trailer]);
+    const int64_t status = sb_check(slot->check, &p->time[trailer], p->data + start[trailer], length, p->data,
+                                    (int)start[j->n_strain]);
     sb_machine_add(slot->machine, (int)status);
     j->trailer_status = (uint64_t)number_of(p, trailer)[SB_NUMBER_STATUS];
     j->found[SB_FOUND_CHECKED] = 1;

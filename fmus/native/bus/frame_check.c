@@ -1,6 +1,6 @@
 #include <string.h>
 
-#include "strainbus.h"
+#include "frame_crc.h"
 
 /* Remainders of a byte of CRC-16/CCITT-FALSE and CRC-8/SAE-J1850. */
 static const uint16_t REMAINDER_16[256] = {
@@ -57,19 +57,29 @@ static uint8_t crc_8(uint8_t crc, const uint8_t *data, int64_t count) {
     return crc;
 }
 
-/* Whether the CRC in a frame is the CRC of what follows it; strainfmu/can/wire/crc.py states both profiles. */
+static int64_t end_of(int64_t end, int64_t n) {
+    return end >= 0 && end < n ? end : n;
+}
+
+uint16_t frame_crc(int64_t profile, int64_t data_id, int64_t end, const uint8_t *data, int64_t n,
+                   const uint8_t *covered, int64_t n_covered) {
+    const uint8_t id[2] = {(uint8_t)data_id, (uint8_t)(data_id >> 8)};
+    const int64_t last = end_of(end, n);
+    if (profile == 1) {
+        const uint8_t crc = crc_8(crc_8(0, id, 2), data + 1, last - 1);
+        return crc_8(crc, covered, n_covered);
+    }
+    const uint16_t crc = crc_16(crc_16(0xFFFF, data + 2, last - 2), covered, n_covered);
+    return crc_16(crc, id, 2);
+}
+
+/* Whether the CRC in a frame is the CRC of what follows it. */
 static int crc_fits(const SbCheck *c, const uint8_t *data, int64_t n, const uint8_t *covered, int64_t n_covered) {
-    const uint8_t id[2] = {(uint8_t)c->data_id, (uint8_t)(c->data_id >> 8)};
-    const int64_t end = c->end >= 0 && c->end < n ? c->end : n, first = c->profile == 1 ? 1 : 2;
-    if (end < first || c->counter_byte >= n) {
+    if (end_of(c->end, n) < (c->profile == 1 ? 1 : 2) || c->counter_byte >= n) {
         return 0;
     }
-    if (c->profile == 1) {
-        const uint8_t crc = crc_8(crc_8(0, id, 2), data + first, end - first);
-        return crc_8(crc, covered, n_covered) == data[0];
-    }
-    const uint16_t crc = crc_16(crc_16(0xFFFF, data + first, end - first), covered, n_covered);
-    return crc_16(crc, id, 2) == (data[0] | data[1] << 8);
+    const uint16_t crc = frame_crc(c->profile, c->data_id, c->end, data, n, covered, n_covered);
+    return crc == (c->profile == 1 ? data[0] : data[0] | data[1] << 8);
 }
 
 /* Whether a content is the content of a frame; one that is not known is not. */
@@ -90,14 +100,22 @@ static void keep_content(SbCheck *c, const uint8_t *data, int64_t n, const uint8
     memcpy(oldest + n, covered, (size_t)n_covered);
 }
 
-static int64_t counter_status(SbCheck *c, int64_t counter, const uint8_t *data, int64_t n, const uint8_t *covered,
-                              int64_t n_covered) {
+/* Whether a counter has come so lately that one sender has not counted once round since. */
+static int came_lately(const SbCheck *c, int64_t counter, double time) {
+    return time - c->heard[counter] < 0.5 * (double)c->modulus * c->period;
+}
+
+static int64_t counter_status(SbCheck *c, int64_t counter, double time, const uint8_t *data, int64_t n,
+                              const uint8_t *covered, int64_t n_covered) {
     const int64_t last = c->counter, before = c->before, delta = (counter - last + c->modulus) % c->modulus;
+    const int is_known = came_lately(c, counter, time);
+    c->heard[counter] = time;
     if (delta == 0) {
-        c->conflicts = c->n_content >= 0 && !is_content(c->content, c->n_content, data, n, covered, n_covered);
+        c->conflicts = is_known && c->n_content >= 0 &&
+                       !is_content(c->content, c->n_content, data, n, covered, n_covered);
         return SB_REPEATED;
     }
-    const int differs = c->n_content_before >= 0 &&
+    const int differs = is_known && c->n_content_before >= 0 &&
                         !is_content(c->content_before, c->n_content_before, data, n, covered, n_covered);
     c->before = last;
     c->counter = counter;
@@ -106,19 +124,22 @@ static int64_t counter_status(SbCheck *c, int64_t counter, const uint8_t *data, 
         return delta == 1 ? SB_OK : SB_SOME_LOST;
     }
     const int64_t since = (counter - before + c->modulus) % c->modulus;
-    c->alternates = 1 <= since && since <= c->max_delta;
+    const int64_t gap = (last - before + c->modulus) % c->modulus;
+    const int was_missing = since < gap && gap <= c->max_delta && !is_known; /* it is late, of the same sender */
+    c->alternates = 1 <= since && since <= c->max_delta && !was_missing;
     c->conflicts = counter == before && differs;
     return SB_WRONG_SEQUENCE;
 }
 
-int64_t sb_check(SbCheck *check, const uint8_t *data, int n_data, const uint8_t *covered, int n_covered) {
+int64_t sb_check(SbCheck *check, const double *time, const uint8_t *data, int n_data, const uint8_t *covered,
+                 int n_covered) {
     SbCheck *c = check;
     c->conflicts = c->alternates = 0;
     if (n_data + n_covered > c->capacity || !crc_fits(c, data, n_data, covered, n_covered)) {
         return SB_ERROR;
     }
     const int64_t counter = data[c->counter_byte] & c->counter_bits;
-    return counter < c->modulus ? counter_status(c, counter, data, n_data, covered, n_covered) : SB_ERROR;
+    return counter < c->modulus ? counter_status(c, counter, *time, data, n_data, covered, n_covered) : SB_ERROR;
 }
 
 /* Take a status into the window, and the oldest out of it if it is full. */

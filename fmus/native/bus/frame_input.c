@@ -32,7 +32,7 @@ int64_t sb_receive(SbPort *port, const double *time, const uint8_t *data, int n_
     if (accepted != SB_ACCEPTED) {
         return accepted == SB_SHED ? SB_EVENT_SHED : SB_EVENT_WRONG_FORMAT;
     }
-    const int64_t found = sb_slot_receive(p->slot, data, n_data);
+    const int64_t found = sb_slot_receive(p->slot, time, data, n_data);
     if (found != SB_OK && found != SB_SOME_LOST) {
         return SB_EVENT_CHECK + found;
     }

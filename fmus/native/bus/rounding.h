@@ -7,7 +7,7 @@
 
 /* The nearest whole number of 0 <= x, half to even; numbers from 2^52 on have no fraction. */
 static inline double nearest(double x) {
-    return x < 0x1p51 ? (x + 0x1p52) - 0x1p52 : x;
+    return x < 0x1p52 ? (x + 0x1p52) - 0x1p52 : x;
 }
 
 /* The nearest whole number of x, half to even; 0 of what is too large for it, or no number. */

@@ -21,7 +21,7 @@
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SB_VERSION 4
+#define SB_VERSION 5
 
 SB_API int64_t sb_version(void);
 
@@ -63,6 +63,22 @@ SB_API void sb_physical(const SbDecoder *decoder, const int64_t *raw, double *va
 SB_API void sb_decode(const SbDecoder *decoder, const uint8_t *data, const uint8_t *here, int refuse_all,
                       SbCycle *cycle);
 
+/* --- encoder of the signals of a frame ---------------------------------------------------------------------------- */
+
+/* Signals (n) of a frame of `n_bytes`, each in its place as in SbDecoder, and the frame's protection. */
+typedef struct {
+    int64_t n, n_bytes;
+    const int64_t *byte, *count, *shift, *length, *is_big, *kind;
+    const double *scale, *offset;             /* value = raw scale + offset in the signal's unit */
+    const double *low, *high;                 /* values outside are "not available" */
+    const int64_t *has_none, *none;           /* whether there is a raw number for that, and it; a float has NaN */
+    int64_t profile, data_id, end;            /* 0 without protection; bytes under the CRC, itself included, -1: all */
+} SbEncoder;
+
+/* Write a frame with the nearest raw numbers of the values (n), with this counter and the CRC unless it is below 0:
+   -1. Else the index of a signal that cannot hold its value and has nothing for "not available". */
+SB_API int64_t sb_encode(const SbEncoder *encoder, const double *value, int counter, uint8_t *data);
+
 /* --- end-to-end protection of a frame ------------------------------------------------------------------------------- */
 
 /* Result of one check, as E2EStatus of strainfmu/can/e2e/check.py. */
@@ -73,14 +89,17 @@ typedef struct {
     int64_t profile, data_id, end;              /* bytes under the CRC, itself included; -1 for all */
     int64_t counter_byte, counter_bits, modulus, max_delta;
     int64_t capacity;                           /* of each content */
+    double period;                              /* from one counter to the next [s] */
+    double *heard;                              /* (modulus) state: when each counter has come [s] */
     uint8_t *content, *content_before;          /* data and covered bytes of the last two counters */
     int64_t n_content, n_content_before;        /* state; -1 for none */
     int64_t counter, before;
     int64_t conflicts, alternates;              /* what the last check found, see ReceptionCheck */
 } SbCheck;
 
-/* Check a frame with `covered`, bytes of other frames under the same CRC. */
-SB_API int64_t sb_check(SbCheck *check, const uint8_t *data, int n_data, const uint8_t *covered, int n_covered);
+/* Check a frame that came at `time` with `covered`, bytes of other frames under the same CRC. */
+SB_API int64_t sb_check(SbCheck *check, const double *time, const uint8_t *data, int n_data, const uint8_t *covered,
+                        int n_covered);
 
 /* State of the communication, as E2EState of strainfmu/can/e2e/state_machine.py. */
 enum { SB_NO_DATA, SB_INIT, SB_VALID, SB_INVALID };
@@ -116,10 +135,10 @@ SB_API int64_t sb_slot_read(SbSlot *slot, const uint8_t *data, int n_data);
 
 /* Check a frame whose numbers have been read, and take the result into its state: the status, and
    SB_CONFIGURATION_OF. */
-SB_API int64_t sb_slot_check(SbSlot *slot, const uint8_t *data, int n_data);
+SB_API int64_t sb_slot_check(SbSlot *slot, const double *time, const uint8_t *data, int n_data);
 
 /* Both at once; -1 if its length is another. */
-SB_API int64_t sb_slot_receive(SbSlot *slot, const uint8_t *data, int n_data);
+SB_API int64_t sb_slot_receive(SbSlot *slot, const double *time, const uint8_t *data, int n_data);
 
 /* Forget all checks, as after a restart of the sender or of the bus. */
 SB_API void sb_machine_reset(SbMachine *machine);

@@ -10,7 +10,7 @@ from enum import Enum
 
 import numpy as np
 
-from strainfmu.can.wire.compiled import ARRAY, INTEGER, Record, function, pointer
+from strainfmu.can.wire.compiled import ARRAY, INTEGER, NUMBER, Record, function, pointer
 from strainfmu.can.wire.crc import Protection
 
 
@@ -48,7 +48,8 @@ class CheckRecord(Record):
     _fields_ = (
         *((name, INTEGER) for name in ("profile", "data_id", "end", "counter_byte", "counter_bits", "modulus")),
         *((name, INTEGER) for name in ("max_delta", "capacity")),
-        *((name, ARRAY) for name in ("content", "content_before")),
+        ("period", NUMBER),
+        *((name, ARRAY) for name in ("heard", "content", "content_before")),
         *((name, INTEGER) for name in ("n_content", "n_content_before", "counter", "before")),
         *((name, INTEGER) for name in ("conflicts", "alternates")),
     )
@@ -62,9 +63,11 @@ class ReceptionCheck:
     protection : of this frame.
     max_delta : maximum counter step that is accepted (MaxDeltaCounter).
     n_covered : maximum number of bytes of other frames under the same CRC.
+    period : nominal time from one frame to the next [s]; a counter that comes again after half its values' time
+        may be of the same sender.
     """
 
-    def __init__(self, protection: Protection, max_delta: int, n_covered: int = 0) -> None:
+    def __init__(self, protection: Protection, max_delta: int, n_covered: int = 0, *, period: float) -> None:
         byte, bits = protection.counter_place
         modulus, capacity = protection.counter_modulus, _LONGEST + n_covered
         self.record = CheckRecord(
@@ -76,6 +79,8 @@ class ReceptionCheck:
             modulus=modulus,
             max_delta=max_delta,
             capacity=capacity,
+            period=period,
+            heard=np.full(modulus, -np.inf),
             content=np.zeros(capacity, dtype=np.uint8),
             content_before=np.zeros(capacity, dtype=np.uint8),
             n_content=-1,
@@ -86,9 +91,13 @@ class ReceptionCheck:
             alternates=0,
         )
         self._at, self._check = pointer(self.record), function("sb_check", CheckRecord)
+        self._time = np.zeros(1)
+        self._at_time = pointer(self._time)
 
-    def check(self, data: bytes, covered: bytes = b"") -> E2EStatus:
+    def check(self, data: bytes, covered: bytes = b"", time: float = 0.0) -> E2EStatus:
         """Return the status of ``data`` (with ``covered``, bytes of other frames under the same CRC).
+
+        ``time`` is when it came [s].
 
         Raises
         ------
@@ -97,14 +106,21 @@ class ReceptionCheck:
         """
         if len(data) + len(covered) > self.record.capacity:
             raise ValueError(f"expected up to {self.record.capacity} bytes, got {len(data) + len(covered)}")
-        return STATUSES[self._check(self._at, data, len(data), covered, len(covered))]
+        self._time[0] = time
+        return STATUSES[self._check(self._at, self._at_time, data, len(data), covered, len(covered))]
 
     @property
     def conflicts(self) -> bool:
-        """The last frame had a correct CRC and the counter of one of the two before, with other data."""
+        """The last frame had a correct CRC and, too early for it, the counter of one of the two before it.
+
+        Its data are other ones than theirs.
+        """
         return bool(self.record.conflicts)
 
     @property
     def alternates(self) -> bool:
-        """It had the counter next to the counter of the frame before the last, as with two senders in turns."""
+        """It had the counter next to the counter of the frame before the last, as with two senders in turns.
+
+        A frame that was missing and comes late is none.
+        """
         return bool(self.record.alternates)

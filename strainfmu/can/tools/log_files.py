@@ -125,12 +125,12 @@ class _TextFile(LogFile):
 _FILE_HEADER = struct.Struct("<4sLBBBBBBBBQQLL8H8H")
 _FILE_HEADER_SIZE = 144
 _CONTAINER = struct.Struct("<4sHHLLH6xL4x")
-_OBJECT_HEADER = "<4sHHLLLHHQ"
-_OBJECT_HEADER_SIZE = struct.calcsize(_OBJECT_HEADER)
-_MESSAGE = struct.Struct(f"{_OBJECT_HEADER}HBBL8s")
-_MESSAGE_FD = struct.Struct(f"{_OBJECT_HEADER}HBBLLBBB5x64s")
-_ERROR = struct.Struct(f"{_OBJECT_HEADER}HHLBBBxLLH2x8s")
-_CONTAINER_KIND, _MESSAGE_KIND, _ERROR_KIND, _MESSAGE_FD_KIND = 10, 1, 73, 100
+_OBJECT_HEADER = struct.Struct("<4sHHLLLHH")
+"""What is ahead of the time in an object, the same in all of a kind."""
+_MESSAGE = struct.Struct("<QHBBL8s")
+_MESSAGE_FD = struct.Struct("<QHBBLLBBB5x64s")
+_ERROR = struct.Struct("<QHHLBBBxLLH2x8s")
+_CONTAINER_KIND = 10
 _APPLICATION = 5
 _NANOSECONDS, _DEFLATED = 2, 2
 _SENT, _REMOTE = 0x01, 0x80
@@ -157,19 +157,15 @@ class _BlfFile(LogFile):
         word = frame.identifier | EXTENDED_FLAG if frame.is_extended else frame.identifier
         flags = (_REMOTE if frame.is_remote else 0) | (0 if is_received else _SENT)
         if frame.is_error:
-            head = _object_head(_ERROR, _ERROR_KIND, time)
-            of_error = (_CHANNEL, 0, 0, 0, 0, _length_code(length), 0, word, 0, data)
-            written = _ERROR.pack(*head, *of_error)
+            of_error = _ERROR.pack(time, _CHANNEL, 0, 0, 0, 0, _length_code(length), 0, word, 0, data)
+            self._objects.append(_ERROR_HEAD + of_error)
         elif frame.is_fd:
-            head = _object_head(_MESSAGE_FD, _MESSAGE_FD_KIND, time)
             fd = _FD | _BITRATE_SWITCH if frame.bitrate_switch else _FD
             code = _length_code(length)
-            of_message = (_CHANNEL, flags, code, word, 0, 0, fd, length, data)
-            written = _MESSAGE_FD.pack(*head, *of_message)
+            of_message = _MESSAGE_FD.pack(time, _CHANNEL, flags, code, word, 0, 0, fd, length, data)
+            self._objects.append(_MESSAGE_FD_HEAD + of_message)
         else:
-            head = _object_head(_MESSAGE, _MESSAGE_KIND, time)
-            written = _MESSAGE.pack(*head, _CHANNEL, flags, length, word, data)
-        self._objects.append(written)
+            self._objects.append(_MESSAGE_HEAD + _MESSAGE.pack(time, _CHANNEL, flags, length, word, data))
         self._last = frame.time
 
     def flush(self) -> None:
@@ -205,11 +201,16 @@ class _BlfFile(LogFile):
         )
 
 
-def _object_head(
-    kind: struct.Struct, number: int, time: int
-) -> tuple[bytes, int, int, int, int, int, int, int, int]:
-    """Return the header of an object at ``time`` [ns] from the start of the log."""
-    return b"LOBJ", _OBJECT_HEADER_SIZE, 1, kind.size, number, _NANOSECONDS, 0, 0, time
+def _object_head(kind: struct.Struct, number: int) -> bytes:
+    """Return what is ahead of the time [ns] from the start of the log in an object of the kind ``number``."""
+    to_time = _OBJECT_HEADER.size
+    return _OBJECT_HEADER.pack(b"LOBJ", to_time + _TIME_SIZE, 1, to_time + kind.size, number, _NANOSECONDS, 0, 0)
+
+
+_TIME_SIZE = 8
+_MESSAGE_HEAD = _object_head(_MESSAGE, 1)
+_ERROR_HEAD = _object_head(_ERROR, 73)
+_MESSAGE_FD_HEAD = _object_head(_MESSAGE_FD, 100)
 
 
 def _length_code(length: int) -> int:

@@ -14,6 +14,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
+from time import monotonic_ns
 from typing import Any
 
 from strainfmu.can.bridge.options import BridgeOptions
@@ -47,11 +48,11 @@ class MicrosecondClock:
     def __init__(self) -> None:
         self.start = round(1e3 * time.time()) / 1e3
         # What the time since 1970 is ahead of the monotonic one [ns].
-        self._ahead = 1_000_000 * round(1e3 * self.start) - time.monotonic_ns()
+        self._ahead = 1_000_000 * round(1e3 * self.start) - monotonic_ns()
 
     def __call__(self) -> float:
         """Return the time since 1970 [s], without steps of the system's clock after the start."""
-        return (time.monotonic_ns() + self._ahead) // 1000 / 1e6
+        return (monotonic_ns() + self._ahead) // 1000 / 1e6
 
 
 def whole_microseconds(timestamp: float) -> float:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from strainfmu.estimator.core import NoCoreError, library
 
-VERSION = 4
+VERSION = 5
 """``SB_VERSION`` of the library that this file calls."""
 
 INTEGER, NUMBER, ARRAY = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p

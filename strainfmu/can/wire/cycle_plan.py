@@ -85,26 +85,18 @@ class CyclePlan:
         for (frame, _), signal in zip(chosen, self.signals, strict=True):
             checked_signal(signal, frames[frame])
         starts = np.cumsum([0, *(frame.length for frame in frames)]).tolist()
-        places = [_place(signal) for signal in self.signals]
         ends = [raw_ends(signal) for signal in self.signals]
         codes = [signal.no_value_codes for signal in self.signals]
         self.record = _Decoder(
             n=len(chosen),
-            byte=_integers([starts[frame] + place[0] for (frame, _), place in zip(chosen, places, strict=True)]),
-            count=_integers([place[1] for place in places]),
-            shift=_integers([place[2] for place in places]),
-            length=_integers([signal.length for signal in self.signals]),
-            is_big=_integers([signal.byte_order != LITTLE for signal in self.signals]),
-            kind=_integers([_KINDS.index(signal.kind) for signal in self.signals]),
-            scale=np.array([signal.scale for signal in self.signals]),
-            offset=np.array([signal.offset for signal in self.signals]),
+            **places(self.signals, [starts[frame] for frame, _ in chosen]),
             to_strain=np.array([1.0] * len(chosen) if to_strain is None else to_strain),
-            frame=_integers([frame for frame, _ in chosen]),
+            frame=integers([frame for frame, _ in chosen]),
             low=np.array([-inf if s.minimum is None else s.minimum for s in self.signals]),
             high=np.array([inf if s.maximum is None else s.maximum for s in self.signals]),
-            has_ends=_integers([end is not None for end in ends]),
-            first=_integers([(end or (0, 0))[0] for end in ends]),
-            last=_integers([(end or (0, 0))[1] for end in ends]),
+            has_ends=integers([end is not None for end in ends]),
+            first=integers([(end or (0, 0))[0] for end in ends]),
+            last=integers([(end or (0, 0))[1] for end in ends]),
             first_code=np.cumsum([0, *map(len, codes)], dtype=np.int64),
             code=np.array([code % _WHOLE for own in codes for code in own], dtype=np.uint64).view(np.int64),
         )
@@ -136,6 +128,21 @@ def raw_ends(signal: SignalLayout) -> tuple[int, int] | None:
     return 0, (1 << signal.length) - 1
 
 
+def places(signals: Sequence[SignalLayout], starts: Sequence[int]) -> dict[str, Any]:
+    """Return where ``signals`` lie behind the bytes ``starts`` of their frames, and how they are read."""
+    found = [_place(signal) for signal in signals]
+    return {
+        "byte": integers([start + place[0] for start, place in zip(starts, found, strict=True)]),
+        "count": integers([place[1] for place in found]),
+        "shift": integers([place[2] for place in found]),
+        "length": integers([signal.length for signal in signals]),
+        "is_big": integers([signal.byte_order != LITTLE for signal in signals]),
+        "kind": integers([_KINDS.index(signal.kind) for signal in signals]),
+        "scale": np.array([signal.scale for signal in signals]),
+        "offset": np.array([signal.offset for signal in signals]),
+    }
+
+
 def _place(signal: SignalLayout) -> tuple[int, int, int]:
     """Return first byte and number of bytes of a signal, and its lowest bit in the number that they make."""
     if signal.byte_order == LITTLE:
@@ -147,7 +154,8 @@ def _place(signal: SignalLayout) -> tuple[int, int, int]:
     return begin // 8, end // 8 - begin // 8 + 1, 7 - end % 8
 
 
-def _integers(numbers: Sequence[Any]) -> IntArray:
+def integers(numbers: Sequence[Any]) -> IntArray:
+    """Return ``numbers`` for a record."""
     return np.array(numbers, dtype=np.int64)
 
 

@@ -62,12 +62,12 @@ def test_every_single_flipped_bit_and_every_other_data_id_bit_is_found(profile: 
         wrong = bytearray(data)
         wrong[bit // 8] ^= 1 << bit % 8
         assert crc_in(wrong, protection) != crc_of(wrong, protection)
-        assert ReceptionCheck(protection, 3).check(bytes(wrong)) is ERROR
-    assert ReceptionCheck(protection, 3).check(data) is WRONG, "the first reception"
+        assert ReceptionCheck(protection, 3, period=0.01).check(bytes(wrong)) is ERROR
+    assert ReceptionCheck(protection, 3, period=0.01).check(data) is WRONG, "the first reception"
     for bit in range(16):
         other = Protection(profile, 0x1234 ^ 1 << bit)
         assert crc_in(data, other) != crc_of(data, other)
-        assert ReceptionCheck(other, 3).check(data) is ERROR
+        assert ReceptionCheck(other, 3, period=0.01).check(data) is ERROR
 
 
 @pytest.mark.parametrize("profile", [1, 5])
@@ -75,13 +75,13 @@ def test_bytes_behind_the_end_are_under_no_crc_and_short_frames_have_none(profil
     protection = Protection(profile, 0x1234, end=6)
     data = bytearray(protect(bytes(range(8)), protection, 1))
     data[6] ^= 1
-    assert ReceptionCheck(protection, 3).check(bytes(data)) is not ERROR
+    assert ReceptionCheck(protection, 3, period=0.01).check(bytes(data)) is not ERROR
     data[5] ^= 1
-    assert ReceptionCheck(protection, 3).check(bytes(data)) is ERROR
+    assert ReceptionCheck(protection, 3, period=0.01).check(bytes(data)) is ERROR
     for length in range(2 if profile == 1 else 3):
-        assert ReceptionCheck(Protection(profile, 0), 3).check(bytes(length)) is ERROR
+        assert ReceptionCheck(Protection(profile, 0), 3, period=0.01).check(bytes(length)) is ERROR
     with pytest.raises(ValueError, match="expected up to 64 bytes, got 65"):
-        ReceptionCheck(protection, 3).check(bytes(65))
+        ReceptionCheck(protection, 3, period=0.01).check(bytes(65))
 
 
 def test_bytes_of_other_frames_are_under_the_crc() -> None:
@@ -90,7 +90,7 @@ def test_bytes_of_other_frames_are_under_the_crc() -> None:
     assert crc_in(data, protection) == crc_of(data, protection, b"strains")
     assert crc_in(data, protection) != crc_of(data, protection, b"strainz")
     for covered, status in ((b"strains", LOST), (b"strainz", ERROR)):
-        assert ReceptionCheck(protection, 3, n_covered=7).check(data, covered) is status
+        assert ReceptionCheck(protection, 3, n_covered=7, period=0.01).check(data, covered) is status
     # Equal to one frame of all these bytes: data behind the CRC, then the covered ones.
     joined = bytearray(data + b"strains")
     assert p05.e2e_p05_check(bytes(joined), 9)
@@ -105,11 +105,11 @@ def test_counter_statuses(profile: int, length: int, modulus: int) -> None:
         return protect(bytes(length), protection, counter)
 
     for counter, status in ((11, OK), (12, LOST), (13, LOST), (14, WRONG), (10, REPEATED), (9, WRONG)):
-        check = ReceptionCheck(protection, 3)
+        check = ReceptionCheck(protection, 3, period=0.01)
         assert check.check(frame(10)) is WRONG, "the first reception is in no sequence"
         assert check.check(frame(counter)) is status
         assert check.check(frame(counter + 1)) is OK, "the counter is taken over whatever the status"
-    check = ReceptionCheck(protection, 3)
+    check = ReceptionCheck(protection, 3, period=0.01)
     assert check.check(frame(0)) is OK, "a sender's first frame"
     check.check(frame(modulus - 1))
     assert check.check(frame(modulus)) is OK, "wraps"
@@ -124,7 +124,7 @@ def test_profile_1_never_uses_counter_15() -> None:
     data = bytearray(8)
     data[1] = 15
     data[0] = crc_of(data, protection)
-    assert ReceptionCheck(protection, 14).check(bytes(data)) is ERROR
+    assert ReceptionCheck(protection, 14, period=0.01).check(bytes(data)) is ERROR
 
 
 SETTINGS = StateMachineSettings(
@@ -189,7 +189,7 @@ def test_state_machine_against_counting_the_window_again() -> None:
 def test_other_data_with_the_counter_of_either_of_the_last_two_frames_conflict(profile: int) -> None:
     """A gateway that holds frames back puts those of a second sender behind both true ones."""
     protection = Protection(profile, 0x123)
-    check = ReceptionCheck(protection, max_delta=3)
+    check = ReceptionCheck(protection, max_delta=3, period=0.01)
     true, other = (
         [protect(bytes(4) + bytes([10 * sender + k] * 4), protection, 5 + k) for k in range(2)]
         for sender in (1, 2)
@@ -199,7 +199,40 @@ def test_other_data_with_the_counter_of_either_of_the_last_two_frames_conflict(p
         check.check(data)
         found.append(check.conflicts)
     assert found == [False, False, True, False]
-    again = ReceptionCheck(protection, max_delta=3)
+    again = ReceptionCheck(protection, max_delta=3, period=0.01)
     for data in (*true, true[0]):
         again.check(data)
     assert not again.conflicts, "the same frame once more is no other sender"
+
+
+def arrivals(modulus: int, sent: list[tuple[float, int, int]]) -> list[tuple[bool, bool]]:
+    """Return what the check finds of frames: period of arrival, counter and sender of each."""
+    protection = Protection(1 if modulus == 15 else 5, 0x123)
+    check, found = ReceptionCheck(protection, max_delta=3, period=0.01), []
+    for period, counter, sender in sent:
+        data = bytes(4) + bytes([sender, counter % 200, 0, 0])
+        check.check(protect(data, protection, counter), time=0.01 * period)
+        found.append((check.conflicts, check.alternates))
+    return found
+
+
+@pytest.mark.parametrize("modulus", [15, 256])
+def test_a_counter_that_comes_round_again_behind_a_silence_is_of_the_same_sender(modulus: int) -> None:
+    sent = [(k, k, 1) for k in range(3)]
+    assert not any(map(any, arrivals(modulus, [*sent, (modulus + 2, modulus + 2, 1)])))
+    assert arrivals(modulus, [*sent, (3, 2, 2)])[-1] == (True, False)
+
+
+@pytest.mark.parametrize("modulus", [15, 256])
+def test_a_frame_that_was_missing_and_comes_late_is_of_the_same_sender(modulus: int) -> None:
+    order = [0, 1, 3, 2, 4, 5, 7, 6, 9, 10, 12, 11]
+    assert not any(map(any, arrivals(modulus, [(k, counter, 1) for k, counter in enumerate(order)])))
+
+
+@pytest.mark.parametrize(("modulus", "ahead"), [(15, k) for k in range(15)] + [(256, k) for k in (1, 2, 3, 4, 90)])
+def test_two_senders_in_turns_are_found_whatever_their_counters(modulus: int, ahead: int) -> None:
+    sent = [
+        (k + shift, k + more, sender) for k in range(20) for more, sender, shift in ((0, 1, 0.0), (ahead, 2, 0.3))
+    ]
+    found = arrivals(modulus, sent)
+    assert sum(conflicts or alternates for conflicts, alternates in found[:20]) >= 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections import OrderedDict
 from dataclasses import replace
 
@@ -138,6 +139,23 @@ def test_a_frame_is_encoded_as_its_signals_are_one_by_one(drawn: tuple[FrameLayo
             plan.encode(values)
         return
     assert plan.encode(values) == expected.to_bytes(64, "little")
+
+
+@given(value=st.one_of(st.floats(-65504.0, 65504.0), st.floats(-1e-4, 1e-4), st.just(np.nan)))
+@settings(max_examples=200, deadline=None)
+def test_floats_are_encoded_as_by_struct(value: float) -> None:
+    for length, code in ((16, "<e"), (32, "<f"), (64, "<d")):
+        signal = SignalLayout(name="s", start=0, length=length, kind=FLOAT)
+        plan = SignalPlan(FrameLayout(name="m", identifier=1, length=8, signals=(signal,)))
+        assert plan.encode([value]) == struct.pack(code, value).ljust(8, b"\0")
+
+
+@given(halves=st.integers(-(1 << 53), 1 << 53), bits=st.integers(54, 64))
+@settings(max_examples=200, deadline=None)
+def test_halves_are_rounded_to_even_up_to_the_last_that_there_are(halves: int, bits: int) -> None:
+    signal = SignalLayout(name="s", start=0, length=bits, kind=SIGNED)
+    plan = SignalPlan(FrameLayout(name="m", identifier=1, length=8, signals=(signal,)))
+    assert plan.raw(plan.encode([0.5 * halves]))[0] == round(0.5 * halves)
 
 
 def test_what_cannot_be_encoded_is_not_available_or_refused() -> None:

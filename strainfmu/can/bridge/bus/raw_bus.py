@@ -35,7 +35,7 @@ class RawBus(ABC):
     """The socket of an open bus. The bus must not be shut down before :meth:`close`."""
 
     def __init__(self, bus: Any) -> None:
-        self._bus = bus
+        self._number_of_file = bus.fileno
         self._socket = socket.socket(fileno=os.dup(bus.fileno()))
         self._waiting = waiting_datagrams(self._socket)
 
@@ -43,7 +43,7 @@ class RawBus(ABC):
     def is_open(self) -> bool:
         """The bus has not been shut down meanwhile."""
         try:
-            return bool(self._bus.fileno() >= 0)
+            return bool(self._number_of_file() >= 0)
         except (OSError, ValueError):
             return False
 
@@ -105,6 +105,7 @@ class RawMulticast(RawBus):
         msgpack = import_module("msgpack")
 
         super().__init__(bus)
+        self._number_of_file = bus._multicast._socket.fileno  # as the bus finds it, by two calls less
         self._target = target
         self._pack, self._unpack, self._unpack_as_python_can = msgpack.packb, msgpack.unpackb, unpack_message
         self._received, self._sent = DatagramShapes(self._unpack), DatagramShapes(self._unpack)

@@ -13,7 +13,6 @@ from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameAccount, FrameClass
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality, low_causes
-from strainfmu.can.wire.crc import protect
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import FrameLayout
 from strainfmu.can.wire.profiles import E2E_COUNTER, E2E_CRC
@@ -106,7 +105,6 @@ class _ResultFrame:
 
     def __init__(self, layout: FrameLayout, names: Sequence[str]) -> None:
         assert layout.protection is not None
-        self._layout, self._protection = layout, layout.protection
         self._plan = SignalPlan(layout)
         self._pick = itemgetter(*[names.index(signal.name) for signal in layout.signals])
         self._counter, self._modulus = 0, layout.protection.counter_modulus
@@ -122,8 +120,7 @@ class _ResultFrame:
         """Return the next frame with its signals among ``values``."""
         counter = self._counter
         self._counter = (counter + 1) % self._modulus
-        data = self._plan.encode(self._pick(values))
-        return self._frame.with_data(protect(data, self._protection, counter))
+        return self._frame.with_data(self._plan.protected(self._pick(values), counter))
 
 
 _RESULT_NAMES = (

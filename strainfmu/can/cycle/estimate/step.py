@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from math import isfinite, isnan
 
+import numpy as np
+
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.estimate.held_flow import FlowState
 from strainfmu.can.cycle.estimate.result import quality_of_step
@@ -81,9 +83,10 @@ class EstimatorStep:
 
     def _is_finite(self, step: StepResult) -> bool:
         """Return whether coefficients and their standard deviations are finite."""
-        numbers = step.coefficients.tolist() + step.coefficients_std.tolist()
-        # A sum is finite only of finite numbers. Of huge ones it need not be.
-        return isfinite(sum(numbers)) or all(map(isfinite, numbers))
+        # A sum of products is finite only of finite numbers. Of huge ones it need not be.
+        if isfinite(step.coefficients.dot(step.coefficients_std)):
+            return True
+        return bool(np.isfinite(step.coefficients).all() and np.isfinite(step.coefficients_std).all())
 
     def _size(self, now: float) -> float:
         """Return the time since the last step [s], in whole cycles."""

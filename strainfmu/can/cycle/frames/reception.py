@@ -68,10 +68,16 @@ class _Slot:
         *("selector", "trusted_by"),
     )
 
-    def __init__(self, index: int, frame: InputFrame, n_covered: int, settings: BridgeSettings) -> None:
+    def __init__(
+        self, index: int, frame: InputFrame, n_covered: int, settings: BridgeSettings, period: float
+    ) -> None:
         layout, protection = frame.layout, frame.layout.protection
         self.index, self.plan, self.selector = index, SignalPlan(layout), _selector(frame)
-        self.check = None if protection is None else ReceptionCheck(protection, settings.max_delta, n_covered)
+        self.check = (
+            None
+            if protection is None
+            else ReceptionCheck(protection, settings.max_delta, n_covered, period=layout.cycle_time or period)
+        )
         self.machine = E2EStateMachine(settings.state_machine)
         self.is_timed, self.is_counted = frame.sample_time is not None, protection is not None
         places = [-1 if at is None else at for at in (frame.status, frame.sample_time, frame.configuration)]
@@ -119,7 +125,7 @@ class Reception:
         self._held = frozenset(layout.held_slots)
         n_covered = sum(frame.layout.length for frame in layout.strain_frames)
         self._slots = slots = [
-            _Slot(index, frame, n_covered if frame.is_trailer else 0, settings)
+            _Slot(index, frame, n_covered if frame.is_trailer else 0, settings, layout.cycle_time)
             for index, frame in enumerate(layout.frames)
         ]
         self._checks, self._machines = [slot.check for slot in slots], [slot.machine for slot in slots]
@@ -129,6 +135,8 @@ class Reception:
         self._receive, self._read, self._check = (
             function(name, SlotRecord) for name in ("sb_slot_receive", "sb_slot_read", "sb_slot_check")
         )
+        self._time = np.zeros(1)
+        self._at_time = pointer(self._time)
         self._by_key: dict[int, list[_Slot]] = {}
         for slot in slots:
             self._by_key.setdefault(layout.frames[slot.index].layout.key, []).append(slot)
@@ -153,11 +161,12 @@ class Reception:
             if slot is None:
                 return FrameClass.NOT_USABLE  # its multiplexer's value belongs to no frame of the layout
         if self.authentication is None and slot.index != self.trailer:
-            found = self._receive(slot.address, data, len(data))
+            self._time[0] = frame.time
+            found = self._receive(slot.address, self._at_time, data, len(data))
             if found < 0:
                 raise ValueError(f"expected {slot.record.length} bytes, got {len(data)}")
         else:
-            verdict = self._read_first(slot, data)
+            verdict = self._read_first(slot, frame)
             if isinstance(verdict, FrameClass):
                 return verdict
             found = verdict
@@ -169,13 +178,18 @@ class Reception:
         arrival.status = status & _ALL_BITS if status else 0
         return arrival if not found else self._refused(slot, frame, found) or arrival
 
-    def _read_first(self, slot: _Slot, data: bytes) -> int | FrameClass:
+    def _read_first(self, slot: _Slot, frame: Frame) -> int | FrameClass:
         """Read the numbers about a frame; return what its check finds, or the class if it is forged."""
+        data = frame.data
         if not self._read(slot.address, data, len(data)):
             raise ValueError(f"expected {slot.record.length} bytes, got {len(data)}")
         if slot.index == self.trailer:
             return 0  # its CRC covers frames that may not have come yet
-        return self._not_authentic(slot.index, data) or self._check(slot.address, data, len(data))
+        forged = self._not_authentic(slot.index, data)
+        if forged is not None:
+            return forged
+        self._time[0] = frame.time
+        return self._check(slot.address, self._at_time, data, len(data))
 
     def _selected(self, slots: Sequence[_Slot], data: bytes) -> _Slot | None:
         """Return the slot of a frame by its multiplexer's value."""

@@ -44,6 +44,8 @@ class Cause(IntFlag):
     Bit 15 is none: in frames with room for 16 bits it says that there are causes above it.
     """
 
+    __bool__ = int.__bool__  # in C, too
+
     NONE = 0
     PARTIAL_CYCLE = 1 << 0
     """Frames of the cycle are missing."""

@@ -210,6 +210,20 @@ def test_two_senders_in_turns_take_valid_away() -> None:
     assert n_valid(results) <= 2
 
 
+@pytest.mark.parametrize("silent", [14, 29])
+def test_a_silence_of_once_round_the_counter_is_no_second_sender(silent: int) -> None:
+    """Of the pressure alone, and of the whole sender, whose counters have 15 values."""
+    for is_silent in (lambda bench, frame: frame.key == bench.layout.frames[-1].layout.key, lambda *_: True):
+        bench = Bench("classic-le")
+        results = []
+        for number in range(200):
+            frames = bench.cycle(number, number * CYCLE)
+            off = 50 <= number < 50 + silent
+            results += bench.give([frame for frame in frames if not (off and is_silent(bench, frame))])
+        assert not any(result.causes & Cause.SECOND_SENDER for result in results)
+        assert n_valid(results) >= 200 - silent - 15
+
+
 def test_own_frames_that_come_back_are_own_once_each() -> None:
     bench = Bench()
     bench.run(range(50))
