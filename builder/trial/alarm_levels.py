@@ -36,7 +36,7 @@ PARTS, RATE_OF_PARTS = 10, 2e-3
 SLOPES, AS_FEW = 21, 1.1
 """Slopes of the levels that are compared, and alarms over the fewest of these that count as as few."""
 
-UPPER = 0.1
+UPPER = 0.05
 """Part of the samples, by each test of the nonlinear estimator, that take steps from their own estimates: levels
 are set from the upper hundredth, :data:`~builder.trial.tail_quantile.TAIL`."""
 

@@ -10,7 +10,7 @@ An uneven wall changes it to first order, see :mod:`builder.structure.as_built.w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -199,23 +199,23 @@ class UnevenChange:
         return np.asarray(-neighbour_weight(n) * force.reshape(adjoint.shape))
 
 
-def uneven_adjoint(
+def uneven_adjoints(
     changes: Sequence[UnevenChange], expected: ExpectedWall, solver: HarmonicSolver, n: int
-) -> FloatArray:
-    """Return (n_w, n_r, 3 sides, n_s, 3, n_dof) change of the adjoint by the amplitude of cos(w phi).
+) -> Iterator[tuple[tuple[int, int, int], FloatArray]]:
+    """Yield changes of the adjoint (n_s, 3, n_dof) by the amplitude of cos(w phi), those that are not zero.
 
-    The load's harmonic is ``n``.
+    Each is with the numbers of its harmonic w, its region and its side. The load's harmonic is ``n``.
     """
-    n_m, (_, *shape) = len(expected.adjoint), expected.at_gauges(n).shape
-    found = np.zeros((len(WAVES), len(changes), len(SIDES), len(expected.x), *shape))
+    n_m, of_surface = len(expected.adjoint), SIDES.index(0)
     sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
     reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
-    rows = np.array([change.rows(expected.x, n) for change in changes])
-    moved = rows.any(axis=-1)  # the surface moves at the stations of a region alone
-    rows[moved] = solved(solver, rows[moved])
-    found[:, :, SIDES.index(0)] = rows
-    for wave, side in reached:
-        adjoint = expected.at_gauges(n + wave * side)
-        forces = [change.forces(adjoint, n, n + wave * side) for change in changes]
-        found[WAVES.index(wave), :, SIDES.index(side)] = solved(solver, np.array(forces))
-    return found
+    for region, change in enumerate(changes):
+        rows = change.rows(expected.x, n)
+        moved = rows.any(axis=-1)  # the surface moves at the stations of a region alone
+        rows[moved] = solved(solver, rows[moved])
+        for wave in range(len(WAVES)):
+            yield (wave, region, of_surface), rows
+        for wave, side in reached:
+            m = n + wave * side
+            forces = change.forces(expected.at_gauges(m), n, m)
+            yield (WAVES.index(wave), region, SIDES.index(side)), solved(solver, forces)

@@ -21,7 +21,7 @@ from builder.structure.as_built.wall_changes import (
     StifferRegion,
     ThickerWall,
     UnevenChange,
-    uneven_adjoint,
+    uneven_adjoints,
 )
 from builder.structure.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
 from builder.structure.as_built.wall_regions import WallRegions, thickened
@@ -214,12 +214,15 @@ def wall_states(
             progress(n + 1, n_m)
         if n >= changed:
             continue
-        walls = [one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP)) for one in thicker]
-        of_thin.take(n, np.array([thin for thin, _ in walls]).reshape(len(walls), len(x), 3, mesh.n_dof))
-        of_thick.take(n, np.array([thick for _, thick in walls]).reshape(len(walls), len(x), 3, mesh.n_dof))
-        held = clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n)
-        of_soft.take(n, np.array([*held, *(one.adjoint(expected.at_gauges(n), solver, n) for one in stiffer)]))
-        of_uneven.take(n, uneven_adjoint(uneven, expected, solver, n))
+        for number, one in enumerate(thicker):
+            thin, thick = one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP))
+            of_thin.take(n, thin, number)
+            of_thick.take(n, thick, number)
+        of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
+        for number, other in enumerate(stiffer, start=2):
+            of_soft.take(n, other.adjoint(expected.at_gauges(n), solver, n), number)
+        for place, adjoint in uneven_adjoints(uneven, expected, solver, n):
+            of_uneven.take(n, adjoint, *place)
     bare = [_forces_only(one, wall, properties, max_harmonic) for one in (mesh, *itertools.chain(*pairs))]
     return WallStates(
         rows=rows,
@@ -311,17 +314,18 @@ class _Kept:
     """The rows that count of adjoints (.., n_m, n_s, 3, n_dof), harmonic by harmonic."""
 
     def __init__(self, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows) -> None:
-        """Make room for ``lead`` adjoints."""
+        """Make room for ``lead`` adjoints; those that are not taken are zero."""
         self._rows = rows
-        self._outer = np.empty((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
-        self._low: list[FloatArray] = []
+        self._outer = np.zeros((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
+        self._low = np.zeros((min(LOW, n_m), *lead, n_s, 3, 3 * rows.n_nodes))
 
-    def take(self, n: int, adjoint: FloatArray) -> None:
-        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n``, the next one."""
+    def take(self, n: int, adjoint: FloatArray, *place: int | slice) -> None:
+        """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n`` at ``place`` of the first dimensions."""
         by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
-        self._outer[..., n, :, :, :] = by_node[..., self._rows.outer, :].reshape(*adjoint.shape[:-1], -1)
+        outer = by_node[..., self._rows.outer, :].reshape(*adjoint.shape[:-1], -1)
+        self._outer[(*place, ..., n, slice(None), slice(None), slice(None))] = outer
         if n < LOW:
-            self._low.append(adjoint)
+            self._low[(n, *place)] = adjoint
 
     @property
     def adjoint(self) -> Adjoint:

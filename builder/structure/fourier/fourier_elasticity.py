@@ -82,7 +82,7 @@ def assemble_stiffness(
         indices, indptr, place = _pattern(mesh)
     else:
         indices, indptr, place = like.indices, like.indptr, like.place
-    data = np.stack([np.bincount(place, part.ravel(), len(indices)) for part in term])
+    data = np.stack([np.bincount(place, part.ravel(), len(indices)).astype(np.float64) for part in term])
     stiffness = FourierStiffness(indices, indptr, data, place)
     return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
 
