@@ -388,8 +388,9 @@ def _table(
     even = nominal[..., : thin.shape[-3], :, :] if len(thin) else nominal
 
     def of_all(change: FloatArray) -> FloatArray:
-        fewer = [(0, 0)] * (change.ndim - 3) + [(0, n_m - change.shape[-3]), (0, 0), (0, 0)]
-        return np.pad(change, fewer) if len(change) else change
+        if not len(change):
+            return change
+        return np.pad(change, [(0, 0)] * (change.ndim - 3) + [(0, n_m - change.shape[-3]), (0, 0), (0, 0)])
 
     return ResponseTable(
         nominal=nominal,
