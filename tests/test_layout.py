@@ -22,8 +22,8 @@ TOP_LEVEL = ("pyproject.toml", "strainfmu", "builder", "tests", "fmus", "README.
 MAX_POSITIONAL = 6
 """Arguments a call may pass by position."""
 
-POSITIONAL_ONLY = {"CFUNCTYPE", "_series", "add_row"}
-"""Functions of other packages that take many arguments by position alone (ctypes, rich)."""
+POSITIONAL_ONLY = {"CFUNCTYPE", "_series", "add_row", "pack"}
+"""Functions of other packages that take many arguments by position alone (ctypes, rich, struct)."""
 
 
 def sources(*folders: str) -> list[tuple[Path, ast.Module]]:
