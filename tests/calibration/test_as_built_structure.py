@@ -48,6 +48,26 @@ def test_without_errors_it_is_the_structure_of_the_map(
         np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
 
 
+def test_harmonics_beyond_what_changes_need_leave_the_strain(
+    vehicle: Vehicle, as_built: AsBuiltStructure, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a wall that differs by 3 % everywhere, under a pad that needs all twelve harmonics."""
+    changed = len(as_built.states.uneven[0].outer[0, 0])
+    assert changed < len(as_built.states.nominal.outer)
+    monkeypatch.setattr("builder.structure.as_built.structure.changed_harmonic_of", max)
+    whole = as_built_structure(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
+    assert len(whole.states.uneven[0].outer[0, 0]) > changed
+    pad = PadForce(station=1.0, roll_angle=0.3, half_length=0.05, half_angle=np.pi / 6, force=(0.0, 0.0, -1500.0))
+    sign = np.resize([0.03, -0.03], as_built.n_regions)
+    for kind in ("wall_thickness", "wall_taper", "wall_cosine", "wall_second_sine"):
+        built = as_built.exactly_built().changed(**{kind: sign})
+        found, expected = (one.load_strain(built, [pad]) for one in (as_built, whole))
+        unchanged = whole.load_strain(whole.exactly_built(), [pad])
+        largest = np.abs(unchanged).max()
+        assert 0.0 < np.abs(found - expected).max() < 5e-5 * largest
+        assert np.abs(expected - unchanged).max() > 1e-3 * largest
+
+
 def test_gauges_move_as_the_derivatives_of_the_map_say(
     vehicle: Vehicle, as_built: AsBuiltStructure, structure: StructuralModel
 ) -> None:

@@ -82,7 +82,7 @@ def test_a_vehicle_file_without_joints_has_candidates_that_are_taken_for_zero(
 
 
 def test_a_test_needs_the_harmonics_of_its_loads(model: ReadingsModel) -> None:
-    """Pads of 30 deg 12; narrower ones and points more; a test without any load those of the pads of a plan."""
+    """Pads of 30 deg need 12, narrower pads and points more. A test without load needs what a plan's pads need."""
 
     def needed(*loads: Load) -> int:
         case = replace(model.test.cases[0], loads=tuple(KnownLoad(load=load) for load in loads))
