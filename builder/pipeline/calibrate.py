@@ -140,7 +140,8 @@ def run_calibrate(
     refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
     test, notes = load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as progress:
-        structure = structure_of_test(vehicle, max_harmonic=harmonics_of_test(test), progress=progress)
+        highest, within = harmonics_of_test(test)
+        structure = structure_of_test(vehicle, max_harmonic=highest, harmonic_within=within, progress=progress)
     if structure.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
     independent, missing = _independent_model(

@@ -157,7 +157,7 @@ def linear_tests(inverse_map: InverseMap, flights: ReadFlights) -> tuple[FloatAr
     n, freedom = inverse_map.n_gauges, inverse_map.residual_degrees_of_freedom
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY) ** 2 * inverse_map.outlier_scale
     nominal = inverse_map.chi_square_scale * chi_square_limit(freedom)
-    found = whole.estimate(flights.strain, flights.known[DYNAMIC_PRESSURE])
+    found = whole.estimate(flights.strain, flights.known[DYNAMIC_PRESSURE], with_residuals=True)
     limit = np.asarray(found.chi_square_limit)
     worst = np.max(np.abs(found.standardised_residual), axis=1) ** 2
     return found.chi_square / limit, worst / (threshold * limit / nominal), limit / nominal

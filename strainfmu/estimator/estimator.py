@@ -318,6 +318,7 @@ class Estimator:
         parameters: Mapping[str, ArrayLike] | None = None,
         parameters_std: Mapping[str, ArrayLike] | None = None,
         start: ArrayLike | None = None,
+        with_residuals: bool = False,
         **inertial: ArrayLike,
     ) -> Estimate:
         """Estimate the loads of one sample, or of k samples at once, each by itself.
@@ -348,6 +349,8 @@ class Estimator:
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
         start : (k, 4) flight states (M, u, w, ln p_inf) of k samples, from each of which a nonlinear estimate
             starts; None searches the tables, which takes about ten times as long.
+        with_residuals : whether residuals and suspects of k samples are found at once. By default a linear map
+            estimates the samples again when these are first read, and takes a quarter of the memory until then.
         inertial : what an inertial unit measures, of a map with masses: ``specific_force_x``, ``_y``, ``_z``
             [m/s2], ``angular_rate_x``, ``_y``, ``_z`` [rad/s], ``angular_acceleration_y``, ``_z`` [rad/s2], NaN
             where not known.
@@ -385,8 +388,8 @@ class Estimator:
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
         with self._lock:
-            record = self._each(samples, with_fit=self.is_nonlinear)
-        make_fit = None if self.is_nonlinear else self._with_fit
+            record = self._each(samples, with_fit=with_residuals or self.is_nonlinear)
+        make_fit = None if with_residuals or self.is_nonlinear else self._with_fit
         return Estimate(record, self, samples.inputs, samples.mask, make_fit)
 
     def step(self, strain: ArrayLike, dynamic_pressure: float = nan, **of_sample: Any) -> Estimate:

@@ -12,6 +12,7 @@ from builder.reporting import Progress
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.as_built.wall_states import LOW
 from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import wall_of
@@ -28,9 +29,11 @@ def structure_of_test(
     vehicle: Vehicle,
     properties: LoadProperties | None = None,
     max_harmonic: int = MAX_HARMONIC,
+    harmonic_within: int = LOW - 1,
     progress: Progress | None = None,
 ) -> AsBuiltStructure:
-    """Solve the structure of the map of ``vehicle`` for its layout; errors as :func:`as_built_structure`."""
+    """Solve the structure of the map of ``vehicle`` for its layout; harmonics and errors as
+    :func:`as_built_structure`."""
     entry = vehicle.calibration
     more = entry.model_copy(
         update={
@@ -43,6 +46,7 @@ def structure_of_test(
         vehicle.gauges.layout,
         properties=properties,
         max_harmonic=max_harmonic,
+        harmonic_within=harmonic_within,
         progress=progress,
     )
 

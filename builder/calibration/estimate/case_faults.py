@@ -227,10 +227,8 @@ class _Screen:
             if not isinstance(one, PadForce | PointForce):
                 continue
             weight = hanging(one, stated, MASS)
-            per_mass, of_force = (
-                structure.response_strain(structure.exactly_built(), structure.nominal_response(load))
-                for load in (weight, one)
-            )
+            responses = structure.nominal_response((weight, one))
+            per_mass, of_force = structure.response_strain(structure.exactly_built(), responses)
             yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force[:, None])
             if is_along(one, weight):
                 continue  # a load of another size

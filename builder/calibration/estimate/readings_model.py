@@ -348,21 +348,23 @@ class ReadingsModel:
             "second tilt": lambda h: tilted(load, second=h),
         }
 
-        def strain(one: Load) -> FloatArray:
-            return self.structure.response_strain(self.structure.solved, self.structure.nominal_response(one))
-
-        rows = []
-        for name, changed in changes.items():
+        found = np.zeros((len(PAD_STEPS), self.structure.n_gauges))
+        steps: dict[int, float] = {}
+        loads: list[Load] = []
+        for row, (name, changed) in enumerate(changes.items()):
             low, high = -PAD_STEPS[name], PAD_STEPS[name]
             if changed(high) is load:
-                rows.append(np.zeros(self.structure.n_gauges))
                 continue
             if name == "place":  # a pad at an end of the body stays on it
                 assert isinstance(load, PLACED)
                 front, aft = self.structure.outer_span
                 low, high = max(low, front - load.station), min(high, aft - load.station)
-            rows.append((strain(changed(high)) - strain(changed(low))) / (high - low))
-        return np.array(rows)
+            steps[row] = high - low
+            loads += [changed(high), changed(low)]
+        if loads:
+            strain = self.structure.response_strain(self.structure.solved, self.structure.nominal_response(loads))
+            found[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
+        return found
 
     def _extra_names(self) -> list[str]:
         gauges = self.structure.gauges.names

@@ -8,7 +8,7 @@ import numpy as np
 
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.loads.applied import Load, PadForce, PadPressure, SectionLoad, SurfacePressure, Weight
-from builder.structure.loads.fourier import harmonics_of, pad_harmonics
+from builder.structure.loads.fourier import harmonics_of, harmonics_within, pad_harmonics
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
@@ -136,7 +136,9 @@ def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Can
     return Candidate(name=name, loads=(PadForce(**place, force=(x, y, z)),))
 
 
-def harmonics_of_test(test: LoadTest) -> int:
-    """Return the highest harmonic in roll angle of the loads of ``test``, and of the pads that a plan offers."""
-    needed = [harmonics_of(one.load) for case in test.cases for one in case.loads]
-    return max([pad_harmonics(LoadLimits().half_angle), *needed])
+def harmonics_of_test(test: LoadTest) -> tuple[int, int]:
+    """Return the highest harmonic in roll angle of the loads of ``test`` and of the pads that a plan offers, and
+    the highest within the wall."""
+    loads = [one.load for case in test.cases for one in case.loads]
+    offered = pad_harmonics(LoadLimits().half_angle)
+    return max([offered, *map(harmonics_of, loads)]), max([1, *map(harmonics_within, loads)])

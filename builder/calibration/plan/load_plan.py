@@ -254,13 +254,10 @@ def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice
     )
 
 
-def _nominal_strain(as_built: AsBuiltStructure, load: Load) -> FloatArray:
-    return as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(load))
-
-
 def within_limits(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
-    strain = sum((_nominal_strain(as_built, load) for load in case.loads), np.zeros(as_built.n_gauges))
+    each = as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(case.loads))
+    strain = each.sum(axis=0)
     largest = float(np.abs(strain).max())
     if largest <= limits.largest_strain:
         return case

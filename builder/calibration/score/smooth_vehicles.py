@@ -137,12 +137,12 @@ class LoadTables:
             units = [replace(stated, force=unit) for unit in UNITS]
             self._of_place[place] = (
                 together([self.structure.response(one) for one in units]),
-                together([self.structure.nominal_response(one) for one in units]),
+                self.structure.nominal_response(units),
             )
         found, here = (
             np.asarray(applied.force) @ self.structure.response_strain(built, one) for one in self._of_place[place]
         )
         if replace(stated, force=applied.force) == applied:
             return np.asarray(found)
-        there = self.structure.response_strain(built, self.structure.nominal_response(applied))
-        return np.asarray(found + there - here)
+        there = self.structure.response_strain(built, self.structure.nominal_response((applied,)))
+        return np.asarray(found + there[0] - here)

@@ -37,6 +37,7 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
+    LOW,
     WALL_STEP,
     Adjoint,
     WallStates,
@@ -202,14 +203,15 @@ class AsBuiltStructure:
             keys=keys,
         )
 
-    def nominal_response(self, load: Load) -> LoadResponse:
-        """Return what ``load`` strains on the wall that was solved for, alone: for differences between loads.
+    def nominal_response(self, loads: Sequence[Load]) -> LoadResponse:
+        """Return what each of ``loads`` strains on the wall that was solved for: for differences between loads.
 
         It costs a fortieth of :meth:`response`.
         """
-        forces = self.states.rows.split(nodal_force(self.states.forces[0], load))
-        amplitude = self.states.nominal.strain(forces)
-        return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=np.zeros(self.n_gauges))
+        split, wall = self.states.rows.split, self.states.forces[0]
+        amplitude = np.stack([self.states.nominal.strain(split(nodal_force(wall, one))) for one in loads], axis=1)
+        constant = np.zeros((len(loads), self.n_gauges))
+        return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=constant)
 
     def _apparent(self, load: ApparentStrain) -> LoadResponse:
         if np.shape(load.strain) != (self.n_gauges,):
@@ -289,6 +291,7 @@ def as_built_structure(
     progress: Progress | None = None,
     known_taper: FloatArray | None = None,
     surface: SurfaceGrid | None = None,
+    harmonic_within: int = LOW - 1,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for what may be as it was built.
 
@@ -303,6 +306,7 @@ def as_built_structure(
     known_taper : (n_r,) relative thickness by which regions of known thickness grow from their middle to their
         aft end; none by default.
     surface : pressure nodes; by default the resolution's.
+    harmonic_within : the highest of known loads within the wall and on its inner surface.
 
     Raises
     ------
@@ -336,6 +340,7 @@ def as_built_structure(
         properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
         max_harmonic=max(max_harmonic, resolution.harmonics),
         changed_harmonic=changed_harmonic_of(max_harmonic, resolution.harmonics),
+        changed_within=harmonic_within,
         with_regions=known_thickness is None,
         joints=vehicle.calibration.joint_stations_m,
         with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,

@@ -32,7 +32,7 @@ from builder.structure.fourier.strain_operator import distinct_stations, station
 from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.wall import Wall
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 LOW = 5
@@ -70,25 +70,48 @@ class ForceRows:
     outer: IntArray
     n_nodes: int
 
-    def split(self, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface (2, n_m, 3 n_out), and within (2, LOW, n).
+    def split(self, force: FloatArray) -> SplitForces:
+        """Return nodal forces (2, n_m, n_nodes, 3) on the outer surface and within.
 
         Raises
         ------
         InputError
             Forces within the wall go round the body faster than harmonic LOW - 1.
         """
-        outer, within = force[:, :, self.outer], force[:, :LOW].copy()
-        within[:, :, self.outer] = 0.0
+        loaded: BoolArray = np.asarray(np.moveaxis(force, 2, 0).reshape(self.n_nodes, -1).any(axis=1))
+        at = np.flatnonzero(loaded[self.outer])
+        span = slice(at[0], at[-1] + 1) if len(at) else slice(0)
+        outer = force[:, :, self.outer[span]].reshape(2, force.shape[1], -1)
+        columns = slice(3 * span.start, 3 * span.stop) if len(at) else span
+        if not loaded[self.inner].any():
+            return SplitForces(columns=columns, outer=outer, within=None)
         high = force[:, LOW:, self.inner]
-        if max(high.max(initial=0.0), -high.min(initial=0.0)) > ROUNDING * np.abs(force).max(initial=0.0):
+        if max(high.max(initial=0.0), -high.min(initial=0.0)) > ROUNDING * np.abs(force).max():
             raise InputError(f"load: expected harmonics up to {LOW - 1} within the wall, got higher ones")
-        return outer.reshape(2, force.shape[1], -1), within.reshape(*within.shape[:2], -1)
+        within = force[:, :LOW].copy()
+        within[:, :, self.outer] = 0.0
+        return SplitForces(columns=columns, outer=outer, within=within.reshape(*within.shape[:2], -1))
 
     @cached_property
     def inner(self) -> IntArray:
         """(n,) the other nodes."""
         return np.setdiff1d(np.arange(self.n_nodes), self.outer)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SplitForces:
+    """Nodal forces in two families of harmonics.
+
+    Attributes
+    ----------
+    columns : where ``outer`` is among the (3 n_out) components on the outer surface; a pad loads few of them.
+    outer : (2, n_m, k) forces there [N].
+    within : (2, LOW, n_dof) of the other nodes, zero on the outer surface; None where they are not loaded.
+    """
+
+    columns: slice
+    outer: FloatArray
+    within: FloatArray | None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -98,20 +121,30 @@ class Adjoint:
     Attributes
     ----------
     outer : (.., n_m, n_s, 3, 3 n_out) of forces on the outer surface [1/N].
-    low : for each of the LOW lowest harmonics, (.., n_s, 3, n_dof) of all forces [1/N].
+    low : for each of the lowest harmonics, at most LOW, (.., n_s, 3, n_dof) of all forces [1/N].
     """
 
     outer: FloatArray
     low: tuple[FloatArray, ...]
 
-    def strain(self, forces: tuple[FloatArray, FloatArray]) -> FloatArray:
-        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under split forces, in the harmonics of the adjoint."""
+    def strain(self, forces: SplitForces) -> FloatArray:
+        """Return (.., 2, n_m, n_s, 3) amplitudes of strain under forces, in the harmonics of the adjoint.
+
+        Raises
+        ------
+        InputError
+            Forces within the wall go round the body faster than the adjoint has been kept for.
+        """
         n_m = self.outer.shape[-4]
-        outer, within = forces
-        found = _product(self.outer, outer[:, :n_m])
-        if within.any():
-            for n, adjoint in enumerate(self.low[: within.shape[1]]):
-                found[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], within[:, n : n + 1])
+        found = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
+        if forces.within is None:
+            return found
+        if forces.within[:, len(self.low) :].any():
+            raise InputError(
+                f"load: expected harmonics up to {len(self.low) - 1} within the wall, got higher ones"
+            )
+        for n, adjoint in enumerate(self.low[: forces.within.shape[1]]):
+            found[..., n : n + 1, :, :] += _product(adjoint[..., None, :, :, :], forces.within[:, n : n + 1])
         return found
 
     def at(self, rows: IntArray) -> Adjoint:
@@ -167,6 +200,7 @@ def wall_states(
     properties: LoadProperties,
     max_harmonic: int,
     changed_harmonic: int,
+    changed_within: int = LOW - 1,
     with_regions: bool = True,
     with_moduli: bool = False,
     joints: Sequence[float] = (),
@@ -184,6 +218,7 @@ def wall_states(
     properties : density and what else loads need.
     max_harmonic, changed_harmonic : highest harmonic in roll angle, and the highest in which changes of the wall
         count, as by :func:`changed_harmonic_of`.
+    changed_within : highest harmonic of loads within the wall and on its inner surface, where the wall changes.
     with_regions : whether thickness and taper by regions are not known.
     with_moduli : whether Young's modulus by regions is not known.
     joints : stations at which the wall may be softer [m].
@@ -204,9 +239,15 @@ def wall_states(
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
     whole = _Kept((), n_m, len(stations), rows)
     changed = changed_harmonic + 1
-    of_thin, of_thick = (_Kept((len(thicker),), changed, len(x), rows) for _ in range(2))
-    of_soft = _Kept((2 + len(stiffer),), changed, len(x), rows)
-    of_uneven = _Kept((len(WAVES), len(regions), len(SIDES)), changed, len(x), rows)
+    of_thin, of_thick, of_soft, of_uneven = (
+        _Kept(lead, changed, len(x), rows, changed_within + 1)
+        for lead in (
+            (len(thicker),),
+            (len(thicker),),
+            (2 + len(stiffer),),
+            (len(WAVES), len(regions), len(SIDES)),
+        )
+    )
     for n in range(n_m):
         solver = expected.solver(n)
         whole.take(n, expected.adjoint[n])
@@ -313,18 +354,18 @@ def _at_stations(x: FloatArray) -> PlacedGauges:
 class _Kept:
     """The rows that count of adjoints (.., n_m, n_s, 3, n_dof), harmonic by harmonic."""
 
-    def __init__(self, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows) -> None:
+    def __init__(self, lead: tuple[int, ...], n_m: int, n_s: int, rows: ForceRows, n_low: int = LOW) -> None:
         """Make room for ``lead`` adjoints; those that are not taken are zero."""
         self._rows = rows
         self._outer = np.zeros((*lead, n_m, n_s, 3, 3 * len(rows.outer)))
-        self._low = np.zeros((min(LOW, n_m), *lead, n_s, 3, 3 * rows.n_nodes))
+        self._low = np.zeros((min(n_low, n_m), *lead, n_s, 3, 3 * rows.n_nodes))
 
     def take(self, n: int, adjoint: FloatArray, *place: int | slice) -> None:
         """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n`` at ``place`` of the first dimensions."""
         by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
         outer = by_node[..., self._rows.outer, :].reshape(*adjoint.shape[:-1], -1)
         self._outer[(*place, ..., n, slice(None), slice(None), slice(None))] = outer
-        if n < LOW:
+        if n < len(self._low):
             self._low[(n, *place)] = adjoint
 
     @property

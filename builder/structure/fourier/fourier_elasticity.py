@@ -15,8 +15,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse.linalg import splu
 
+from builder.structure.fourier.many_sides import ManySides, many_sides
 from builder.structure.fourier.meridian_mesh import MeridianMesh, quadratic_shape
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -250,19 +251,16 @@ class HarmonicSolver:
     """
 
     free: csc_array
-    factor: SuperLU
+    factor: ManySides
 
     def solve(self, load: FloatArray) -> FloatArray:
         """Return displacement amplitudes [m], (n_dof, k), under nodal forces ``load`` (n_dof, k).
 
         Forces are in newton per :func:`roll_integral`.
         """
-        dof = self._dof
-        if dof is None:
-            return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load)))
-        found = np.zeros(load.shape[::-1])  # rows are right hand sides, as the factors take them
-        found[:, dof] = self.factor.solve(load.T[:, dof].T).T
-        return found.T
+        if self._dof is None:
+            return np.asarray(self.free @ self.factor.solve(np.asarray(self.free.T @ load).T).T)
+        return self.factor.solve(load.T, self._dof).T
 
     @cached_property
     def _dof(self) -> IntArray | None:
@@ -288,7 +286,7 @@ def factor_harmonic(
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
-    return HarmonicSolver(free, factor)
+    return HarmonicSolver(free, many_sides(factor))
 
 
 def _selected(free: csc_array) -> IntArray | None:

@@ -55,6 +55,11 @@ def harmonics_of(load: Load) -> int:
         return MAX_HARMONIC
     if isinstance(load, PadForce | PadPressure):
         return pad_harmonics(load.half_angle)
+    return harmonics_within(load)
+
+
+def harmonics_within(load: Load) -> int:
+    """Return the highest harmonic in which ``load`` acts within the wall or on its inner surface."""
     return min(MAX_HARMONIC, load.max_harmonic) if isinstance(load, TemperatureField) else 1
 
 
@@ -130,13 +135,17 @@ class FourierStructure:
             area=width * r * 2.0 * np.pi / len(roll),
         )
 
-    def spread_force(self, surface: str, force: FloatArray) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface."""
+    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``at`` (n,)."""
         meridian = self._meridian(surface)
         n_roll = len(self._roll)
-        rings = force.reshape(-1, n_roll, 3)
-        loaded = np.flatnonzero(rings.any(axis=(1, 2)))  # a pad loads few of them
-        local = _cylindrical(rings[loaded], self._roll)
+        if at is None:
+            loaded, rings = np.arange(len(meridian.x)), force.reshape(-1, n_roll, 3)
+        else:  # a pad loads few rings
+            loaded, ring = np.unique(at // n_roll, return_inverse=True)
+            rings = np.zeros((len(loaded), n_roll, 3))
+            rings[ring, at % n_roll] = force
+        local = _cylindrical(rings, self._roll)
         m_phi = np.arange(self.max_harmonic + 1)[:, None] * self._roll
         cosine, sine = np.cos(m_phi), np.sin(m_phi)
         along, around = local[..., :2], local[..., 2]

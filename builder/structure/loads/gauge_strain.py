@@ -21,7 +21,7 @@ from builder.structure.loads.applied import (
 )
 from builder.structure.loads.loaded_structure import OUTER, LoadedStructure, SurfacePoints, check_stations
 from builder.structure.loads.temperature import TemperatureField
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 RING_POINTS = 96
@@ -95,13 +95,14 @@ def nodal_force(structure: LoadedStructure, load: Load) -> FloatArray:
             return structure.point_force(*where, np.array([load.force]))
         case PadForce():
             points = structure.surface_points(OUTER)
-            weight = _pad_weight(structure, points, load)
-            return structure.spread_force(OUTER, weight[:, None] * np.asarray(load.force) / weight.sum())
+            at, weight = _pad_weight(structure, points, load)
+            return structure.spread_force(OUTER, np.outer(weight / weight.sum(), load.force), at)
         case PadPressure():
             points = structure.surface_points(OUTER)
-            inward = -points.normal * _pad_weight(structure, points, load)[:, None]
+            at, weight = _pad_weight(structure, points, load)
+            inward = -points.normal[at] * weight[:, None]
             radial = np.array([0.0, np.sin(load.roll_angle), np.cos(load.roll_angle)])
-            return structure.spread_force(OUTER, -load.push * inward / (inward @ radial).sum())
+            return structure.spread_force(OUTER, -load.push * inward / (inward @ radial).sum(), at)
         case SurfacePressure():
             points = structure.surface_points(load.surface)
             return structure.spread_force(load.surface, -load.pressure * points.area[:, None] * points.normal)
@@ -159,23 +160,26 @@ def balanced(structure: LoadedStructure, force: FloatArray) -> FloatArray:
     return force - sum(a * one for a, one in zip(acceleration, unit, strict=True))
 
 
-def _pad_weight(structure: LoadedStructure, points: SurfacePoints, pad: PadForce | PadPressure) -> FloatArray:
-    """Return the raised cosine of a pad times area (n,) [m2]."""
+def _pad_weight(
+    structure: LoadedStructure, points: SurfacePoints, pad: PadForce | PadPressure
+) -> tuple[IntArray, FloatArray]:
+    """Return the points (k,) under a pad, and there its raised cosine times area (k,) [m2]."""
     check_stations(structure.outer_span, np.array([pad.station]))
-    along = (points.position[:, 0] - pad.station) / pad.half_length
-    near = np.flatnonzero(np.abs(along) < 1.0)
-    along, (y, z) = along[near], points.position[near, 1:].T
+    distance = points.position[:, 0] - pad.station
+    near = np.flatnonzero(np.abs(distance) < pad.half_length)
+    y, z = points.position[near, 1:].T
     turn = np.arctan2(y, z) - pad.roll_angle
     around = (np.mod(turn + np.pi, 2.0 * np.pi) - np.pi) / pad.half_angle
     within = np.abs(around) < 1.0
-    weight = np.zeros(len(points.area))
-    weight[near] = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * within * points.area[near]
+    at, around = near[within], around[within]
+    along = distance[at] / pad.half_length
+    weight = (1.0 + np.cos(np.pi * along)) * (1.0 + np.cos(np.pi * around)) * points.area[at]
     if np.count_nonzero(weight) < 16:
         raise InputError(
             f"pad: {2e3 * pad.half_length:g} mm by {2.0 * np.rad2deg(pad.half_angle):g} deg is too small for the "
             "mesh, take a point force or a finer mesh"
         )
-    return weight
+    return at, weight
 
 
 def _distributed(structure: LoadedStructure, load: DistributedForce) -> FloatArray:

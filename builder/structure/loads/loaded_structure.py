@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from builder.structure.loads.temperature import TemperatureField
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 OUTER, INNER = "outer", "inner"
@@ -126,8 +126,11 @@ class LoadedStructure(Protocol):
         """Return the quadrature points of a surface; refuse one that does not exist."""
         ...
 
-    def spread_force(self, surface: str, force: FloatArray) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface, in their order."""
+    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface, in their order.
+
+        With ``at`` (n,) they are on these points alone.
+        """
         ...
 
     def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:

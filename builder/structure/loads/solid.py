@@ -78,11 +78,13 @@ class SolidStructure:
             area=size.ravel(),
         )
 
-    def spread_force(self, surface: str, force: FloatArray) -> FloatArray:
-        """Return nodal forces of forces (n, 3) [N] on the quadrature points of a surface."""
+    def spread_force(self, surface: str, force: FloatArray, at: IntArray | None = None) -> FloatArray:
+        """Return nodal forces of forces (n, 3) [N] on quadrature points of a surface: all or ``at`` (n,)."""
         facet = self._facets(surface)
         shape = reference_facet(self.mesh.element_type).shape
-        part = np.einsum("qa,fqc->fac", shape, force.reshape(len(facet), len(shape), 3))
+        of_points = np.zeros((len(facet) * len(shape), 3))
+        of_points[slice(None) if at is None else at] = force
+        part = np.einsum("qa,fqc->fac", shape, of_points.reshape(len(facet), len(shape), 3))
         return self._scattered(facet, part)
 
     def point_force(self, station: FloatArray, roll_angle: FloatArray, force: FloatArray) -> FloatArray:

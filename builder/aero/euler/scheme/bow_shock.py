@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from builder.aero.euler.scheme.compiled import compiled, inlined
 from builder.aero.euler.scheme.gas import GAMMA
 from builder.aero.euler.scheme.grid import Rays, norm
 from builder.aero.euler.scheme.reconstruction import Stream, limited
+from builder.compiled import compiled, inlined
 from strainfmu.arrays import FloatArray
 
 SMOOTHING = 0.5

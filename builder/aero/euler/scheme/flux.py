@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from builder.aero.euler.scheme.compiled import inlined
 from builder.aero.euler.scheme.gas import GAMMA
+from builder.compiled import inlined
 
 FaceState = tuple[float, float, float, float, float]
 """p, rho, u and the velocity normal and tangential to a face: v_n, v_t."""

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from builder.aero.euler.scheme.compiled import compiled, inlined
 from builder.aero.euler.scheme.flux import hll
 from builder.aero.euler.scheme.gas import GAMMA, wall_pressure
 from builder.aero.euler.scheme.grid import Rays, Step, face_area, norm
@@ -18,6 +17,7 @@ from builder.aero.euler.scheme.reconstruction import (
     radial_slopes,
     reconstruct,
 )
+from builder.compiled import compiled, inlined
 from strainfmu.arrays import FloatArray, IntArray
 
 

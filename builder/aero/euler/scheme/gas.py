@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from builder.aero.euler.scheme.compiled import compiled, inlined
+from builder.compiled import compiled, inlined
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 
 GAMMA = HEAT_CAPACITY_RATIO

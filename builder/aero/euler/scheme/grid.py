@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from builder.aero.euler.scheme.compiled import compiled, inlined
+from builder.compiled import compiled, inlined
 from strainfmu.arrays import FloatArray
 
 

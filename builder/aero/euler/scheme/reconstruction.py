@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from builder.aero.euler.scheme.compiled import compiled, inlined
 from builder.aero.euler.scheme.gas import GAMMA, axial_velocity, is_supersonic
+from builder.compiled import compiled, inlined
 from strainfmu.arrays import FloatArray
 
 State = tuple[float, float, float, float, float]

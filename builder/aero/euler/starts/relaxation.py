@@ -15,7 +15,6 @@ import numpy as np
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.euler.planes.plane import Plane, change_between, cone_imbalance
 from builder.aero.euler.scheme.bow_shock import outer_boundary_growth
-from builder.aero.euler.scheme.compiled import compiled
 from builder.aero.euler.scheme.gas import GAMMA
 from builder.aero.euler.scheme.grid import Rays, Step, cell_areas, place_vertices
 from builder.aero.euler.scheme.march import (
@@ -27,6 +26,7 @@ from builder.aero.euler.scheme.march import (
     find_fluxes,
 )
 from builder.aero.euler.scheme.reconstruction import Stream
+from builder.compiled import compiled
 from strainfmu.arrays import FloatArray
 
 COURANT = 1.1

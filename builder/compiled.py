@@ -1,4 +1,4 @@
-"""Compilation of the scheme's functions by numba."""
+"""Compilation of numerical functions by numba."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def compiled(function: Function) -> Function:
     """Compile ``function``: machine code kept on disk, run without the interpreter lock, IEEE results for x/0.
 
     A compiled function is renewed when its own file changes, not when a function that it calls does: after an
-    edit in this folder delete ``__pycache__``. Where no folder for the machine code can be written, the function
+    edit delete ``__pycache__`` of its folder. Where no folder for the machine code can be written, the function
     is compiled again in every process.
     """
     try:
