@@ -53,9 +53,10 @@ from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 ZEROS = "_zeros.toml"
 """End of the name of the file of zeros next to the map."""
 
-VEHICLES = 20
-"""Vehicles that alarm levels are measured with in every flight. Those that a test allows resemble each other: over
-the conditions drawn, levels of the shipped vehicle scatter as much as with 50 (1 to 4 %); with 10 they are off."""
+CONDITIONS, VEHICLES = 2000, 32
+"""Flight conditions that alarm levels are measured at, and vehicles in each. Those that a test allows resemble
+each other: over six draws of both, levels of the shipped vehicle scatter by 2 to 6 %, as with 20 vehicles at 4000
+conditions; with 50 there, by 2 to 4 %."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -349,7 +350,9 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     if model is None:
         return with_levels_of(made, parts.drawn)
     fly = partial(allowed_vehicles, vehicle, parts.structure, remaining, model.structure, model.flows)
-    return with_measured_levels(vehicle, made, model.flows, fly, reporter, VEHICLES)
+    return with_measured_levels(
+        vehicle, made, model.flows, fly, reporter, conditions=CONDITIONS, vehicles=VEHICLES
+    )
 
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:

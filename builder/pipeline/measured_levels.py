@@ -14,7 +14,7 @@ from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
 from builder.trial.alarm_levels import with_alarm_levels, with_flight_alarm_levels
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
-from builder.trial.readings import SEED, VEHICLES, ReadFlights, read_flights, readings
+from builder.trial.readings import CONDITIONS, SEED, VEHICLES, ReadFlights, read_flights, readings
 from builder.trial.vehicles import DrawnVehicles, Fly
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import truth_knots
@@ -116,12 +116,14 @@ def with_measured_levels(
     flows: FlowTable,
     fly: Fly,
     reporter: Reporter,
+    conditions: int = CONDITIONS,
     vehicles: int = VEHICLES,
 ) -> InverseMap:
-    """Return ``inverse_map`` with alarm levels set on flights of the independent model, of ``vehicles`` each."""
+    """Return ``inverse_map`` with alarm levels set on flights of the independent model at as many ``conditions``,
+    of ``vehicles`` each."""
 
     def read() -> ReadFlights:
-        return read_flights(inverse_map, vehicle, flows, fly, vehicles=vehicles)
+        return read_flights(inverse_map, vehicle, flows, fly, conditions=conditions, vehicles=vehicles)
 
     return _with_levels(vehicle, inverse_map, read, reporter)
 

@@ -11,11 +11,13 @@ from builder.structure.as_built.wall_regions import WallRegions, thickened
 from builder.structure.as_built.wall_states import WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
-from builder.structure.loads.applied import Load, SectionLoad, Weight
+from builder.structure.loads.applied import Load, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import nodal_force
-from builder.structure.loads.loaded_structure import LoadProperties
+from builder.structure.loads.loaded_structure import INNER, LoadProperties
+from builder.structure.loads.temperature import TemperatureField
 from builder.structure.wall import Material, Wall
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
 
@@ -26,6 +28,10 @@ ONE = WallRegions(end=np.array([-1.0, LENGTH]))
 
 @pytest.fixture(scope="module")
 def states() -> WallStates:
+    return solved()
+
+
+def solved(changed_within: int = 4) -> WallStates:
     ends = np.array([0.0, LENGTH])
     mesh = tube_mesh(ends, np.full(2, RADIUS - THICKNESS), np.full(2, RADIUS), element_length=0.05)
     gauge = PlacedGauges(
@@ -37,9 +43,10 @@ def states() -> WallStates:
         regions=ONE,
         gauges=gauge,
         along=np.array([1e-3]),
-        properties=LoadProperties(density=4430.0),
+        properties=LoadProperties(density=4430.0, expansion=9e-6),
         max_harmonic=4,
         changed_harmonic=4,
+        changed_within=changed_within,
     )
 
 
@@ -75,11 +82,12 @@ def test_bending_moves_the_neutral_axis(states: WallStates) -> None:
 
 
 def test_a_thicker_region_is_an_even_change(states: WallStates) -> None:
-    """Thin and thick states bracket the wall as expected, as 1 / t does under an axial force."""
+    """A thinner and a thicker wall strain under an axial force as 1 / t does."""
     split = states.rows.split(nodal_force(states.forces[0], SectionLoad(station=0.0, force=(-1e3, 0.0, 0.0))))
-    thin, even, thick = (
-        float(one.strain(split)[0, 0, 0, 0]) for one in (states.thin[0], states.nominal, states.thick[0])
+    even, first, second = (
+        float(one.strain(split)[0, 0, 0, 0]) for one in (states.nominal, states.wall[0], states.wall_twice[0])
     )
+    thin, thick = (even + size * (first + size * second) for size in (-0.04, 0.04))
     outer = RADIUS**2
     area = [outer - (RADIUS - factor * THICKNESS) ** 2 for factor in (0.96, 1.0, 1.04)]
     assert thin / even == pytest.approx(area[1] / area[0], rel=1e-4)
@@ -90,6 +98,25 @@ def test_weight_changes_with_the_wall(states: WallStates) -> None:
     even, thin, thick = states.forces
     weights = [one.resultant(nodal_force(one, Weight()))[2] for one in (thin[0], even, thick[0])]
     assert (weights[2] - weights[0]) / weights[1] == pytest.approx(0.08, rel=0.02)
+
+
+def test_loads_within_the_wall_beyond_what_was_kept_are_refused() -> None:
+    """A wall whose changes were kept for weight refuses a temperature that goes twice round the body."""
+    kept = solved(changed_within=1)
+    for harmonic, held in ((1, [kept.nominal, kept.soft[0]]), (2, [kept.nominal])):
+        for one in held:
+            one.strain(kept.rows.split(_heated(kept, harmonic)))
+    pressure = nodal_force(kept.forces[0], SurfacePressure(surface=INNER, pressure=1e4))
+    assert kept.soft[0].strain(kept.rows.split(pressure)).any()
+    with pytest.raises(InputError, match="harmonics up to 1 within the wall"):
+        kept.soft[0].strain(kept.rows.split(_heated(kept, 2)))
+
+
+def _heated(states: WallStates, harmonic: int) -> FloatArray:
+    """Return the nodal forces of a temperature that goes as cos(harmonic phi)."""
+    warm = np.tile(50.0 * np.cos(harmonic * 2.0 * np.pi * np.arange(9) / 9), (2, 1))
+    field = TemperatureField(station=np.array([0.0, LENGTH]), inner=warm, outer=warm)
+    return nodal_force(states.forces[0], field)
 
 
 def amplitudes(random: np.random.Generator) -> FloatArray:

@@ -24,7 +24,7 @@ from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_state
 from builder.truth.revolution.strain import TrueStructure, reading_of, strain_per_pressure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.flight_condition import FlightCondition
 
@@ -42,8 +42,8 @@ class AllowedVehicles:
     by_gauge : (k, n_g, n_d) derivatives of that strain by the kinds of which every gauge has its own parameter
         [m/m per unit].
     by_all : (k, n_a, n_d) derivatives by the parameters that all gauges see [m/m per unit].
-    factor : (n, r) whose product with its transpose is the covariance after the test.
-    zeros, of_gauge, of_all : places of the zeros (n_d,) and of those parameters (n_g, n_d), (n_a,) in the vector.
+    factor : (n_d + n_g n_d + n_a, r) whose product with its transpose is the covariance after the test, of the
+        zeros and then of those parameters.
     """
 
     drawing: DrawnVehicles
@@ -53,9 +53,6 @@ class AllowedVehicles:
     by_gauge: FloatArray
     by_all: FloatArray
     factor: FloatArray
-    zeros: IntArray
-    of_gauge: IntArray
-    of_all: IntArray
 
     @property
     def conditions(self) -> Sequence[FlightCondition]:
@@ -76,9 +73,11 @@ class AllowedVehicles:
         ambient, inside = flights.ambient_pressure[one], flights.internal_pressure[one]
         strain = reading_of(built, ambient, inside, self.of_flow[number], self.of_unit)
         error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
+        _, n_g, n_d = self.by_gauge.shape
         # Zeros are taken off as estimated, so that their error is a reading of its own.
-        strain = strain + self.change[number] + error[:, self.zeros] + error[:, self.of_all] @ self.by_all[number]
-        strain += np.einsum("vgd,gd->vd", error[:, self.of_gauge], self.by_gauge[number])
+        zeros, own, common = np.split(error, [n_d, (1 + n_g) * n_d], axis=1)
+        strain = strain + self.change[number] + zeros + common @ self.by_all[number]
+        strain += np.einsum("vgd,gd->vd", own.reshape(count, n_g, n_d), self.by_gauge[number])
         return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
 
 
@@ -118,6 +117,8 @@ def allowed_vehicles(
     common = [key for key in slope if not of_gauges(key)]
     order = [1 + list(slope).index(key) for key in (*own, *common)]
     where, place = slices(structure.counts), np.arange(len(remaining.covariance))
+    rows = [place[where[ZERO]], *(place[where[kind]] for kind, _ in own)]
+    rows.append(np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp))
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedVehicles(
         drawing=drawing,
@@ -126,10 +127,7 @@ def allowed_vehicles(
         change=strain[:, 0],
         by_gauge=strain[:, order[: len(own)]],
         by_all=strain[:, order[len(own) :]],
-        factor=vector * np.sqrt(np.maximum(value, 0.0)),
-        zeros=place[where[ZERO]],
-        of_gauge=np.array([place[where[kind]] for kind, _ in own], dtype=np.intp).reshape(-1, structure.n_gauges),
-        of_all=np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp),
+        factor=vector[np.concatenate(rows)] * np.sqrt(np.maximum(value, 0.0)),
     )
 
 

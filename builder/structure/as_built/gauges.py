@@ -122,13 +122,13 @@ class WallGauges:
         """
         n_m = amplitude.shape[-3]
         normal, shear = at_gauges(weights[0], lead, 2), at_gauges(weights[1], lead)
-        even, odd = (amplitude[..., :2] * normal).sum(axis=-1), amplitude[..., 2] * shear
+        even, odd = _along(amplitude, normal), amplitude[..., 2] * shear
         phase = np.arange(n_m)[:, None] * roll[..., None, :]
         for wave, turned, sides in parts:
             cosine, sine = np.zeros_like(even), np.zeros_like(even)
             phases = side_phases(roll - turned * QUARTER / wave, n_m, wave)
             for (cos_m, sin_m, factor), part in zip(phases, sides, strict=True):
-                along, across = (part[..., :2] * normal).sum(axis=-1), part[..., 2] * shear
+                along, across = _along(part, normal), part[..., 2] * shear
                 cosine += factor * (along * cos_m + across * sin_m)
                 sine += factor * (along * sin_m - across * cos_m)
             # cos n(phi - pi/2) = cos(n pi/2) cos(n phi) + sin(n pi/2) sin(n phi), and so for the sine.
@@ -137,6 +137,11 @@ class WallGauges:
             even = even + cosine * np.cos(phase) + sine * np.sin(phase)
             odd = odd + cosine * np.sin(phase) - sine * np.cos(phase)
         return BuiltGauges(even=even, odd=odd, roll_angle=roll)
+
+
+def _along(strain: FloatArray, normal: FloatArray) -> FloatArray:
+    """Return what ``normal`` (.., 2) makes of meridional and hoop strain, (.., 3) with shear."""
+    return np.asarray(strain[..., 0] * normal[..., 0] + strain[..., 1] * normal[..., 1])
 
 
 def _stacked(parts: Sequence[BuiltGauges]) -> BuiltGauges:

@@ -129,7 +129,7 @@ class AsBuiltStructure:
     @property
     def solved_keys(self) -> list[Key]:
         """Keys of all that may differ on this structure."""
-        known = {"wall_thickness", "wall_taper"} if not len(self.states.thin) else set[str]()
+        known = {"wall_thickness", "wall_taper"} if not len(self.states.wall) else set[str]()
         known |= set() if self.has_moduli else {"region_modulus"}
         return [key for key in derivative_keys(self.counts) if key[0] not in known]
 
@@ -227,11 +227,12 @@ class AsBuiltStructure:
         within = isinstance(load, WITHIN_THE_WALL) or (isinstance(load, SurfacePressure) and load.surface == INNER)
         lighter, heavier = ([nodal_force(one, load) for one in part] if within else [] for part in (thin, thick))
         amplitude, uneven_load, region_mass = states.nominal.strain(whole), None, None
-        of_thin, of_thick = (
-            np.array([one.strain(split(forces[k]) if forces else whole) for k, one in enumerate(part)])
-            for part, forces in ((states.thin, lighter), (states.thick, heavier))
+        of_wall, of_square = (
+            np.array([one.strain(whole) for one in part]) for part in (states.wall, states.wall_twice)
         )
         if within:
+            if len(of_wall):
+                of_wall, of_square = self._of_moving_load(amplitude, lighter, heavier)
             pairs = zip(lighter[: self.n_regions], heavier, strict=False)
             waved = [times_waves((b - a) / (2.0 * WALL_STEP)) for a, b in pairs]  # region, wave, cosine or sine
             strain = [[[states.nominal.strain(split(f)) for f in parts] for parts in region] for region in waved]
@@ -242,7 +243,7 @@ class AsBuiltStructure:
         table = _table(
             amplitude,
             (states.fore.strain(whole), states.aft.strain(whole)),
-            (of_thin, of_thick),
+            (of_wall, of_square),
             np.array(
                 [
                     [one.strain(part) for part in (whole, split(rolled_quarter(force, wave)))]
@@ -262,6 +263,25 @@ class AsBuiltStructure:
             by_mass=isinstance(load, OF_MASS),
         )
 
+    def _of_moving_load(
+        self, even: FloatArray, lighter: Sequence[FloatArray], heavier: Sequence[FloatArray]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what a load that changes with the wall strains per thickness and taper of each region, and per
+        their squares; ``even`` (2, n_m, n_s, 3) is by the wall as expected, nodal forces by thinner and thicker
+        ones."""
+        states, split = self.states, self.states.rows.split
+        by_wall, by_square = [], []
+        for first, second, *forces in zip(states.wall, states.wall_twice, lighter, heavier, strict=False):
+            thin, thick = (
+                states.nominal.strain(force)[:, : first.outer.shape[-4]]
+                + size * (first.strain(force) + size * second.strain(force))
+                for size, force in zip((-WALL_STEP, WALL_STEP), map(split, forces), strict=True)
+            )
+            here = even[:, : thin.shape[1]]
+            by_wall.append((thick - thin) / (2.0 * WALL_STEP))
+            by_square.append((thick - 2.0 * here + thin) / (2.0 * WALL_STEP**2))
+        return np.array(by_wall), np.array(by_square)
+
     def _thickness_that_changes(self, parameters: AsBuilt, keys: Sequence[Key]) -> FloatArray:
         """Return :meth:`_thickness`; refuse keys of what this structure was not solved for."""
         for kind, _ in keys:
@@ -274,7 +294,7 @@ class AsBuiltStructure:
         one, other = (
             np.concatenate([built.wall_thickness, built.wall_taper]) for built in (parameters, self.solved)
         )
-        if not len(self.states.thin) and np.abs(one - other).max() > 1e-12:
+        if not len(self.states.wall) and np.abs(one - other).max() > 1e-12:
             raise InputError("this structure was solved for one wall; its thickness cannot change")
         if not self.has_moduli and parameters.region_modulus.any():
             raise InputError("this structure was solved for one modulus; calibration.region_modulus_percent is 0")
@@ -383,14 +403,12 @@ def _table(
     uneven: FloatArray,
     soft: FloatArray,
 ) -> ResponseTable:
-    """Return the table through values a step SHIFT before and behind, and WALL_STEP thinner and thicker.
+    """Return the table through values a step SHIFT before and behind; ``wall`` are by thickness and its square.
 
     ``wall``, ``uneven`` and ``soft`` may have fewer harmonics; in the others they change nothing.
     """
     fore, aft = along
-    thin, thick = wall
     n_m = nominal.shape[-3]
-    even = nominal[..., : thin.shape[-3], :, :] if len(thin) else nominal
 
     def of_all(change: FloatArray) -> FloatArray:
         if not len(change):
@@ -401,8 +419,8 @@ def _table(
         nominal=nominal,
         along=(aft - fore) / (2.0 * SHIFT),
         along_twice=(aft - 2.0 * nominal + fore) / (2.0 * SHIFT**2),
-        wall=of_all((thick - thin) / (2.0 * WALL_STEP)),
-        wall_twice=of_all((thick - 2.0 * even + thin) / (2.0 * WALL_STEP**2)) if len(thin) else thin,
+        wall=of_all(wall[0]),
+        wall_twice=of_all(wall[1]),
         uneven=of_all(uneven),
         soft=of_all(soft),
     )
@@ -422,7 +440,7 @@ def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int) -> Response
     return _table(
         of(states.nominal),
         (of(states.fore), of(states.aft)),
-        (np.array([of(one) for one in states.thin]), np.array([of(one) for one in states.thick])),
+        (np.array([of(one) for one in states.wall]), np.array([of(one) for one in states.wall_twice])),
         np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
         np.array([of(one) for one in states.soft]),
     )

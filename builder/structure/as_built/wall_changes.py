@@ -37,36 +37,42 @@ FAINT = 1e-9
 
 
 class ExpectedWall:
-    """The wall as expected: adjoints of all harmonics, factors of the few that are at work.
+    """The wall as expected: adjoints and factors of the few harmonics that are at work.
 
     Attributes
     ----------
     x : (n_s,) stations of the gauges [m].
-    adjoint : (n_m, n_all, 3, n_dof) strain per nodal force at all stations, of harmonics solved so far [1/N].
+    n_m : number of harmonics.
     """
 
     def __init__(
         self, mesh: MeridianMesh, material: Material, stations: FloatArray, gauges: IntArray, n_m: int
     ) -> None:
         """``gauges`` (n_s,) are the gauges' among all ``stations`` (n_all,) [m]."""
-        self.mesh, self.x = mesh, stations[gauges]
+        self.mesh, self.x, self.n_m = mesh, stations[gauges], n_m
         self.stiffness = assemble_stiffness(mesh, material)
-        self.adjoint = np.empty((n_m, len(stations), 3, mesh.n_dof))
         self._stations, self._gauges = stations, gauges
         self._solvers: dict[int, HarmonicSolver] = {}
-        self._solved = 0
+        self._adjoints: dict[int, FloatArray] = {}
 
-    def solver(self, n: int) -> HarmonicSolver:
-        """Return the factors of harmonic ``n``, for the last time; adjoints of its neighbours are solved then."""
-        for m in range(self._solved, min(n + max(WAVES) + 1, len(self.adjoint))):
-            self._solvers[m] = factor_harmonic(self.mesh, self.stiffness, m, twist=True)
-            self.adjoint[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
-            self._solved = m + 1
-        return self._solvers.pop(n)
+    def at_harmonic(self, n: int) -> tuple[HarmonicSolver, FloatArray]:
+        """Return the factors of harmonic ``n`` and its adjoint (n_all, 3, n_dof), strain per nodal force at all
+        stations [1/N].
+
+        Harmonics follow one another. Adjoints of those that an uneven wall couples with ``n`` are solved then, and
+        what is behind them is forgotten.
+        """
+        for m in range(n, min(n + max(WAVES) + 1, self.n_m)):
+            if m not in self._solvers:
+                self._solvers[m] = factor_harmonic(self.mesh, self.stiffness, m, twist=True)
+                self._adjoints[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
+        self._solvers.pop(n - 1, None)
+        self._adjoints.pop(n - max(WAVES) - 1, None)
+        return self._solvers[n], self._adjoints[n]
 
     def at_gauges(self, m: int) -> FloatArray:
         """Return the adjoint (n_s, 3, n_dof) of harmonic ``m`` at the gauges; -m is m reflected."""
-        found = self.adjoint[abs(m)][self._gauges]
+        found = self._adjoints[abs(m)][self._gauges]
         return found if m >= 0 else reflected(found)
 
 
@@ -90,17 +96,15 @@ class ThickerWall:
         terms = self._by_order(of_minus, of_plus, even.term)
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
-    def adjoints(
-        self, expected: ExpectedWall, solver: HarmonicSolver, n: int, sizes: Sequence[float]
-    ) -> list[FloatArray]:
-        """Return the adjoint (n_s, 3, n_dof) of harmonic ``n`` for each size of the change."""
+    def adjoints(self, expected: ExpectedWall, solver: HarmonicSolver, n: int) -> tuple[FloatArray, FloatArray]:
+        """Return the adjoint of harmonic ``n`` per change and per its square, (n_s, 3, n_dof) each."""
         zeroth = expected.at_gauges(n)
         minus, plus, even = (strain_rows(one, expected.x, n) for one in (self._minus, self._plus, expected.mesh))
         b_1, b_2 = self._by_order(minus, plus, even)
         k_1, k_2 = (one.matrix(n) for one in self._stiffness)
         first = solved(solver, b_1 - _times(zeroth, k_1))
         second = solved(solver, b_2 - _times(first, k_1) - _times(zeroth, k_2))
-        return [zeroth + size * (first + size * second) for size in sizes]
+        return first, second
 
     def _by_order(self, minus: FloatArray, plus: FloatArray, even: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the first two coefficients of Taylor's series by central differences."""
@@ -206,7 +210,7 @@ def uneven_adjoints(
 
     Each is with the numbers of its harmonic w, its region and its side. The load's harmonic is ``n``.
     """
-    n_m, of_surface = len(expected.adjoint), SIDES.index(0)
+    n_m, of_surface = expected.n_m, SIDES.index(0)
     sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
     reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
     for region, change in enumerate(changes):

@@ -11,9 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from builder.structure.fourier.fourier_elasticity import strain_displacement
+from builder.structure.fourier.fourier_elasticity import FourierStiffness, strain_displacement
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -31,43 +32,49 @@ class HarmonicProduct:
 
     Attributes
     ----------
-    cc, cl, ll : (n_dof, n_dof) sums of B' C B over the constant part of B and the one that goes with the harmonic
-        [N/m per radian].
+    indices, indptr : pattern of the compressed rows.
+    term : (4, n_nonzero) entries of cc, cl, cl' and ll, sums of B' C B over the constant part of B and the one
+        that goes with the harmonic [N/m per radian].
     """
 
-    cc: csr_array
-    cl: csr_array
-    ll: csr_array
+    indices: NDArray[np.intp]
+    indptr: NDArray[np.intp]
+    term: FloatArray
 
     def times(self, n: int, m: int, motion: FloatArray) -> FloatArray:
         """Return (n_dof, k) forces in harmonic ``n`` of motions (n_dof, k) in harmonic ``m``."""
-        return np.asarray(
-            self.cc @ motion + m * (self.cl @ motion) + n * (self.cl.T @ motion) + n * m * (self.ll @ motion)
-        )
+        n_dof = len(self.indptr) - 1
+        data = np.array([1.0, m, n, n * m]) @ self.term
+        return np.asarray(csr_array((data, self.indices, self.indptr), shape=(n_dof, n_dof)) @ motion)
 
     def less(self, other: HarmonicProduct, step: float) -> HarmonicProduct:
-        """Return the difference to ``other`` over ``step``."""
-        parts = ((a - b) / step for a, b in zip(self._parts(), other._parts(), strict=True))
-        return HarmonicProduct(*parts)
+        """Return the difference to ``other``, of the same pattern, over ``step``; without entries of zero."""
+        term = (self.term - other.term) / step
+        kept = term.any(axis=0)
+        return HarmonicProduct(
+            self.indices[kept], np.concatenate([[0], np.cumsum(kept)])[self.indptr], term[:, kept]
+        )
 
-    def _parts(self) -> tuple[csr_array, csr_array, csr_array]:
-        return self.cc, self.cl, self.ll
 
+def harmonic_product(mesh: MeridianMesh, material: Material, like: FourierStiffness) -> HarmonicProduct:
+    """Return the stiffness of a wall of revolution between displacements of any two harmonics.
 
-def harmonic_product(mesh: MeridianMesh, material: Material) -> HarmonicProduct:
-    """Return the stiffness of a wall of revolution between displacements of any two harmonics."""
+    ``like`` is the stiffness of a mesh of the same elements.
+    """
     constant, linear, weight = strain_displacement(mesh)
     n_e = len(mesh.element)
-    dof = (3 * mesh.element[:, :, None] + np.arange(3)).reshape(n_e, 27)
-    row = np.broadcast_to(dof[:, :, None], (n_e, 27, 27)).ravel()
-    column = np.broadcast_to(dof[:, None, :], (n_e, 27, 27)).ravel()
-
-    def product(left: FloatArray, right: FloatArray) -> csr_array:
-        stress = np.einsum("ij,eqjb,eq->eqib", material.stiffness, right, weight)
-        block = left.reshape(n_e, -1, 27).transpose(0, 2, 1) @ stress.reshape(n_e, -1, 27)
-        return csr_array((block.ravel(), (row, column)), shape=(mesh.n_dof, mesh.n_dof))
-
-    return HarmonicProduct(product(constant, constant), product(constant, linear), product(linear, linear))
+    of_constant, of_linear = (
+        np.einsum("ij,eqjb,eq->eqib", material.stiffness, one, weight).reshape(n_e, -1, 27)
+        for one in (constant, linear)
+    )
+    constant, linear = (one.reshape(n_e, -1, 27).transpose(0, 2, 1) for one in (constant, linear))
+    mixed = constant @ of_linear
+    blocks = constant @ of_constant, mixed, mixed.transpose(0, 2, 1), linear @ of_linear
+    assert like.place is not None  # assembled of elements
+    # The pattern is symmetric; its places are by columns.
+    n = len(like.indices)
+    term = [np.bincount(like.place, one.transpose(0, 2, 1).ravel(), n) for one in blocks]
+    return HarmonicProduct(like.indices, like.indptr, np.array(term, dtype=np.float64))
 
 
 def neighbour_weight(n: int) -> float:

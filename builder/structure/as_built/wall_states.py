@@ -139,7 +139,8 @@ class Adjoint:
         found = _product(self.outer[..., forces.columns], forces.outer[:, :n_m])
         if forces.within is None:
             return found
-        if forces.within[:, len(self.low) :].any():
+        beyond = np.abs(forces.within[:, len(self.low) :]).max(initial=0.0)
+        if beyond > ROUNDING * np.abs(forces.within).max():
             raise InputError(
                 f"load: expected harmonics up to {len(self.low) - 1} within the wall, got higher ones"
             )
@@ -167,9 +168,8 @@ class WallStates:
     ----------
     rows : nodal forces that count.
     nominal, fore, aft : of the wall as expected at the stations, and a step ahead of and behind them.
-    thin, thick : per region, of a wall thinner and thicker there, then of one that tapers towards its aft end and
-        towards its fore end; empty where the wall is known. These and the next two have the harmonics in which
-        changes count.
+    wall, wall_twice : per relative thickness of each region, then per taper of each, and per their squares; empty
+        where the wall is known. These and the next two have the harmonics in which changes count.
     uneven : for each of :data:`~builder.structure.as_built.wall_harmonics.WAVES`, (n_r, 3 sides) per region of a
         wall whose thickness goes as cos(wave phi), as in
         :data:`~builder.structure.as_built.wall_harmonics.SIDES`.
@@ -183,8 +183,8 @@ class WallStates:
     nominal: Adjoint
     fore: Adjoint
     aft: Adjoint
-    thin: tuple[Adjoint, ...]
-    thick: tuple[Adjoint, ...]
+    wall: tuple[Adjoint, ...]
+    wall_twice: tuple[Adjoint, ...]
     uneven: tuple[Adjoint, ...]
     soft: tuple[Adjoint, ...]
     forces: tuple[FourierStructure, tuple[FourierStructure, ...], tuple[FourierStructure, ...]]
@@ -233,13 +233,13 @@ def wall_states(
     pairs = [_thin_and_thick(mesh, wall, regions, k, WALL_STEP) for k in range(count)]
     expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
     thicker = [_thicker(mesh, wall, regions, k, expected.stiffness) for k in range(count if with_regions else 0)]
-    uneven = [_uneven_change(mesh, wall, regions, k) for k in range(len(regions))]
+    uneven = [_uneven_change(mesh, wall, regions, k, expected.stiffness) for k in range(len(regions))]
     clamp = ElasticClamp(mesh, wall.material)
     stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
     whole = _Kept((), n_m, len(stations), rows)
     changed = changed_harmonic + 1
-    of_thin, of_thick, of_soft, of_uneven = (
+    of_wall, of_square, of_soft, of_uneven = (
         _Kept(lead, changed, len(x), rows, changed_within + 1)
         for lead in (
             (len(thicker),),
@@ -249,29 +249,29 @@ def wall_states(
         )
     )
     for n in range(n_m):
-        solver = expected.solver(n)
-        whole.take(n, expected.adjoint[n])
+        solver, adjoint = expected.at_harmonic(n)
+        whole.take(n, adjoint)
         if progress is not None:
             progress(n + 1, n_m)
         if n >= changed:
             continue
         for number, one in enumerate(thicker):
-            thin, thick = one.adjoints(expected, solver, n, (-WALL_STEP, WALL_STEP))
-            of_thin.take(n, thin, number)
-            of_thick.take(n, thick, number)
+            per_change, per_square = one.adjoints(expected, solver, n)
+            of_wall.take(n, per_change, number)
+            of_square.take(n, per_square, number)
         of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
         for number, other in enumerate(stiffer, start=2):
             of_soft.take(n, other.adjoint(expected.at_gauges(n), solver, n), number)
-        for place, adjoint in uneven_adjoints(uneven, expected, solver, n):
-            of_uneven.take(n, adjoint, *place)
+        for place, change in uneven_adjoints(uneven, expected, solver, n):
+            of_uneven.take(n, change, *place)
     bare = [_forces_only(one, wall, properties, max_harmonic) for one in (mesh, *itertools.chain(*pairs))]
     return WallStates(
         rows=rows,
         nominal=whole.adjoint.at(at),
         fore=whole.adjoint.at(fore),
         aft=whole.adjoint.at(aft),
-        thin=of_thin.each,
-        thick=of_thick.each,
+        wall=of_wall.each,
+        wall_twice=of_square.each,
         uneven=of_uneven.each,
         soft=of_soft.each,
         forces=(bare[0], tuple(bare[1::2]), tuple(bare[2::2])),
@@ -332,11 +332,14 @@ def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierSti
     return StifferRegion(mesh, wall.material, there.astype(np.float64), even, size=-1.0 / length)
 
 
-def _uneven_change(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:
-    """Return the derivative by the amplitude of an uneven wall in region ``k``."""
+def _uneven_change(
+    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness
+) -> UnevenChange:
+    """Return the derivative by the amplitude of an uneven wall in region ``k``; ``even`` is the stiffness of the
+    wall as expected."""
     step = HARMONIC_STEP
     plus, minus = (thickened(mesh, wall, regions, sign * step * np.eye(len(regions))[k]) for sign in (1.0, -1.0))
-    of_plus, of_minus = (harmonic_product(one, wall.material) for one in (plus, minus))
+    of_plus, of_minus = (harmonic_product(one, wall.material, even) for one in (plus, minus))
     return UnevenChange(plus, minus, step, of_plus.less(of_minus, 2.0 * step))
 
 

@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
-from builder.structure.fourier.many_sides import ManySides, many_sides
+from builder.structure.fourier.factors import Factors, factored
 from builder.structure.fourier.meridian_mesh import MeridianMesh, quadratic_shape
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -251,7 +250,7 @@ class HarmonicSolver:
     """
 
     free: csc_array
-    factor: ManySides
+    factor: Factors
 
     def solve(self, load: FloatArray) -> FloatArray:
         """Return displacement amplitudes [m], (n_dof, k), under nodal forces ``load`` (n_dof, k).
@@ -280,13 +279,7 @@ def factor_harmonic(
     free = free_motions(mesh, harmonic, twist)
     if mesh.foundation is None:
         _refuse_rigid_motion(mesh, free, harmonic)
-    factor = splu(
-        _of_free(stiffness.matrix(harmonic), free),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return HarmonicSolver(free, many_sides(factor))
+    return HarmonicSolver(free, factored(_of_free(stiffness.matrix(harmonic), free)))
 
 
 def _selected(free: csc_array) -> IntArray | None:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import splu
 
+from builder.structure.fourier.factors import factored
 from builder.structure.fourier.fourier_elasticity import (
     FourierStiffness,
     HarmonicSolver,
@@ -99,8 +99,7 @@ def held_at_points(mesh: MeridianMesh, stiffness: csc_array, harmonic: int) -> H
     loose = np.setdiff1d(np.arange(free.shape[1]), free.tocsr()[dof].indices)
     free = csc_array(free[:, loose])
     held = csc_array(free.T @ stiffness @ free)
-    factor = splu(held, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
-    return HarmonicSolver(free, factor)
+    return HarmonicSolver(free, factored(held))
 
 
 def _cover(mesh: MeridianMesh, start: float, end: float, per_area: float) -> csr_array:

@@ -6,6 +6,7 @@ as built follows :mod:`builder.structure.as_built.revolved`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
@@ -23,7 +24,7 @@ from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.wall import wall_of
-from builder.truth.revolution.flow_table import FlowTable, harmonics_at
+from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
@@ -106,9 +107,24 @@ def true_flights(
     InputError
         A condition is outside the table.
     """
-    mach = np.array([condition.mach_number for condition in conditions])
-    incidence = np.array([condition.total_incidence for condition in conditions])
-    return flights_of_harmonics(vehicle, structure, harmonics_at(table, mach, incidence), conditions)
+    # Strain and loads are linear in the pressure: they are found for the flows of the table and interpolated.
+    mach, incidence, _ = flow_states(conditions)
+    knots = table.harmonic.reshape(-1, *table.harmonic.shape[2:])
+    weights = tuple(zip(by_parity(knots.shape[-1]), knot_weights(table, mach, incidence), strict=True))
+
+    def interpolated(at_knots: FloatArray) -> FloatArray:
+        """Return (.., k, n_m, n_s, 3) at the conditions of (.., n_knots, n_m, n_s, 3)."""
+        found = np.empty((*at_knots.shape[:-4], len(mach), *at_knots.shape[-3:]))
+        for of_parity, weight in weights:
+            part = at_knots[..., of_parity, :, :]
+            values = weight @ part.reshape(*part.shape[:-3], math.prod(part.shape[-3:]))
+            found[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
+        return found
+
+    of_knots = _loads_per_pressure(vehicle, structure.surface, knots)
+    (_, even), (_, odd) = weights
+    loads = np.column_stack([even @ of_knots[:, 0], odd @ of_knots[:, 1:]])
+    return _flights(vehicle, structure, each(_under(structure, knots), interpolated), loads, conditions)
 
 
 def flights_of_harmonics(
@@ -119,53 +135,62 @@ def flights_of_harmonics(
     ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian, at the
     stations of the structure.
     """
+    loads = _loads_per_pressure(vehicle, structure.surface, harmonic)
+    return _flights(vehicle, structure, _under(structure, harmonic), loads, conditions)
+
+
+def _under(structure: TrueStructure, pressure: FloatArray) -> ResponseTable:
+    """Return the table under pressures (k, n_x, n_m)."""
+    n_m = pressure.shape[-1]
+
+    def of_each(one: FloatArray) -> FloatArray:
+        found: FloatArray = np.einsum("...xmsc,kxm->...kmsc", one[..., :n_m, :, :], pressure, optimize=True)
+        return found
+
+    return each(structure.table, of_each)
+
+
+def _flights(
+    vehicle: Vehicle,
+    structure: TrueStructure,
+    table: ResponseTable,
+    loads: FloatArray,
+    conditions: list[FlightCondition],
+) -> TrueFlights:
+    """Return the flights of flows that strain as in ``table``; ``loads`` (k, 3) are theirs per p_inf, as by
+    :func:`_loads_per_pressure`."""
     ambient = np.array([condition.ambient_pressure for condition in conditions])
     inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
-
-    def under(pressure: FloatArray) -> ResponseTable:
-        """Return the table under pressures (k, n_x, n_m)."""
-        n_m = pressure.shape[-1]
-
-        def of_each(one: FloatArray) -> FloatArray:
-            found: FloatArray = np.einsum("...xmsc,kxm->...kmsc", one[..., :n_m, :, :], pressure, optimize=True)
-            return found
-
-        return each(structure.table, of_each)
-
     # An uneven wall turns the uniform pressure into strain of higher harmonics.
     uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
+    everywhere = np.broadcast_to(uniform, (1, len(structure.surface.x), len(uniform)))
+    axial, across, turning = (ambient[:, None] * loads).T
+    axial = axial - inside * _loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
+    roll = np.array([condition.leeward_roll_angle for condition in conditions])
+    cosine, sine = np.cos(roll), np.sin(roll)
+    five = np.column_stack([axial, across * cosine, across * sine, turning * cosine, turning * sine])
+    reference = vehicle.reference_quantities()
+    scale = np.array([coefficient_scale(condition.dynamic_pressure, reference) for condition in conditions])
     return TrueFlights(
         conditions=tuple(conditions),
-        table=under(harmonic),
-        uniform=under(np.broadcast_to(uniform, (1, harmonic.shape[1], len(uniform)))),
-        coefficients=_coefficients(vehicle, structure.surface, harmonic, conditions, ambient, inside),
+        table=table,
+        uniform=_under(structure, everywhere),
+        coefficients=five * scale,
         ambient_pressure=ambient,
         dynamic_pressure=np.array([condition.dynamic_pressure for condition in conditions]),
         internal_pressure=inside,
     )
 
 
-def _coefficients(
-    vehicle: Vehicle,
-    surface: SurfaceGrid,
-    harmonic: FloatArray,
-    conditions: list[FlightCondition],
-    ambient: FloatArray,
-    inside: FloatArray,
-) -> FloatArray:
-    """Return (k, 5): C_A of harmonic 0, cross force and moment of harmonic 1, turned to the wind's roll angle."""
-    reference = vehicle.reference_quantities()
-    loads = load_operator(surface, reference.moment_station).reshape(5, len(surface.x), surface.n_roll)
-    axial, cosine = loads[0].sum(axis=1), np.cos(surface.roll_angle)
+def _loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatArray) -> FloatArray:
+    """Return (k, 3) loads of pressures (k, n_x, n_m): the axial force [m2] of harmonic 0, and the cross force [m2]
+    and its moment [m3] towards leeward of harmonic 1."""
+    station = vehicle.reference_quantities().moment_station
+    loads = load_operator(surface, station).reshape(5, len(surface.x), surface.n_roll)
+    cosine = np.cos(surface.roll_angle)
     force, moment = loads[1] @ cosine, loads[3] @ cosine
-    roll = np.array([condition.leeward_roll_angle for condition in conditions])
-    out = np.empty((len(conditions), 5))
-    out[:, 0] = ambient * (harmonic[:, :, 0] @ axial) - inside * axial.sum()
-    across, turning = ambient * (harmonic[:, :, 1] @ force), ambient * (harmonic[:, :, 1] @ moment)
-    out[:, 1], out[:, 2] = across * np.cos(roll), across * np.sin(roll)
-    out[:, 3], out[:, 4] = turning * np.cos(roll), turning * np.sin(roll)
-    scale = np.array([coefficient_scale(condition.dynamic_pressure, reference) for condition in conditions])
-    return out * scale
+    axial, first = harmonic[:, :, 0], harmonic[:, :, 1]
+    return np.column_stack([axial @ loads[0].sum(axis=1), first @ force, first @ moment])
 
 
 def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:

@@ -81,6 +81,15 @@ def test_one_sample_of_a_series_is_an_estimate() -> None:
         np.testing.assert_array_equal(one.valid, single.valid)
 
 
+def test_residuals_may_be_found_at_once() -> None:
+    inverse_map = random_map()
+    estimator, strain = Estimator(inverse_map), samples(inverse_map, 30)
+    at_once, later = (estimator.estimate(strain, Q, with_residuals=one) for one in (True, False))
+    assert_equal(at_once, list(later))
+    np.testing.assert_array_equal(at_once.standardised_residual, later.standardised_residual)
+    assert list(at_once.suspects) == list(later.suspects)
+
+
 def test_arguments_serve_all_samples_or_each() -> None:
     inverse_map = random_map()
     estimator, strain = Estimator(inverse_map), samples(inverse_map, 5)

@@ -23,7 +23,7 @@ from builder.structure.loads.applied import (
 )
 from builder.structure.loads.fourier import FourierStructure, fourier_structure
 from builder.structure.loads.gauge_strain import gauge_strain, load_resultant
-from builder.structure.loads.loaded_structure import LoadProperties, PointMass
+from builder.structure.loads.loaded_structure import OUTER, LoadProperties, PointMass
 from builder.structure.loads.temperature import TemperatureField, uniform_temperature
 from strainfmu.errors import InputError
 
@@ -315,3 +315,13 @@ def test_bad_values_are_refused() -> None:
         TemperatureField(station=np.array([1.0, 1.0]), inner=np.zeros((2, 1)), outer=np.zeros((2, 1)))
     with pytest.raises(InputError, match="mass"):
         PointMass(station=1.0, roll_angle=0.0, mass=0.0)
+
+
+def test_forces_on_some_points_of_a_surface(cantilever: FourierStructure) -> None:
+    """Forces on chosen points are forces on all of them that are zero elsewhere."""
+    n = len(cantilever.surface_points(OUTER).area)
+    at = np.sort(np.random.default_rng(1).choice(n, 40, replace=False))
+    force = np.zeros((n, 3))
+    force[at] = np.random.default_rng(2).standard_normal((40, 3))
+    some, every = cantilever.spread_force(OUTER, force[at], at), cantilever.spread_force(OUTER, force)
+    np.testing.assert_allclose(some, every, atol=1e-12 * np.abs(every).max())

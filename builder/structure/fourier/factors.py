@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import SuperLU
+from scipy.sparse.linalg import splu
 
 from builder.compiled import compiled
 from strainfmu.arrays import FloatArray, IntArray
@@ -20,7 +20,7 @@ BLOCK = 64
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ManySides:
+class Factors:
     """Factors L U of a matrix (n, n) whose rows and columns are permuted.
 
     Attributes
@@ -55,12 +55,13 @@ class ManySides:
         return found
 
 
-def many_sides(factor: SuperLU) -> ManySides:
-    """Return the factors that SuperLU found."""
+def factored(matrix: csc_array) -> Factors:
+    """Factor a symmetric, definite ``matrix`` (n, n) by SuperLU."""
+    factor = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     lower, upper = csc_array(factor.L), csc_array(factor.U)
     lower.sort_indices()
     upper.sort_indices()
-    return ManySides(lower=lower, upper=upper, row=np.argsort(factor.perm_r), column=np.argsort(factor.perm_c))
+    return Factors(lower=lower, upper=upper, row=np.argsort(factor.perm_r), column=np.argsort(factor.perm_c))
 
 
 @compiled
