@@ -95,24 +95,22 @@ def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensembl
     operator = np.stack(list(by_key.values()))  # n_keys, n_d, n_p
     strain = ensemble.responses(operator.reshape(-1, operator.shape[-1])).reshape(-1, *operator.shape[:2])
     product = np.einsum("j,jkg,jlg->gkl", ensemble.member_weight, strain, strain, optimize=True)
-
-    def error(weight: FloatArray, common: bool) -> HardwareError:
-        """Return the error of ``weight`` (n_d, n_keys) in the parameters."""
-        return HardwareError(
-            name=NAME,
-            operator=np.einsum("gk,kgp->gp", weight, operator),
-            strain=np.einsum("gk,jkg->jg", weight, strain),
-            common=common,
-            with_rest=True,
-        )
-
     direction = _strongest(change, product)
     common = change @ direction
     rest = change - common @ direction.T
     own = _patterns(rest @ np.swapaxes(rest, 1, 2), product)
+    errors = np.concatenate([common, own], axis=2).transpose(0, 2, 1)  # n_d, n, n_keys in the parameters
+    operators = (errors @ operator.swapaxes(0, 1)).swapaxes(0, 1)
+    strains = (errors @ strain.T).transpose(1, 2, 0)  # n, n_j, n_d
     return [
-        *(error(common[:, :, i], common=True) for i in range(common.shape[2])),
-        *(error(own[:, :, i], common=False) for i in range(own.shape[2])),
+        HardwareError(
+            name=NAME,
+            operator=np.ascontiguousarray(of_pressure),
+            strain=np.ascontiguousarray(of_flows),
+            common=number < common.shape[2],
+            with_rest=True,
+        )
+        for number, (of_pressure, of_flows) in enumerate(zip(operators, strains, strict=True))
     ]
 
 

@@ -11,7 +11,6 @@ An uneven wall changes it to first order, see :mod:`builder.structure.as_built.w
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -24,16 +23,14 @@ from builder.structure.fourier.fourier_elasticity import (
     factor_harmonic,
     ring_products,
 )
+from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges
-from builder.structure.fourier.strain_operator import strain_rows
+from builder.structure.fourier.strain_operator import strain_rows, strain_rows_at
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 
 CLAMP_LENGTH = 2e-3
 """Length of wall that yields as the clamp does, at which its effect is solved for [m]."""
-
-FAINT = 1e-9
-"""Part of the largest entry of a stiffness below which one is none."""
 
 
 class ExpectedWall:
@@ -84,22 +81,23 @@ def solved(solver: HarmonicSolver, rows: FloatArray) -> FloatArray:
 class ThickerWall:
     """A wall whose thickness changes in one way, by its first two derivatives.
 
-    ``minus`` and ``plus`` are meshes of the wall changed by a small ``step`` to both sides; ``even`` is the
-    stiffness of the wall as expected.
+    ``minus`` and ``plus`` are meshes of the wall ``expected`` changed by a small ``step`` to both sides.
     """
 
     def __init__(
-        self, minus: MeridianMesh, plus: MeridianMesh, step: float, even: FourierStiffness, material: Material
+        self, minus: MeridianMesh, plus: MeridianMesh, step: float, expected: ExpectedWall, material: Material
     ) -> None:
-        self._minus, self._plus, self._step = minus, plus, step
+        self._expected, self._step, self._n_nodes = expected, step, len(plus.node)
+        self._points = [inner_surface_points(one, expected.x) for one in (minus, plus, expected.mesh)]
+        even = expected.stiffness
         of_minus, of_plus = (assemble_stiffness(one, material, even).term for one in (minus, plus))
         terms = self._by_order(of_minus, of_plus, even.term)
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
-    def adjoints(self, expected: ExpectedWall, solver: HarmonicSolver, n: int) -> tuple[FloatArray, FloatArray]:
+    def adjoints(self, solver: HarmonicSolver, n: int) -> tuple[FloatArray, FloatArray]:
         """Return the adjoint of harmonic ``n`` per change and per its square, (n_s, 3, n_dof) each."""
-        zeroth = expected.at_gauges(n)
-        minus, plus, even = (strain_rows(one, expected.x, n) for one in (self._minus, self._plus, expected.mesh))
+        zeroth = self._expected.at_gauges(n)
+        minus, plus, even = (strain_rows_at(one, self._n_nodes, n) for one in self._points)
         b_1, b_2 = self._by_order(minus, plus, even)
         k_1, k_2 = (one.matrix(n) for one in self._stiffness)
         first = solved(solver, b_1 - _times(zeroth, k_1))
@@ -171,13 +169,7 @@ class StifferRegion:
         even: FourierStiffness,
         size: float = 1.0,
     ) -> None:
-        # A material has some stiffness; where the weight is 0 it is far below what counts.
-        moduli = np.maximum(weight, FAINT**2) * material.youngs_modulus
-        own = tuple(replace(material, youngs_modulus=one) for one in moduli.tolist())
-        each = replace(mesh, materials=own, material_of=np.arange(1, len(own) + 1))
-        term = size * assemble_stiffness(each, material, even).term
-        term[:, np.abs(term).max(axis=0) < FAINT * np.abs(term).max()] = 0.0
-        self._stiffness = _without_zeros(even, term)
+        self._stiffness = _without_zeros(even, assemble_stiffness(mesh, material, even, size * weight).term)
 
     def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
         """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""
@@ -187,15 +179,20 @@ class StifferRegion:
 class UnevenChange:
     """Walls of a region whose thickness goes as cos(w phi), by their derivative.
 
-    ``plus`` and ``minus`` are meshes of an even wall thicker and thinner by ``step`` in that region.
+    ``plus`` and ``minus`` are meshes of an even wall thicker and thinner by ``step`` in that region, ``x`` (n_s,)
+    the stations of the gauges [m].
     """
 
-    def __init__(self, plus: MeridianMesh, minus: MeridianMesh, step: float, product: HarmonicProduct) -> None:
-        self._plus, self._minus, self._step, self._product = plus, minus, step, product
+    def __init__(
+        self, plus: MeridianMesh, minus: MeridianMesh, step: float, x: FloatArray, product: HarmonicProduct
+    ) -> None:
+        self._points, self._n_nodes = [inner_surface_points(one, x) for one in (plus, minus)], len(plus.node)
+        self._step, self._product = step, product
 
-    def rows(self, x: FloatArray, n: int) -> FloatArray:
+    def rows(self, n: int) -> FloatArray:
         """Return the derivative (n_s, 3, n_dof) of the strain rows: the surface itself moves."""
-        return (strain_rows(self._plus, x, n) - strain_rows(self._minus, x, n)) / (2.0 * self._step)
+        plus, minus = (strain_rows_at(one, self._n_nodes, n) for one in self._points)
+        return (plus - minus) / (2.0 * self._step)
 
     def forces(self, adjoint: FloatArray, n: int, m: int) -> FloatArray:
         """Return (n_s, 3, n_dof): what of the ``adjoint`` of harmonic ``m`` the uneven wall turns into ``n``."""
@@ -214,7 +211,7 @@ def uneven_adjoints(
     sides = [(wave, side) for wave in WAVES for side in (-1, 1)]
     reached = [(w, side) for w, side in sides if (n + w * side >= 0 or n > 0) and abs(n + w * side) < n_m]
     for region, change in enumerate(changes):
-        rows = change.rows(expected.x, n)
+        rows = change.rows(n)
         moved = rows.any(axis=-1)  # the surface moves at the stations of a region alone
         rows[moved] = solved(solver, rows[moved])
         for wave in range(len(WAVES)):

@@ -232,8 +232,8 @@ def wall_states(
     fore, at, aft = station_index(stations, moved).reshape(3, -1)
     pairs = [_thin_and_thick(mesh, wall, regions, k, WALL_STEP) for k in range(count)]
     expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
-    thicker = [_thicker(mesh, wall, regions, k, expected.stiffness) for k in range(count if with_regions else 0)]
-    uneven = [_uneven_change(mesh, wall, regions, k, expected.stiffness) for k in range(len(regions))]
+    thicker = [_thicker(expected, wall, regions, k) for k in range(count if with_regions else 0)]
+    uneven = [_uneven_change(expected, wall, regions, k) for k in range(len(regions))]
     clamp = ElasticClamp(mesh, wall.material)
     stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
@@ -256,7 +256,7 @@ def wall_states(
         if n >= changed:
             continue
         for number, one in enumerate(thicker):
-            per_change, per_square = one.adjoints(expected, solver, n)
+            per_change, per_square = one.adjoints(solver, n)
             of_wall.take(n, per_change, number)
             of_square.take(n, per_square, number)
         of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
@@ -294,11 +294,10 @@ def _thin_and_thick(
     return thin, thick
 
 
-def _thicker(mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness) -> ThickerWall:
-    """Return the wall that is thicker in region ``k``, then the one that tapers; ``even`` is the stiffness of the
-    wall as expected."""
-    minus, plus = _thin_and_thick(mesh, wall, regions, k, THICKNESS_STEP)
-    return ThickerWall(minus, plus, THICKNESS_STEP, even, wall.material)
+def _thicker(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: int) -> ThickerWall:
+    """Return the wall that is thicker in region ``k``, then the one that tapers."""
+    minus, plus = _thin_and_thick(expected.mesh, wall, regions, k, THICKNESS_STEP)
+    return ThickerWall(minus, plus, THICKNESS_STEP, expected, wall.material)
 
 
 def _stiffer_regions(
@@ -332,15 +331,12 @@ def _soft_joint(mesh: MeridianMesh, wall: Wall, station: float, even: FourierSti
     return StifferRegion(mesh, wall.material, there.astype(np.float64), even, size=-1.0 / length)
 
 
-def _uneven_change(
-    mesh: MeridianMesh, wall: Wall, regions: WallRegions, k: int, even: FourierStiffness
-) -> UnevenChange:
-    """Return the derivative by the amplitude of an uneven wall in region ``k``; ``even`` is the stiffness of the
-    wall as expected."""
-    step = HARMONIC_STEP
-    plus, minus = (thickened(mesh, wall, regions, sign * step * np.eye(len(regions))[k]) for sign in (1.0, -1.0))
-    of_plus, of_minus = (harmonic_product(one, wall.material, even) for one in (plus, minus))
-    return UnevenChange(plus, minus, step, of_plus.less(of_minus, 2.0 * step))
+def _uneven_change(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: int) -> UnevenChange:
+    """Return the derivative by the amplitude of an uneven wall in region ``k``."""
+    step, region = HARMONIC_STEP, np.eye(len(regions))[k]
+    plus, minus = (thickened(expected.mesh, wall, regions, sign * step * region) for sign in (1.0, -1.0))
+    of_plus, of_minus = (harmonic_product(one, wall.material, expected.stiffness) for one in (plus, minus))
+    return UnevenChange(plus, minus, step, expected.x, of_plus.less(of_minus, 2.0 * step))
 
 
 def _stations(x: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -58,9 +58,15 @@ class FourierStiffness:
 
 
 def assemble_stiffness(
-    mesh: MeridianMesh, material: Material, like: FourierStiffness | None = None
+    mesh: MeridianMesh,
+    material: Material,
+    like: FourierStiffness | None = None,
+    factor: FloatArray | None = None,
 ) -> FourierStiffness:
-    """Assemble the stiffness of all harmonics at once; ``like`` is one of a mesh of the same elements.
+    """Assemble the stiffness of all harmonics at once.
+
+    ``like`` is a stiffness of a mesh of the same elements. ``factor`` (n_e,) is on the modulus of each; 1 where
+    none is given.
 
     Raises
     ------
@@ -68,6 +74,7 @@ def assemble_stiffness(
         An element is turned inside out, which a wall too thick for the meridian's curvature does.
     """
     constant, linear, weight = strain_displacement(mesh)
+    weight = weight if factor is None else factor[:, None] * weight
     stress_constant = _stress(mesh, material, constant, weight)
     stress_linear = _stress(mesh, material, linear, weight)
     mixed = _virtual_work(constant, stress_linear)

@@ -23,7 +23,7 @@ from builder.structure.fourier.fourier_elasticity import (
 )
 from builder.structure.fourier.free_flight import FlyingSolver
 from builder.structure.fourier.gauges import PlacedGauges
-from builder.structure.fourier.inner_surface import inner_surface_points
+from builder.structure.fourier.inner_surface import SurfacePoints, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material
@@ -90,7 +90,11 @@ def strain_rows(mesh: MeridianMesh, x: FloatArray, harmonic: int) -> FloatArray:
     -------
     (n, 3, n_dof) [1/m]: meridional, hoop, shear (tensor).
     """
-    point = inner_surface_points(mesh, x)
+    return strain_rows_at(inner_surface_points(mesh, x), len(mesh.node), harmonic)
+
+
+def strain_rows_at(point: SurfacePoints, n_nodes: int, harmonic: int) -> FloatArray:
+    """Return the same at points of the inner surface of a mesh of ``n_nodes`` nodes."""
     t_x, t_r = point.tangent.T[:, :, None]
     by_s, over_r = point.slope, point.value / point.radius[:, None]
     local = np.zeros((*point.node.shape, 3, 3))  # station, node, strain, displacement component
@@ -98,9 +102,10 @@ def strain_rows(mesh: MeridianMesh, x: FloatArray, harmonic: int) -> FloatArray:
     local[:, :, 1, 1], local[:, :, 1, 2] = over_r, harmonic * over_r
     local[:, :, 2, 0], local[:, :, 2, 1] = -0.5 * harmonic * over_r * t_x, -0.5 * harmonic * over_r * t_r
     local[:, :, 2, 2] = 0.5 * (by_s - over_r * t_r)
-    rows = np.zeros((len(x), 3, len(mesh.node), 3))
-    rows[np.arange(len(x))[:, None], :, point.node] = local
-    return rows.reshape(len(x), 3, mesh.n_dof)
+    n = len(point.radius)
+    rows = np.zeros((n, 3, n_nodes, 3))
+    rows[np.arange(n)[:, None], :, point.node] = local
+    return rows.reshape(n, 3, 3 * n_nodes)
 
 
 def harmonic_response(
