@@ -46,7 +46,12 @@ from builder.structure.as_built.wall_states import (
 )
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import place_layouts, structural_model_on, with_mesh_error
+from builder.structure.fourier.model import (
+    ERROR_HARMONICS,
+    place_layouts,
+    structural_model_on,
+    with_mesh_error,
+)
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.loads.applied import Acceleration, ApparentStrain, Load, SurfacePressure, Weight
@@ -392,8 +397,8 @@ def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsB
 
 
 def _mesh_error(vehicle: Vehicle, grid: SurfaceGrid, resolution: Resolution, layout: str) -> FloatArray | None:
-    drawing = structural_model_on(vehicle, grid, resolution, [layout])
-    return with_mesh_error(drawing, vehicle, resolution).error_operator(layout)
+    low = resolution.model_copy(update={"harmonics": min(ERROR_HARMONICS, resolution.harmonics)})
+    return with_mesh_error(structural_model_on(vehicle, grid, low, [layout]), vehicle, low).error_operator(layout)
 
 
 def _table(
