@@ -43,7 +43,7 @@ def test_pressure_is_drawn_and_goes_with_the_estimate(tmp_path: Path) -> None:
         return False
 
     try:
-        assert str(browser.value(DRAWN)).startswith("true|0")
+        browser.wait(DRAWN, lambda drawn: str(drawn).startswith("true|0"))  # once the page is there
         assert shows("kPa (dark)")
         assert str(browser.value(DRAWN)).startswith("false|1")
         for width in WIDTHS:

@@ -25,8 +25,8 @@ class Factors:
 
     Attributes
     ----------
-    lower, upper : (n, n) compressed columns; the diagonal is first in those of ``lower``, where it is 1, and last
-        in those of ``upper``.
+    lower, upper : (n, n) compressed columns. The diagonal comes first in each column of ``lower`` and is 1; it
+        comes last in each column of ``upper``.
     row, column : (n,) the row and the column of the matrix that each of the factors is.
     """
 
