@@ -184,13 +184,16 @@ def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     snapshots: Snapshots,
     fourier: StructuralModel,
 ) -> None:
-    """Rms errors of every coefficient within 2 %, at the same flights; solving the structure takes seconds."""
+    """Rms errors of every coefficient within 2 %, at the same flights; solving the structure takes seconds.
+
+    A false alarm of one map alone leaves a gauge out: then they do not use the same gauges. It is rare.
+    """
     own = map_of(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier, inverse_map)
     conditions = held_out(shipped, flows, 200, altitude)
-    rms = [
-        np.sqrt(np.mean(flown(one, shipped, whole, flows, conditions, vehicles=10)[0] ** 2, axis=0))
-        for one in (inverse_map, own)
-    ]
+    flights = [flown(one, shipped, whole, flows, conditions, vehicles=10) for one in (inverse_map, own)]
+    alike = flights[0][2] == flights[1][2]
+    assert alike.mean() >= 0.998
+    rms = [np.sqrt(np.mean(error[alike] ** 2, axis=0)) for error, _, _ in flights]
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
 
 
