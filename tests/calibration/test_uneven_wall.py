@@ -8,7 +8,7 @@ import pytest
 from builder.structure.as_built.response_tables import side_phases
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_cosine, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened
-from builder.structure.as_built.wall_states import WallStates, wall_states
+from builder.structure.as_built.wall_states import LOW, WallStates, wall_states
 from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
 from builder.structure.loads.applied import Load, SectionLoad, SurfacePressure, Weight
@@ -31,7 +31,7 @@ def states() -> WallStates:
     return solved()
 
 
-def solved(changed_within: int = 4) -> WallStates:
+def solved(changed_within: int = 4, max_harmonic: int = 4) -> WallStates:
     ends = np.array([0.0, LENGTH])
     mesh = tube_mesh(ends, np.full(2, RADIUS - THICKNESS), np.full(2, RADIUS), element_length=0.05)
     gauge = PlacedGauges(
@@ -44,8 +44,8 @@ def solved(changed_within: int = 4) -> WallStates:
         gauges=gauge,
         along=np.array([1e-3]),
         properties=LoadProperties(density=4430.0, expansion=9e-6),
-        max_harmonic=4,
-        changed_harmonic=4,
+        max_harmonic=max_harmonic,
+        changed_harmonic=max_harmonic,
         changed_within=changed_within,
     )
 
@@ -110,6 +110,7 @@ def test_loads_within_the_wall_beyond_what_was_kept_are_refused() -> None:
     assert kept.soft[0].strain(kept.rows.split(pressure)).any()
     with pytest.raises(InputError, match="harmonics up to 1 within the wall"):
         kept.soft[0].strain(kept.rows.split(_heated(kept, 2)))
+    assert len(solved(changed_within=9, max_harmonic=8).soft[0].low) == LOW
 
 
 def _heated(states: WallStates, harmonic: int) -> FloatArray:

@@ -240,7 +240,7 @@ def wall_states(
     whole = _Kept((), n_m, len(stations), rows)
     changed = changed_harmonic + 1
     of_wall, of_square, of_soft, of_uneven = (
-        _Kept(lead, changed, len(x), rows, changed_within + 1)
+        _Kept(lead, changed, len(x), rows, min(LOW, changed_within + 1))
         for lead in (
             (len(thicker),),
             (len(thicker),),
