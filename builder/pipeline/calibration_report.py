@@ -24,7 +24,6 @@ from builder.reports.calibration_page.page import calibration_page
 from builder.reports.calibration_page.tables import equations_table
 from builder.reports.page.html import write_page
 from builder.reports.page.origin import input_files, origin_of
-from builder.reports.page.pdf import write_pdf
 from builder.reports.page.tables import table_csv
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.vehicle.file import Vehicle
@@ -128,8 +127,14 @@ def write_report(one: CalibrationFindings, output: Path) -> tuple[tuple[Path, ..
     write_page(page, page_path)
     table = equations_table(one.found, one.equations)
     write_bytes_atomically(equations_path, table_csv(table).encode("utf-8"))
-    if find_spec("matplotlib") is None:
-        line = f"{page_path.name}: without figures and PDF, which need matplotlib: pip install 'strainfmu[report]'"
+    missing = [package for package in ("matplotlib", "reportlab") if find_spec(package) is None]
+    if missing:
+        what = "figures and PDF" if "matplotlib" in missing else "PDF"
+        line = (
+            f"{page_path.name}: without {what}, {' and '.join(missing)} missing: pip install 'strainfmu[report]'"
+        )
         return (page_path, equations_path), (line,)
+    from builder.reports.page.pdf import write_pdf
+
     write_pdf(page, pdf_path)
     return (page_path, pdf_path, equations_path), ()

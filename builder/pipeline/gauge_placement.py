@@ -22,7 +22,6 @@ from builder.placement.limits import Limits
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
-from builder.reports.page.pdf import write_pdf
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
@@ -153,7 +152,7 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page, and with matplotlib as PDF next to it.
+    """Write the review of a layout as a page, and with reportlab as PDF next to it.
 
     ``layout`` is a name of the vehicle file or a layout file (CSV).
 
@@ -176,7 +175,9 @@ def review_layout(
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind, progress=progress))
     page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
     write_page(page, path)
-    if find_spec("matplotlib") is not None:
+    if find_spec("matplotlib") and find_spec("reportlab"):
+        from builder.reports.page.pdf import write_pdf
+
         write_pdf(page, path.with_suffix(".pdf"))
     return found
 

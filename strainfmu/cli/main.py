@@ -22,7 +22,7 @@ EXTRAS = {
     **dict.fromkeys(("can", "cantools", "msgpack"), "can"),
     **dict.fromkeys(("dask", "distributed"), "campaign"),
     **dict.fromkeys(("gmsh", "meshio"), "mesh"),
-    "matplotlib": "report",
+    **dict.fromkeys(("matplotlib", "reportlab"), "report"),
     "cryptography": "auth",
     "asammdf": "mf4",
     "nptdms": "tdms",

@@ -232,7 +232,7 @@ def test_a_pad_at_an_end_of_the_body(as_built: AsBuiltStructure, prior: AsBuilt,
         )
         test = LoadTest(gauge_names=as_built.gauges.names, cases=(case,), errors=ERRORS)
         model = ReadingsModel(as_built, test, prior)
-        return model.at_drawing()[1][0, :, model.names.index("pad place PadForce 1 of end")]
+        return model.at_drawing()[1][0, :, model.names.index("pad place pad force 1 of end")]
 
     inside = columns(end + 2.0 * inboard)
     assert np.abs(inside).max() > 0.0

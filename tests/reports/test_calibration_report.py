@@ -56,7 +56,7 @@ def readings(vehicle: Vehicle, as_built: AsBuiltStructure) -> tuple[ReadingsMode
     vector[: model.n_built] = drawn(prior, random).vector
     noise = NOISE * random.standard_normal((len(cases), n_d))
     first = next(n for n, (k, one) in enumerate(model.loads) if cases[k].name == CHECKS[0] and one.on_load_cell)
-    at = model.names.index(f"load PadForce {first + 1} of {CHECKS[0]}")
+    at = model.names.index(f"load pad force {first + 1} of {CHECKS[0]}")
 
     def read(larger: float) -> FloatArray:
         moved = vector.copy()

@@ -21,6 +21,7 @@ from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
+from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 
@@ -288,7 +289,7 @@ def worst_load(found: Estimate) -> Fault | None:
         where=case.name,
         kind="load",
         line=(
-            f"load case '{case.name}': {type(model.loads[worst][1].load).__name__} differs by {size[worst]:+.1%} "
+            f"load case '{case.name}': {load_kind(model.loads[worst][1].load)} differs by {size[worst]:+.1%} "
             f"from what is stated, {abs(shift[worst]):.1f} standard deviations"
         ),
     )

@@ -30,7 +30,7 @@ from builder.structure.as_built.response_tables import LoadResponse, together
 from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
 from builder.structure.as_built.vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built_kinds import KINDS
-from builder.structure.loads.applied import Load
+from builder.structure.loads.applied import Load, load_kind
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
@@ -370,7 +370,7 @@ class ReadingsModel:
         gauges = self.structure.gauges.names
         names = [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges]
         labels = [
-            f"{type(one.load).__name__} {number} of {self.test.cases[case].name}"
+            f"{load_kind(one.load)} {number} of {self.test.cases[case].name}"
             for number, (case, one) in enumerate(self.loads, start=1)
         ]
         cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]

@@ -35,6 +35,18 @@ def blank_figure(width: float, height: float, layout: Literal["constrained"] | N
     return Figure(figsize=(width, height), layout=layout)
 
 
+def settle(figure: Figure, resolution: float) -> None:
+    """Place the axes of a figure for good, so that saving it at ``resolution`` [dots per inch] draws it once.
+
+    With a layout still to find, matplotlib draws everything once more, unseen, and then finds it.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        figure.set_dpi(resolution)
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+
+
 def save(figure: Figure, path: Path, resolution: float = RESOLUTION) -> None:
     """Write a figure as PNG, atomically; ``resolution`` in dots per inch.
 
@@ -44,6 +56,7 @@ def save(figure: Figure, path: Path, resolution: float = RESOLUTION) -> None:
         The file could not be written.
     """
     image = io.BytesIO()
+    settle(figure, resolution)
     # Without the program's name and version the same figure gives the same file.
     figure.savefig(image, format="png", dpi=resolution, metadata={"Software": None})
     write_bytes_atomically(path, image.getvalue())

@@ -19,6 +19,7 @@ from builder.reports.calibration_page.verdict import Criterion
 from builder.reports.page.tables import Column, Table, make_table
 from builder.structure.as_built.vehicle import in_words, slices
 from builder.structure.as_built_kinds import KINDS
+from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 from strainfmu.estimator.signal_names import ZERO
@@ -169,7 +170,7 @@ def loads_table(found: Estimate) -> Table:
     """Return what the readings say of each load."""
     shift, size = load_shifts(found)
     rows = [
-        [found.model.test.cases[case].name, type(one.load).__name__, 100.0 * float(size[k]), float(shift[k])]
+        [found.model.test.cases[case].name, load_kind(one.load), 100.0 * float(size[k]), float(shift[k])]
         for k, (case, one) in enumerate(found.model.loads)
         if one.std > 0.0 and found.used[case].any()
     ]

@@ -16,6 +16,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from builder.figures.drawing.canvas import settle
 from builder.figures.drawing.values import Place, ValuedFigure
 from builder.reports.page.pointer import POINTER_STYLE, POLICY, SCRIPT, overlay
 from builder.reports.page.tables import Table, is_number, shown
@@ -129,6 +130,7 @@ def picture(
     # Without a date, and with fixed names, the same figure gives the same bytes.
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "strainfmu"}):
+        settle(drawn, resolution)
         drawn.savefig(stream, format=kind, dpi=resolution, metadata=metadata)
     places = figure.places() if isinstance(figure, ValuedFigure) else ()
     return Picture(content=stream.getvalue(), kind=kind, caption=caption, alternative=alternative, places=places)

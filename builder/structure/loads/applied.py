@@ -7,6 +7,7 @@ wall; a three-dimensional structure has others by name.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -255,6 +256,11 @@ Load = (
     | TemperatureField
     | ApparentStrain
 )
+
+
+def load_kind(load: Load) -> str:
+    """Return what a load is, as text for a reader: the words of its class, such as "pad force"."""
+    return re.sub("(?<=[a-z])(?=[A-Z])", " ", type(load).__name__).lower()
 
 
 def _check(what: str, **values: float | Vector | FloatArray) -> None:
