@@ -37,6 +37,23 @@ def test_mass_scales_weight_and_inertia_alone(as_built: AsBuiltStructure) -> Non
         np.testing.assert_array_equal(as_built.strain_operator(one), as_built.strain_operator(nominal))
 
 
+def test_weight_in_any_attitude_is_that_of_gravity_along_the_axes(as_built: AsBuiltStructure) -> None:
+    """The responses to accelerations along the axes serve all attitudes, on walls that differ as well."""
+    random = np.random.default_rng(4)
+    built = as_built.exactly_built().changed(
+        mass=np.array([0.03]),
+        wall_thickness=0.03 * random.standard_normal(as_built.n_regions),
+        wall_cosine=0.02 * random.standard_normal(as_built.n_regions),
+    )
+    for weight in (Weight(up_roll_angle=0.7, nose_elevation=0.4), Weight(up_roll_angle=np.pi)):
+        x, y, z = (-weight.acceleration).tolist()
+        expected = as_built.load_strain(built, [Acceleration(linear=(x, y, z))])
+        found = as_built.load_strain(built, [weight])
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    none = as_built.load_strain(built, [Weight(gravity=0.0)])
+    np.testing.assert_array_equal(none, np.zeros(as_built.n_gauges))
+
+
 def test_mass_of_a_region_strains_what_is_aft_of_it(as_built: AsBuiltStructure) -> None:
     nominal = as_built.exactly_built()
     last = np.eye(as_built.n_regions)[-1] * 0.05

@@ -113,8 +113,8 @@ def channel_faults(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Ch
 
 def resolution(samples: FloatArray) -> float:
     """Return the smallest difference between two values of ``samples`` (n,) [m/m]; 0 where all are the same."""
-    values = np.unique(samples[np.isfinite(samples)])
-    return float(np.diff(values).min()) if len(values) > 1 else 0.0
+    steps = np.diff(np.sort(samples[np.isfinite(samples)]))
+    return float(steps[steps > 0.0].min(initial=np.inf)) if steps.any() else 0.0
 
 
 def _steadiness(strain: FloatArray, windows: Sequence[FloatArray]) -> list[Steadiness | None]:

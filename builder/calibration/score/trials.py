@@ -194,9 +194,12 @@ def applied_test(
 
 
 def trial(setup: TrialSetup, row: Row, number: int) -> dict[str, Any]:
-    """Return what is said of draw ``number`` of a row, and how its map flies where there is one."""
+    """Return what is said of draw ``number`` of a row, and how its map flies where there is one.
+
+    The row's change of the vehicle is drawn apart, so that all rows have the same vehicles and errors of loads.
+    """
     random, start = np.random.default_rng([number, 41]), process_time()
-    built = row.vehicle(setup.vehicles.drawn(random), random)
+    built = row.vehicle(setup.vehicles.drawn(random), np.random.default_rng([number, 43]))
     stated, noise = row.noise
     model = setup.model(stated)
     applied = applied_test(setup, row, model.test, built, random)

@@ -9,7 +9,8 @@ What leads is the load's: its two families of harmonics, or the stations of a pr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -136,6 +137,16 @@ def together(responses: Sequence[LoadResponse]) -> LoadResponse:
         by_stress=np.array([one.by_stress for one in responses]),
         by_mass=np.array([one.by_mass for one in responses]),
     )
+
+
+def combined(responses: Sequence[LoadResponse], weights: FloatArray) -> LoadResponse:
+    """Return the response of a load that is the sum of ``weights`` (n,) times loads of one kind."""
+    first, found = responses[0], dict[str, Any]()
+    for entry in fields(ResponseTable):
+        parts = [getattr(one.table, entry.name) for one in responses]
+        found[entry.name] = None if parts[0] is None else np.tensordot(weights, np.stack(parts), 1)
+    constant = np.tensordot(weights, np.stack([one.constant for one in responses]), 1)
+    return replace(first, table=replace(first.table, **found), constant=constant)
 
 
 def even_amplitudes(

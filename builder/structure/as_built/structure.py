@@ -29,6 +29,7 @@ from builder.structure.as_built.reading_slopes import load_slopes, operator_slop
 from builder.structure.as_built.response_tables import (
     LoadResponse,
     ResponseTable,
+    combined,
     even_amplitudes,
     nominal_table,
     uneven_amplitudes,
@@ -38,6 +39,7 @@ from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, tim
 from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
     LOW,
+    ROUNDING,
     WALL_STEP,
     Adjoint,
     WallStates,
@@ -54,7 +56,14 @@ from builder.structure.fourier.model import (
 )
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
-from builder.structure.loads.applied import Acceleration, ApparentStrain, Load, SurfacePressure, Weight
+from builder.structure.loads.applied import (
+    Acceleration,
+    ApparentStrain,
+    Load,
+    SurfacePressure,
+    Vector,
+    Weight,
+)
 from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
@@ -69,6 +78,9 @@ from strainfmu.errors import InputError
 
 SHIFT = 1e-3
 """Step along the surface [m]."""
+
+UNIT_VECTORS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Along body axes [1]."""
 
 OF_MASS = (Weight, Acceleration)
 """Loads that go with the vehicle's mass."""
@@ -224,7 +236,16 @@ class AsBuiltStructure:
         table = nominal_table(np.zeros((2, 1, len(self.states.nominal.outer[0]), 3)), self.n_regions)
         return LoadResponse(table=table, constant=np.asarray(load.strain, dtype=float))
 
+    def _of_weight(self, load: Weight) -> LoadResponse:
+        """Return the response to own weight, by the accelerations along body axes that attitudes share."""
+        along = load.acceleration
+        axes = np.flatnonzero(np.abs(along) >= ROUNDING * abs(load.gravity))
+        units = [self.response(Acceleration(linear=UNIT_VECTORS[axis])) for axis in axes]
+        return combined(units, -along[axes])
+
     def _solved_response(self, load: Load) -> LoadResponse:
+        if isinstance(load, Weight):
+            return self._of_weight(load)
         states, split = self.states, self.states.rows.split
         even, thin, thick = states.forces
         force = nodal_force(even, load)

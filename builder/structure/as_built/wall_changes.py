@@ -22,6 +22,7 @@ from builder.structure.fourier.fourier_elasticity import (
     assemble_stiffness,
     factor_harmonic,
     ring_products,
+    stiffness_of_elements,
 )
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges
@@ -51,6 +52,7 @@ class ExpectedWall:
         self._stations, self._gauges = stations, gauges
         self._solvers: dict[int, HarmonicSolver] = {}
         self._adjoints: dict[int, FloatArray] = {}
+        self._of_gauges: dict[int, FloatArray] = {}
 
     def at_harmonic(self, n: int) -> tuple[HarmonicSolver, FloatArray]:
         """Return the factors of harmonic ``n`` and its adjoint (n_all, 3, n_dof), strain per nodal force at all
@@ -63,13 +65,15 @@ class ExpectedWall:
             if m not in self._solvers:
                 self._solvers[m] = factor_harmonic(self.mesh, self.stiffness, m, twist=True)
                 self._adjoints[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
+                self._of_gauges[m] = self._adjoints[m][self._gauges]
         self._solvers.pop(n - 1, None)
-        self._adjoints.pop(n - max(WAVES) - 1, None)
+        for one in (self._adjoints, self._of_gauges):
+            one.pop(n - max(WAVES) - 1, None)
         return self._solvers[n], self._adjoints[n]
 
     def at_gauges(self, m: int) -> FloatArray:
         """Return the adjoint (n_s, 3, n_dof) of harmonic ``m`` at the gauges; -m is m reflected."""
-        found = self._adjoints[abs(m)][self._gauges]
+        found = self._of_gauges[abs(m)]
         return found if m >= 0 else reflected(found)
 
 
@@ -88,10 +92,9 @@ class ThickerWall:
         self, minus: MeridianMesh, plus: MeridianMesh, step: float, expected: ExpectedWall, material: Material
     ) -> None:
         self._expected, self._step, self._n_nodes = expected, step, len(plus.node)
-        self._points = [inner_surface_points(one, expected.x) for one in (minus, plus, expected.mesh)]
-        even = expected.stiffness
-        of_minus, of_plus = (assemble_stiffness(one, material, even).term for one in (minus, plus))
-        terms = self._by_order(of_minus, of_plus, even.term)
+        walls, even, moved = (minus, plus, expected.mesh), expected.stiffness, moved_elements(minus, plus)
+        self._points = [inner_surface_points(one, expected.x) for one in walls]
+        terms = self._by_order(*(stiffness_of_elements(one, material, even, moved) for one in walls))
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
     def adjoints(self, solver: HarmonicSolver, n: int) -> tuple[FloatArray, FloatArray]:
@@ -107,6 +110,12 @@ class ThickerWall:
     def _by_order(self, minus: FloatArray, plus: FloatArray, even: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the first two coefficients of Taylor's series by central differences."""
         return (plus - minus) / (2.0 * self._step), (plus - 2.0 * even + minus) / (2.0 * self._step**2)
+
+
+def moved_elements(one: MeridianMesh, other: MeridianMesh) -> IntArray:
+    """Return the elements (n,) of which two meshes have a node at different places."""
+    moved = (one.node != other.node).any(axis=1)
+    return np.flatnonzero(moved[one.element].any(axis=1))
 
 
 def _without_zeros(pattern: FourierStiffness, term: FloatArray) -> FourierStiffness:
@@ -169,7 +178,9 @@ class StifferRegion:
         even: FourierStiffness,
         size: float = 1.0,
     ) -> None:
-        self._stiffness = _without_zeros(even, assemble_stiffness(mesh, material, even, size * weight).term)
+        changed = np.flatnonzero(weight)
+        term = stiffness_of_elements(mesh, material, even, changed, size * weight[changed])
+        self._stiffness = _without_zeros(even, term)
 
     def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
         """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""

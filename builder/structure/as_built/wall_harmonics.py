@@ -14,7 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from builder.structure.fourier.fourier_elasticity import FourierStiffness, strain_displacement
+from builder.structure.fourier.fourier_elasticity import (
+    FourierStiffness,
+    some_elements,
+    strain_displacement,
+    summed,
+)
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -56,13 +61,15 @@ class HarmonicProduct:
         )
 
 
-def harmonic_product(mesh: MeridianMesh, material: Material, like: FourierStiffness) -> HarmonicProduct:
-    """Return the stiffness of a wall of revolution between displacements of any two harmonics.
+def harmonic_product(
+    mesh: MeridianMesh, material: Material, like: FourierStiffness, elements: IntArray
+) -> HarmonicProduct:
+    """Return the stiffness of some ``elements`` of a wall between displacements of any two harmonics.
 
     ``like`` is the stiffness of a mesh of the same elements.
     """
-    constant, linear, weight = strain_displacement(mesh)
-    n_e = len(mesh.element)
+    constant, linear, weight = strain_displacement(some_elements(mesh, elements))
+    n_e = len(elements)
     of_constant, of_linear = (
         np.einsum("ij,eqjb,eq->eqib", material.stiffness, one, weight).reshape(n_e, -1, 27)
         for one in (constant, linear)
@@ -70,11 +77,10 @@ def harmonic_product(mesh: MeridianMesh, material: Material, like: FourierStiffn
     constant, linear = (one.reshape(n_e, -1, 27).transpose(0, 2, 1) for one in (constant, linear))
     mixed = constant @ of_linear
     blocks = constant @ of_constant, mixed, mixed.transpose(0, 2, 1), linear @ of_linear
-    assert like.place is not None  # assembled of elements
     # The pattern is symmetric; its places are by columns.
-    n = len(like.indices)
-    term = [np.bincount(like.place, one.transpose(0, 2, 1).ravel(), n) for one in blocks]
-    return HarmonicProduct(like.indices, like.indptr, np.array(term, dtype=np.float64))
+    by_column = [one.transpose(0, 2, 1) for one in blocks]
+    term = summed(by_column, like.places_of(elements), len(like.indices))
+    return HarmonicProduct(like.indices, like.indptr, term)
 
 
 def neighbour_weight(n: int) -> float:

@@ -21,6 +21,7 @@ from builder.structure.as_built.wall_changes import (
     StifferRegion,
     ThickerWall,
     UnevenChange,
+    moved_elements,
     uneven_adjoints,
 )
 from builder.structure.as_built.wall_harmonics import SIDES, WAVES, harmonic_product
@@ -335,7 +336,8 @@ def _uneven_change(expected: ExpectedWall, wall: Wall, regions: WallRegions, k: 
     """Return the derivative by the amplitude of an uneven wall in region ``k``."""
     step, region = HARMONIC_STEP, np.eye(len(regions))[k]
     plus, minus = (thickened(expected.mesh, wall, regions, sign * step * region) for sign in (1.0, -1.0))
-    of_plus, of_minus = (harmonic_product(one, wall.material, expected.stiffness) for one in (plus, minus))
+    moved, even = moved_elements(plus, minus), expected.stiffness
+    of_plus, of_minus = (harmonic_product(one, wall.material, even, moved) for one in (plus, minus))
     return UnevenChange(plus, minus, step, expected.x, of_plus.less(of_minus, 2.0 * step))
 
 
@@ -362,8 +364,9 @@ class _Kept:
     def take(self, n: int, adjoint: FloatArray, *place: int | slice) -> None:
         """Keep adjoints (.., n_s, 3, n_dof) of harmonic ``n`` at ``place`` of the first dimensions."""
         by_node = adjoint.reshape(*adjoint.shape[:-1], -1, 3)
-        outer = by_node[..., self._rows.outer, :].reshape(*adjoint.shape[:-1], -1)
-        self._outer[(*place, ..., n, slice(None), slice(None), slice(None))] = outer
+        outer = self._outer[(*place, ..., n, slice(None), slice(None), slice(None))]
+        outer = outer.reshape(*outer.shape[:-1], -1, 3)
+        np.take(by_node, self._rows.outer, axis=-2, out=outer, mode="clip")
         if n < len(self._low):
             self._low[(n, *place)] = adjoint
 

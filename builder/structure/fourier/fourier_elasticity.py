@@ -9,6 +9,7 @@ Source: Zienkiewicz and Taylor, The Finite Element Method, vol. 2 (5th ed.), sec
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -56,42 +57,72 @@ class FourierStiffness:
         data = self.term[0] + harmonic * (self.term[1] + harmonic * self.term[2])
         return csc_array((data, self.indices, self.indptr), shape=(n_dof, n_dof))
 
+    def places_of(self, elements: IntArray) -> NDArray[np.intp]:
+        """Return the places (n 27 27,) of the entries of some ``elements`` (n,)."""
+        assert self.place is not None  # assembled of elements
+        return self.place.reshape(-1, 27 * 27)[elements].ravel()
 
-def assemble_stiffness(
-    mesh: MeridianMesh,
-    material: Material,
-    like: FourierStiffness | None = None,
-    factor: FloatArray | None = None,
-) -> FourierStiffness:
+
+def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffness:
     """Assemble the stiffness of all harmonics at once.
-
-    ``like`` is a stiffness of a mesh of the same elements. ``factor`` (n_e,) is on the modulus of each; 1 where
-    none is given.
 
     Raises
     ------
     InputError
         An element is turned inside out, which a wall too thick for the meridian's curvature does.
     """
+    indices, indptr, place = _pattern(mesh)
+    term = summed(element_stiffness(mesh, material), place, len(indices))
+    stiffness = FourierStiffness(indices, indptr, term, place)
+    return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
+
+
+def stiffness_of_elements(
+    mesh: MeridianMesh,
+    material: Material,
+    like: FourierStiffness,
+    elements: IntArray,
+    factor: FloatArray | None = None,
+) -> FloatArray:
+    """Return the terms (3, n_nonzero) of some ``elements`` alone, in the pattern of ``like``.
+
+    ``like`` is the stiffness of a mesh of the same elements. ``factor`` (n,) is on the modulus of each; 1 where
+    none is given.
+
+    Raises
+    ------
+    InputError
+        As :func:`assemble_stiffness`.
+    """
+    term = element_stiffness(some_elements(mesh, elements), material, factor)
+    return summed(term, like.places_of(elements), len(like.indices))
+
+
+def element_stiffness(
+    mesh: MeridianMesh, material: Material, factor: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return K_0, K_1 and K_2 of each element, (n_e, 27, 27); ``factor`` (n_e,) is on its modulus."""
     constant, linear, weight = strain_displacement(mesh)
     weight = weight if factor is None else factor[:, None] * weight
     stress_constant = _stress(mesh, material, constant, weight)
     stress_linear = _stress(mesh, material, linear, weight)
     mixed = _virtual_work(constant, stress_linear)
-    term = np.stack(
-        [
-            _virtual_work(constant, stress_constant),
-            mixed + mixed.transpose(0, 2, 1),
-            _virtual_work(linear, stress_linear),
-        ]
+    return (
+        _virtual_work(constant, stress_constant),
+        mixed + mixed.transpose(0, 2, 1),
+        _virtual_work(linear, stress_linear),
     )
-    if like is None or like.place is None:
-        indices, indptr, place = _pattern(mesh)
-    else:
-        indices, indptr, place = like.indices, like.indptr, like.place
-    data = np.stack([np.bincount(place, part.ravel(), len(indices)).astype(np.float64) for part in term])
-    stiffness = FourierStiffness(indices, indptr, data, place)
-    return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
+
+
+def some_elements(mesh: MeridianMesh, elements: IntArray) -> MeridianMesh:
+    """Return the mesh of some ``elements`` alone, for their integrals; its nodes are those of ``mesh``."""
+    material_of = None if mesh.material_of is None else mesh.material_of[elements]
+    return replace(mesh, element=mesh.element[elements], material_of=material_of)
+
+
+def summed(terms: Sequence[FloatArray], place: NDArray[np.intp], n_nonzero: int) -> FloatArray:
+    """Return (n_terms, n_nonzero) sums of the elements' entries (n_e, 27, 27) at their places (n_e 27 27,)."""
+    return np.array([np.bincount(place, one.ravel(), n_nonzero) for one in terms], dtype=np.float64)
 
 
 def _pattern(mesh: MeridianMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
