@@ -166,7 +166,7 @@ def response_of_rows(
         return np.asarray((load.T @ adjoint).T)
 
     found = []
-    # SuperLU lets other threads run while it factorises and solves.
+    # Compiled code that solves lets other threads run.
     with ThreadPoolExecutor(min(processors(), max_harmonic + 1)) as pool:
         for m, response in enumerate(pool.map(of_harmonic, range(max_harmonic + 1))):
             found.append(response)
