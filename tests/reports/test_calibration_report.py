@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
 from builder.figures.calibration.ground_test import influence_coefficients
+from builder.pipeline.calibration_report import write_report
 from builder.pipeline.stages import take_snapshots
 from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
 from builder.reports.calibration_page.page import calibration_page
@@ -233,3 +236,24 @@ def test_steps_show_hysteresis_and_return_to_zero(found: Estimate, worth: WorthO
     assert "readings do not return to zero: 2 um/m rms" in page.text
     assert page.tables["table-steps"][1][0] == case.name
     assert sum(tag == "img" for tag in page.tags) == 6
+
+
+@pytest.mark.parametrize(
+    ("missing", "said"), [("", ""), ("reportlab", "without PDF, "), ("matplotlib", "without figures and PDF, ")]
+)
+def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
+    found: Estimate,
+    worth: WorthOfTest,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    missing: str,
+    said: str,
+) -> None:
+    for module in ("builder.pipeline.calibration_report", "builder.reports.calibration_page.page"):
+        monkeypatch.setattr(f"{module}.find_spec", lambda name: None if name == missing else find_spec(name))
+    files, lines = write_report(findings(found, worth), tmp_path / "calibrated.h5")
+    assert sorted(one.suffix for one in files) == [".csv", ".html", *([] if missing else [".pdf"])]
+    assert all(one.stat().st_size > 1000 for one in files)
+    assert not list(tmp_path.glob("*.pdf")) if missing else not lines
+    assert said in " ".join(lines)
+    assert missing in " ".join(lines)

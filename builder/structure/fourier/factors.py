@@ -24,16 +24,16 @@ BLOCK = 64
 """Right hand sides that are solved for together: more no longer fit into the processor's cache."""
 
 WIDE = 100
-"""Width of a band from which the unknowns are numbered anew; a wall of one shell is narrower."""
+"""Width of a band from which the unknowns are renumbered; a wall of one shell is narrower."""
 
 
 class Lines(NamedTuple):
-    """What is not zero beside the diagonal of a triangular matrix (n, n), row by row or column by column.
+    """Rows or columns of a triangular matrix (n, n), without its diagonal and without zeros.
 
     Attributes
     ----------
     start : (n + 1,) where each line begins.
-    place, entry : (n_nonzero,) place in the line, and value.
+    place, entry : (n_nonzero,) of each entry its column in a row, or its row in a column, and its value.
     """
 
     start: IntArray

@@ -115,7 +115,7 @@ def element_stiffness(
 
 
 def some_elements(mesh: MeridianMesh, elements: IntArray) -> MeridianMesh:
-    """Return the mesh of some ``elements`` alone, for their integrals; its nodes are those of ``mesh``."""
+    """Return the mesh of some ``elements`` alone, for their integrals; all nodes stay."""
     material_of = None if mesh.material_of is None else mesh.material_of[elements]
     return replace(mesh, element=mesh.element[elements], material_of=material_of)
 
