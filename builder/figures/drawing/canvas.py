@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from strainfmu.errors import StrainfmuError
 from strainfmu.files import write_bytes_atomically
@@ -20,8 +20,8 @@ RESOLUTION = 130
 """Dots per inch of PNG files."""
 
 
-def blank_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Figure:
-    """Return an empty figure of the given size [in] that needs no display; without ``layout`` it is drawn once.
+def blank_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of the given size [in] that needs no display.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def blank_figure(width: float, height: float, layout: Literal["constrained"] | N
         from matplotlib.figure import Figure
     except ImportError as error:
         raise StrainfmuError("figures need matplotlib: pip install 'strainfmu[report]'") from error
-    return Figure(figsize=(width, height), layout=layout)
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def settle(figure: Figure, resolution: float) -> None:
