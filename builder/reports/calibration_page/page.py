@@ -52,6 +52,7 @@ def calibration_page(one: CalibrationFindings) -> Page:
         Section("What is taken for zero", (tables.outside_table(one.outside),)),
         Section("What this test cannot see", (Items(CANNOT_SEE),)),
         Section("Traceability", _origin(one)),
+        Section("Signatures", (tables.signatures_table(),)),
     )
     return Page(one.title, _opening(one, screen), sections)
 

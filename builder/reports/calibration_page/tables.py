@@ -323,5 +323,12 @@ def cells_table(cells: Sequence[UsedCell]) -> Table:
     return make_table("load_cells", "Load cells, as the file of the test states them.", columns, rows)
 
 
+def signatures_table() -> Table:
+    """Return the lines on which those sign who answer for the test."""
+    rows = [[who, "_" * 24, "_" * 12, "_" * 28] for who in ("tested", "checked", "approved")]
+    columns = (Column("test"), Column("name"), Column("date"), Column("signature"))
+    return make_table("signatures", "Signatures.", columns, rows)
+
+
 def _root_mean_square(value: FloatArray) -> float:
     return float(np.sqrt(np.nanmean(value**2)))
