@@ -110,6 +110,15 @@ def test_nothing_is_beyond_the_margins_and_words_that_fit_no_line_are_broken() -
     assert letters.count("z") >= 300
 
 
+@pytest.mark.parametrize("count", [1, 40, 100])
+def test_tables_of_any_number_of_columns_keep_within_the_margins(count: int) -> None:
+    columns = [Column(f"heading {k}" if k else "") for k in range(count)]
+    made = page_pdf(Page("t", (make_table("many", "", columns, [["word"] * count]),), ()))
+    found = np.array(list(boxes(made)))
+    assert found[:, 0].min() >= MARGIN - 1.0
+    assert found[:, 2].max() <= MARGIN + WIDTH + 1.0
+
+
 def test_a_cell_longer_than_a_sheet_goes_on_with_the_next_one() -> None:
     long = make_table("long", "Long.", (Column("a"), Column("b")), [["one", "word " * 4000], ["two", "end"]])
     made = page_pdf(Page("t", (long,), ()))

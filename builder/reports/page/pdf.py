@@ -54,8 +54,8 @@ HEADINGS = (15.0, 12.0, 10.5, 9.5)
 LEADING = 1.35
 """Distance of lines over the size of the text."""
 
-GAP = 0.14 * inch
-"""Space between columns of a table."""
+GAP, LARGEST_GAP = 0.14 * inch, 0.3
+"""Space between columns of a table, and at most so much of a column where they are many."""
 
 ROUNDING = 0.01
 """By which a column is wider than its text, so that rounding breaks no word."""
@@ -209,7 +209,8 @@ def _table(table: Table) -> list[platypus.Flowable]:
     cells = [[shown(cell, column) for cell, column in zip(row, table.columns, strict=True)] for row in table.rows]
     heads = [column.title for column in table.columns]
     right = [all(is_number(row[i]) for row in table.rows) for i in range(len(heads))]
-    size, widths = _fitted(heads, cells)
+    gap = min(GAP, LARGEST_GAP * WIDTH / len(heads))
+    size, widths = _fitted(heads, cells, WIDTH - gap * len(heads))
     columns = list(zip(widths, right, strict=True))
     rows = [
         [_cell(text, size, font, *column) for text, column in zip(row, columns, strict=True)]
@@ -220,14 +221,14 @@ def _table(table: Table) -> list[platypus.Flowable]:
         ("FONT", (0, 0), (-1, 0), BOLD, size, size * LEADING),
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("LEFTPADDING", (0, 0), (-1, -1), 0.0),
-        ("RIGHTPADDING", (0, 0), (-1, -1), GAP),
+        ("RIGHTPADDING", (0, 0), (-1, -1), gap),
         ("TOPPADDING", (0, 0), (-1, -1), 1.0),
         ("BOTTOMPADDING", (0, 0), (-1, -1), 1.0),
         ("LINEBELOW", (0, 0), (-1, 0), 0.6, black),
         ("LINEBELOW", (0, 1), (-1, -1), 0.4, PALE),
         *(("ALIGN", (i, 0), (i, -1), "RIGHT") for i, number in enumerate(right) if number),
     ]
-    columns_with_gaps = [width + GAP + ROUNDING for width in widths]
+    columns_with_gaps = [width + gap + ROUNDING for width in widths]
     found = platypus.Table(rows, columns_with_gaps, style=style, repeatRows=1, splitInRow=1, hAlign="LEFT")
     caption = _words(table.caption, SMALL, BOLD, after=3.0)
     return [platypus.CondPageBreak(0.9 * inch), caption, found, platypus.Spacer(0.0, 0.14 * inch)]
@@ -240,15 +241,16 @@ def _cell(text: str, size: float, font: str, width: float, right: bool) -> str |
     return platypus.Paragraph(escape(text), _style(size, font, alignment=2 if right else 0))
 
 
-def _fitted(heads: list[str], cells: list[list[str]]) -> tuple[float, list[float]]:
-    """Return size of the text and widths of the columns that fit on the sheet.
+def _fitted(heads: list[str], cells: list[list[str]], room: float) -> tuple[float, list[float]]:
+    """Return size of the text and widths of the columns that fit into the width ``room``.
 
     A heading may wrap at its words, as may the cells of the widest columns.
     """
-    room = WIDTH - GAP * len(heads)
     for size in (SMALL, 7.5, 7.0, 6.5, 6.0, SMALLEST):
         least = [
-            max(0.4 * text_width(head, size, BOLD), *(text_width(word, size, BOLD) for word in head.split()))
+            max(
+                0.4 * text_width(head, size, BOLD), *(text_width(word, size, BOLD) for word in [*head.split(), ""])
+            )
             for head in heads
         ]
         natural = [max(low, *(text_width(row[i], size) for row in cells)) for i, low in enumerate(least)]
