@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 from pathlib import Path
 
 from builder.calibration.after_test.calibrated_map import calibrated_structure
@@ -24,6 +23,7 @@ from builder.reports.calibration_page.page import calibration_page
 from builder.reports.calibration_page.tables import equations_table
 from builder.reports.page.html import write_page
 from builder.reports.page.origin import input_files, origin_of
+from builder.reports.page.packages import without_packages
 from builder.reports.page.tables import table_csv
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.vehicle.file import Vehicle
@@ -127,12 +127,8 @@ def write_report(one: CalibrationFindings, output: Path) -> tuple[tuple[Path, ..
     write_page(page, page_path)
     table = equations_table(one.found, one.equations)
     write_bytes_atomically(equations_path, table_csv(table).encode("utf-8"))
-    missing = [package for package in ("matplotlib", "reportlab") if find_spec(package) is None]
-    if missing:
-        what = "figures and PDF" if "matplotlib" in missing else "PDF"
-        line = (
-            f"{page_path.name}: without {what}, {' and '.join(missing)} missing: pip install 'strainfmu[report]'"
-        )
+    line = without_packages(page_path.name)
+    if line:
         return (page_path, equations_path), (line,)
     from builder.reports.page.pdf import write_pdf
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,7 @@ from builder.placement.limits import Limits
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
+from builder.reports.page.packages import without_packages
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
@@ -152,7 +152,7 @@ def review_layout(
     reporter: Reporter,
     snapshots_path: Path | None = None,
 ) -> Review:
-    """Write the review of a layout as a page, and with reportlab as PDF next to it.
+    """Write the review of a layout as a page, and as PDF next to it where reportlab is installed.
 
     ``layout`` is a name of the vehicle file or a layout file (CSV).
 
@@ -175,10 +175,13 @@ def review_layout(
         found = review_of(placement_study(vehicle, snapshots, structure, grid, kind, progress=progress))
     page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
     write_page(page, path)
-    if find_spec("matplotlib") and find_spec("reportlab"):
-        from builder.reports.page.pdf import write_pdf
+    line = without_packages(path.name)
+    if line:
+        reporter.note(line)
+        return found
+    from builder.reports.page.pdf import write_pdf
 
-        write_pdf(page, path.with_suffix(".pdf"))
+    write_pdf(page, path.with_suffix(".pdf"))
     return found
 
 

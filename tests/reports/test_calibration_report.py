@@ -249,7 +249,7 @@ def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
     missing: str,
     said: str,
 ) -> None:
-    for module in ("builder.pipeline.calibration_report", "builder.reports.calibration_page.page"):
+    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.page"):
         monkeypatch.setattr(f"{module}.find_spec", lambda name: None if name == missing else find_spec(name))
     files, lines = write_report(findings(found, worth), tmp_path / "calibrated.h5")
     assert sorted(one.suffix for one in files) == [".csv", ".html", *([] if missing else [".pdf"])]

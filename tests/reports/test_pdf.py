@@ -40,7 +40,7 @@ def text_of(made: bytes) -> str:
 
 
 def boxes(made: bytes) -> Iterator[tuple[float, float, float, float]]:
-    """Yield left, bottom, right and top [pt] of each run of text but those of the feet."""
+    """Yield left, bottom, right and top [pt] of each run of text, without the feet."""
     for sheet in read(made):
         text = sheet.get_textpage()
         for k in range(text.count_rects()):

@@ -18,7 +18,7 @@ from builder.structure.as_built.response_tables import LoadResponse, together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
-from builder.structure.loads.applied import NO_VECTOR, Load, PadForce, Vector
+from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from strainfmu.arrays import FloatArray
@@ -31,9 +31,6 @@ SMOOTH = 0.75
 
 JOINT = 0.47
 """Station of the joint, over the length of the wall from the solid tip: at the break of the shipped profile."""
-
-UNITS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""Forces that all others are sums of [N]."""
 
 ELEMENT, LAYERS = 0.75, 2
 """Element length over the map's, and elements through the wall."""
@@ -134,7 +131,7 @@ class LoadTables:
             return np.zeros(self.structure.n_gauges)
         place = replace(stated, force=NO_VECTOR)
         if place not in self._of_place:
-            units = [replace(stated, force=unit) for unit in UNITS]
+            units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
             self._of_place[place] = (
                 together([self.structure.response(one) for one in units]),
                 self.structure.nominal_response(units),

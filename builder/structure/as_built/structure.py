@@ -57,11 +57,11 @@ from builder.structure.fourier.model import (
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.loads.applied import (
+    UNIT_VECTORS,
     Acceleration,
     ApparentStrain,
     Load,
     SurfacePressure,
-    Vector,
     Weight,
 )
 from builder.structure.loads.fourier import MAX_HARMONIC
@@ -78,9 +78,6 @@ from strainfmu.errors import InputError
 
 SHIFT = 1e-3
 """Step along the surface [m]."""
-
-UNIT_VECTORS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-"""Along body axes [1]."""
 
 OF_MASS = (Weight, Acceleration)
 """Loads that go with the vehicle's mass."""

@@ -16,9 +16,9 @@ from scipy.sparse import csr_array
 
 from builder.structure.fourier.fourier_elasticity import (
     FourierStiffness,
+    assembled,
     some_elements,
     strain_displacement,
-    summed,
 )
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
@@ -64,7 +64,7 @@ class HarmonicProduct:
 def harmonic_product(
     mesh: MeridianMesh, material: Material, like: FourierStiffness, elements: IntArray
 ) -> HarmonicProduct:
-    """Return the stiffness of some ``elements`` of a wall between displacements of any two harmonics.
+    """Return the stiffness of some ``elements`` (n,) of a wall between displacements of any two harmonics.
 
     ``like`` is the stiffness of a mesh of the same elements.
     """
@@ -79,7 +79,7 @@ def harmonic_product(
     blocks = constant @ of_constant, mixed, mixed.transpose(0, 2, 1), linear @ of_linear
     # The pattern is symmetric; its places are by columns.
     by_column = [one.transpose(0, 2, 1) for one in blocks]
-    term = summed(by_column, like.places_of(elements), len(like.indices))
+    term = assembled(by_column, like.places_of(elements), len(like.indices))
     return HarmonicProduct(like.indices, like.indptr, term)
 
 

@@ -1,6 +1,6 @@
 """Factors of a banded stiffness, solved for many right hand sides at once.
 
-A harmonic's mesh is long and thin, so that its stiffness is a narrow band, which LAPACK factors in a fourth of the
+A harmonic's mesh is long and thin, so that its stiffness is a narrow band, which LAPACK factors in a third of the
 time of a general sparse solver. LAPACK would solve for one right hand side after another; here each entry of the
 factor is read once for a block of them, and the zeros within the band are left out.
 

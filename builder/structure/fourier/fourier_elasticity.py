@@ -72,7 +72,7 @@ def assemble_stiffness(mesh: MeridianMesh, material: Material) -> FourierStiffne
         An element is turned inside out, which a wall too thick for the meridian's curvature does.
     """
     indices, indptr, place = _pattern(mesh)
-    term = summed(element_stiffness(mesh, material), place, len(indices))
+    term = assembled(_element_stiffness(mesh, material), place, len(indices))
     stiffness = FourierStiffness(indices, indptr, term, place)
     return stiffness if mesh.foundation is None else _on_foundation(mesh, stiffness)
 
@@ -84,24 +84,25 @@ def stiffness_of_elements(
     elements: IntArray,
     factor: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the terms (3, n_nonzero) of some ``elements`` alone, in the pattern of ``like``.
+    """Return the terms (3, n_nonzero) [N/m per radian] of some ``elements`` (n,) alone.
 
-    ``like`` is the stiffness of a mesh of the same elements. ``factor`` (n,) is on the modulus of each; 1 where
-    none is given.
+    They are in the pattern of ``like``, the stiffness of a mesh of the same elements. ``factor`` (n,) is on the
+    modulus of each; 1 where none is given.
 
     Raises
     ------
     InputError
         As :func:`assemble_stiffness`.
     """
-    term = element_stiffness(some_elements(mesh, elements), material, factor)
-    return summed(term, like.places_of(elements), len(like.indices))
+    term = _element_stiffness(some_elements(mesh, elements), material, factor)
+    return assembled(term, like.places_of(elements), len(like.indices))
 
 
-def element_stiffness(
+def _element_stiffness(
     mesh: MeridianMesh, material: Material, factor: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return K_0, K_1 and K_2 of each element, (n_e, 27, 27); ``factor`` (n_e,) is on its modulus."""
+    """Return K_0, K_1 and K_2 of each element, (n_e, 27, 27) [N/m per radian]; ``factor`` (n_e,) is on its
+    modulus."""
     constant, linear, weight = strain_displacement(mesh)
     weight = weight if factor is None else factor[:, None] * weight
     stress_constant = _stress(mesh, material, constant, weight)
@@ -120,8 +121,13 @@ def some_elements(mesh: MeridianMesh, elements: IntArray) -> MeridianMesh:
     return replace(mesh, element=mesh.element[elements], material_of=material_of)
 
 
-def summed(terms: Sequence[FloatArray], place: NDArray[np.intp], n_nonzero: int) -> FloatArray:
-    """Return (n_terms, n_nonzero) sums of the elements' entries (n_e, 27, 27) at their places (n_e 27 27,)."""
+def assembled(terms: Sequence[FloatArray], place: NDArray[np.intp], n_nonzero: int) -> FloatArray:
+    """Assemble ``terms``, (n_e, 27, 27) each: sum entries that have the same ``place`` (n_e 27 27,).
+
+    Returns
+    -------
+    (n_terms, n_nonzero) in the unit of the terms.
+    """
     return np.array([np.bincount(place, one.ravel(), n_nonzero) for one in terms], dtype=np.float64)
 
 

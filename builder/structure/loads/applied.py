@@ -19,6 +19,8 @@ from strainfmu.errors import InputError
 STANDARD_GRAVITY = 9.80665  # m/s2
 Vector = tuple[float, float, float]
 NO_VECTOR: Vector = (0.0, 0.0, 0.0)
+UNIT_VECTORS: tuple[Vector, ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+"""Along body axes [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

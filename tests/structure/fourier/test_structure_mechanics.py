@@ -11,6 +11,7 @@ from builder.structure.fourier.fourier_elasticity import (
     factor_harmonic,
     rigid_motions,
     roll_integral,
+    stiffness_of_elements,
 )
 from builder.structure.fourier.meridian_mesh import End, MeridianMesh, quadratic_shape, tube_mesh
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -36,6 +37,17 @@ def test_rigid_motion_strains_nothing(mesh: MeridianMesh, wall: Wall, motion: st
     gauge_x = np.linspace(0.12, 3.5, 40)
     rows = strain_rows(mesh, gauge_x, harmonic)
     assert np.abs(rows @ field).max() < 1e-10 * (np.abs(rows) @ np.abs(field)).max()
+
+
+def test_the_stiffness_is_the_sum_over_parts_of_the_mesh(mesh: MeridianMesh, wall: Wall) -> None:
+    whole, n_e = assemble_stiffness(mesh, wall.material), len(mesh.element)
+    first, rest = np.arange(n_e // 3), np.arange(n_e // 3, n_e)
+    softer = stiffness_of_elements(mesh, wall.material, whole, first, np.full(len(first), 0.25))
+    stiffer = stiffness_of_elements(mesh, wall.material, whole, first, np.full(len(first), 0.75))
+    other = stiffness_of_elements(mesh, wall.material, whole, rest)
+    np.testing.assert_allclose(softer, stiffer / 3.0, atol=1e-12 * np.abs(whole.term).max())
+    np.testing.assert_allclose(softer + stiffer + other, whole.term, atol=1e-12 * np.abs(whole.term).max())
+    assert not (softer.any(axis=0) & other.any(axis=0)).all()
 
 
 def test_constant_strain_is_exact(mesh: MeridianMesh) -> None:
