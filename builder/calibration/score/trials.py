@@ -81,6 +81,7 @@ class TrialSetup:
     structure : the map's.
     tests : the test for each noise of a reading [m/m], without readings.
     cases : of a test, in addition to its attitudes.
+    errors : of its loads.
     vehicles, loads : the truth.
     flights : on the truth's own nodes.
     ensemble : of the map's flows.
@@ -92,6 +93,7 @@ class TrialSetup:
     snapshots: Snapshots
     structure: AsBuiltStructure
     cases: int
+    errors: LoadErrors
     vehicles: SmoothVehicles
     loads: LoadTables
     flights: Flights
@@ -103,12 +105,22 @@ class TrialSetup:
     def model(self, noise: float = READING_STD) -> ReadingsModel:
         """Return the test that is proposed where a reading has ``noise`` [m/m], without readings."""
         if noise not in self.tests:
-            self.tests[noise] = proposed_test(self.vehicle, self.snapshots, self.structure, self.cases, noise)
+            self.tests[noise] = proposed_test(
+                self.vehicle, self.snapshots, self.structure, count=self.cases, errors=self.errors, noise=noise
+            )
         return self.tests[noise]
 
 
 def trial_setup(
-    vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, *, kind: str, cases: int, flights: int, draws: int
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    table: FlowTable,
+    *,
+    kind: str,
+    cases: int,
+    flights: int,
+    draws: int,
+    errors: LoadErrors,
 ) -> TrialSetup:
     """Solve what all draws share; ``kind`` is a map of :data:`~builder.calibration.score.vehicles.KINDS`."""
     entry = vehicle.map.model_copy(update={"estimator": "linear"} | KINDS[kind])
@@ -122,6 +134,7 @@ def trial_setup(
         snapshots=on_map,
         structure=structure,
         cases=cases,
+        errors=errors,
         vehicles=vehicles,
         loads=LoadTables(vehicles.structure),
         flights=flights_of(vehicle, table, vehicles.structure.surface, flights),
@@ -131,13 +144,18 @@ def trial_setup(
 
 
 def proposed_test(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AsBuiltStructure, count: int, noise: float
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: AsBuiltStructure,
+    *,
+    count: int,
+    errors: LoadErrors,
+    noise: float,
 ) -> ReadingsModel:
     """Return the test of ``count`` bonded pads that is proposed for readings of ``noise`` [m/m], in the order in
     which it is run: with zero readings between and at the end."""
     drawing = calibrated_structure(structure, structure.exactly_built(), vehicle.gauges.layout, {})
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=drawing, as_built=structure)
-    errors = LoadErrors()
     plan = load_plan(parts, count, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
     test = load_test_of(structure, [one.case for one in run_order(plan)], errors, noise)
     return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
@@ -348,6 +366,7 @@ def parser() -> argparse.ArgumentParser:
     found.add_argument("--first", type=int, default=0, help="number of the first draw, its seed")
     found.add_argument("--rows", nargs="+", default=[], help="names of rows; all by default")
     found.add_argument("--cases", type=int, default=12, help="pads of the test, in addition to its attitudes")
+    found.add_argument("--load-cell-percent", type=float, default=0.5, help="error common to all loads")
     found.add_argument("--map", choices=list(KINDS), default="case 1")
     found.add_argument("--flights", type=int, default=60)
     found.add_argument("--noise-draws", type=int, default=8, help="for each flight")
@@ -371,6 +390,7 @@ def main() -> None:
         cases=options.cases,
         flights=options.flights,
         draws=options.noise_draws,
+        errors=LoadErrors(common=0.01 * options.load_cell_percent),
     )
     run(setup, options.rows, range(options.first, options.first + options.draws), options.output)
 
