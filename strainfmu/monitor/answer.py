@@ -4,26 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.cycle.states.quality import Quality, is_usable
 from strainfmu.can.cycle.states.words import all_words
 
 _WORDS = all_words()
-
-_WITH_BANDS = frozenset(
-    quality.name for quality in (Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT)
-)
-"""Qualities whose loads may be used with their bands, if the estimator says so."""
-
-
-def is_usable(result: dict[str, Any]) -> bool:
-    """Return whether loads of a result may be used with their standard deviations.
-
-    A result that says nothing about it, as of an earlier version, is usable where its quality is VALID.
-    """
-    stated = result.get("usable")
-    if stated is None:
-        return bool(result["quality_name"] == Quality.VALID.name)
-    return bool(stated == 1 and result["quality_name"] in _WITH_BANDS)
 
 
 def reason(result: dict[str, Any]) -> str:
@@ -45,7 +29,8 @@ class Answer:
 
     def take(self, result: dict[str, Any]) -> None:
         """Take in a result of the bridge."""
-        usable = is_usable(result)
+        quality = Quality.__members__.get(result["quality_name"], Quality.INVALID)
+        usable = result["usable"] != 0 and is_usable(quality, result["health"])
         if usable is not self._usable:
             self._usable, self._since = usable, result["timestamp"]
         self._why = reason(result)

@@ -121,7 +121,7 @@ def _row(result: CycleResult) -> list[float]:
         "sample_time": result.sample_time,
         ENVELOPE_SCORE: result.envelope_score,
         "age_uncertainty": result.age_uncertainty,
-        USABLE: None if result.health is None else float(result.usable),
+        USABLE: float(result.usable),
         "gap": result.gap,
     }
     found = (values[name] for name, _ in LOG_COLUMNS)

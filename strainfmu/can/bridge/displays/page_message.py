@@ -232,7 +232,7 @@ def result_message(
         "age_ms": finite(1e3 * result.age),
         "age_uncertainty_ms": finite(1e3 * result.age_uncertainty),
         "health": result.health,
-        "usable": None if result.health is None else int(result.usable),
+        "usable": int(result.usable),
         "health_name": None if result.health is None else health_name(result.health),
         "health_text": health_text(result, score_limit),
         "chi_square": finite(result.chi_square),

@@ -96,7 +96,7 @@ def _usable(start: int) -> SignalLayout:
         name="Usable",
         start=start,
         length=1,
-        comment="1: health is Ok or Degraded, the loads may be used with their standard deviations",
+        comment="1: Health Ok or Degraded and Quality Valid, Unprotected or Degraded: loads and sigma may be used",
     )
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.can.cycle.gauges.verdicts import GaugeVerdicts
-from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.cycle.states.quality import Cause, Quality, is_usable
 from strainfmu.cosim.estimators.step import StepResult
-from strainfmu.estimator.health import USABLE_STATES, HealthState
+from strainfmu.estimator.health import HealthState
 
 
 def no_numbers() -> FloatArray:
@@ -73,8 +73,8 @@ class CycleResult:
 
     @property
     def usable(self) -> bool:
-        """Whether the estimator states that loads may be used with their standard deviations."""
-        return self.health in _USABLE
+        """Whether loads may be used with their standard deviations, by health and quality."""
+        return is_usable(self.quality, self.health)
 
 
 def result_without_fields() -> CycleResult:
@@ -101,7 +101,6 @@ def published(result: CycleResult, now: float, max_age: float) -> CycleResult:
     return result
 
 
-_USABLE = frozenset(int(state) for state in USABLE_STATES)
 _OK, _VALID = int(HealthState.OK), Quality.VALID
 _NO_ESTIMATE = frozenset({HealthState.NO_COEFFICIENTS, HealthState.INVALID, HealthState.UNIDENTIFIED})
 _SUSPECT = frozenset({HealthState.INCONSISTENT, HealthState.SUSPECT, HealthState.OUTSIDE})

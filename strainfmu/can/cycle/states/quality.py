@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum, IntFlag
 
+from strainfmu.estimator.health import USABLE_STATES
+
 
 class Quality(IntEnum):
     """Verdict on one result. The numbers go over the bus and never change; 15 is kept for "not available"."""
@@ -36,6 +38,14 @@ class Quality(IntEnum):
 _WITH_COEFFICIENTS = {Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT, Quality.UNCONFIRMED}
 for _quality in Quality:  # once, as it is asked for several times a cycle
     _quality.has_coefficients = _quality in _WITH_COEFFICIENTS
+
+_USABLE_QUALITIES = frozenset({Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED})
+_USABLE_HEALTHS = frozenset(int(state) for state in USABLE_STATES)
+
+
+def is_usable(quality: Quality, health: int | None) -> bool:
+    """Return whether loads may be used with their standard deviations; ``health`` is None without an estimate."""
+    return quality in _USABLE_QUALITIES and health in _USABLE_HEALTHS
 
 
 class Cause(IntFlag):
