@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
@@ -24,6 +25,9 @@ _BUS_EVENT, _BUS, _CAN = 2, 2, 2
 
 _LARGEST_TIME = 2.0**53 / 1e6
 """Time [s] from which on a float does not hold whole microseconds: no time stamp, but a damage."""
+
+_RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative\b", re.IGNORECASE)
+_EVENT = re.compile(r"\s*(\d+\.\d+)(\s.*)", re.DOTALL)
 
 FRAME_CHANNEL = "CAN_DataFrame"
 """Channel of an MF4 file that holds the frames of a bus (ASAM MDF, bus logging)."""
@@ -124,8 +128,26 @@ def _reader(path: Path, raw: Any) -> Any:
         return read_apart(path, lambda: _mf4_messages(path))
     if kind == ".blf":
         return _whole_objects(BLFReader)(raw)
-    text = io.TextIOWrapper(raw, encoding="utf-8", errors="replace")
-    return ASCReader(text) if kind == ".asc" else CanutilsLogReader(text)
+    text = _AscText if kind == ".asc" else io.TextIOWrapper
+    return (ASCReader if kind == ".asc" else CanutilsLogReader)(text(raw, encoding="utf-8", errors="replace"))
+
+
+class _AscText(io.TextIOWrapper):
+    """Lines of an ASC log with times since its start: python-can takes each time for one.
+
+    With ``timestamps relative`` in the header a time counts from the event before, which need not be a frame.
+    """
+
+    _sum: float | None = None
+
+    def __next__(self) -> str:  # type: ignore[override]  # as of TextIOWrapper itself
+        line = super().__next__()
+        if self._sum is None:
+            self._sum = 0.0 if _RELATIVE.match(line) else None
+        elif event := _EVENT.match(line):
+            self._sum += float(event[1])
+            return f"{self._sum:.9f}{event[2]}"
+        return line
 
 
 def _whole_objects(reader: Any) -> Any:

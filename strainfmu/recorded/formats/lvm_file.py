@@ -138,12 +138,32 @@ class _Reader:
                 column = segment.channels[name]
                 if segment.tag("X_Dimension", column) not in ("", "Time"):
                     return None
-                x = column if self._is_multi else 1
-                axis = x if self._has_x else (segment.tag("X0", column), segment.tag("Delta_X", column))
-                key.append((at, axis, len(self._rows(segment, column))))
+                key.append((at, self._axis_of(segment, column, name), len(self._rows(segment, column))))
         if tuple(key) not in self._times:
             self._times[tuple(key)] = np.concatenate([self._axis(name, *part) for part in key])
         return self._times[tuple(key)]
+
+    def _axis_of(self, segment: _Segment, column: int, name: str) -> int | tuple[str, str]:
+        """Return the column behind a channel's times, or its X0 and Delta_X where no column holds its times.
+
+        A single column of times belongs to the first channel with the most samples: a channel with another X0 or
+        Delta_X has times of its own.
+        """
+        if self._is_multi:
+            return column
+        samples = _samples(segment)
+        longest = max(samples, key=lambda at: samples[at], default=1)
+        step = (segment.tag("X0", column), segment.tag("Delta_X", column))
+        if self._has_x and (
+            not all(step) or step == (segment.tag("X0", longest), segment.tag("Delta_X", longest))
+        ):
+            return 1
+        if samples.get(column, 0) < samples.get(longest, 0) < len(segment.rows):
+            raise InputError(
+                f"{self._path}: channel '{name}': expected its {samples[column]} samples in one block of "
+                f"{samples[longest]} rows, got {len(segment.rows)} rows: save it with headings for each block"
+            )
+        return step
 
     def _axis(self, name: str, at: int, axis: int | tuple[str, str], n: int) -> FloatArray:
         """Return the (n,) times of a channel in a segment [s], of relative ones since the first segment began.
@@ -170,7 +190,7 @@ class _Reader:
     def _rows(self, segment: _Segment, column: int) -> list[tuple[int, list[str]]]:
         """Return the rows of a channel in a segment; the rows of a longer channel next to it are left out."""
         rows = segment.rows
-        stated = {at: int(cell) for at, cell in enumerate(segment.tags.get("Samples", [])) if cell.isdecimal()}
+        stated = _samples(segment)
         longest = max(stated.values(), default=len(rows))
         if len(rows) < longest:
             where = f"line {rows[-1][0]}" if rows else "end"
@@ -195,6 +215,11 @@ class _Reader:
         stamp = f"{_second(segment.tags, 'Date')} {_second(segment.tags, 'Time')}".replace(",", ".")
         form = time_form(stamp, None)
         return None if form is None else form.moment(stamp)
+
+
+def _samples(segment: _Segment) -> dict[int, int]:
+    """Return the stated number of samples of each column."""
+    return {at: int(cell) for at, cell in enumerate(segment.tags.get("Samples", [])) if cell.isdecimal()}
 
 
 def _second(tags: dict[str, list[str]], name: str) -> str:

@@ -92,7 +92,7 @@ def lvm_text(x_columns: str, **more: str) -> str:
     return lvm([("11:59:59.9", [*first, slow]), ("12:00:00.15", second)], x_columns, **more)
 
 
-@pytest.mark.parametrize("x_columns", ["No", "Multi"])
+@pytest.mark.parametrize("x_columns", ["No", "One", "Multi"])
 @pytest.mark.parametrize("more", [{}, {"decimal": ","}, {"between": ","}], ids=["tab", "decimal comma", "comma"])
 def test_lvm_with_segments_and_two_rasters(x_columns: str, more: dict[str, str], tmp_path: Path) -> None:
     path = tmp_path / "run.lvm"
@@ -117,6 +117,11 @@ def test_lvm_with_one_column_of_times_and_one_heading(tmp_path: Path) -> None:
 
 
 LVM = lvm_text("Multi")
+BLOCK = [
+    *((f"G{i}", "um/m", FAST[:25], STRAIN[:25, i]) for i in range(2)),
+    ("dynamic_pressure", "kPa", SLOW[:5], SLOW[:5]),
+]
+BLOCKS = lvm([("12:00:00", BLOCK), ("12:00:00.25", BLOCK)], "One", headings="No")
 WRONG_LVM = {
     "no such file": (LVM.replace("LabVIEW Measurement", "LabVIEW"), "does not begin with that name"),
     "no names": (LVM.replace("X_Value", "Y"), "line 23: expected the names of channels behind X_Value, got 'Y"),
@@ -133,6 +138,10 @@ WRONG_LVM = {
     "times": (
         LVM.replace("12:00:00.15", "12:00:00.13"),
         "sample 26: expected finite times that increase",
+    ),
+    "blocks of two rasters": (
+        BLOCKS,
+        "channel 'dynamic_pressure': expected its 5 samples in one block of 25 rows, got 50 rows",
     ),
 }
 
