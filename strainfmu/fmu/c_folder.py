@@ -262,6 +262,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
         estimator="linear" if inverse_map.manifold is None else "nonlinear",
         n_gauges=inverse_map.n_gauges,
         map_size=len(core.resource),
+        most_iterations=core.most_iterations,
         flags=" ".join(("-std=c99", "-O2", *ARITHMETIC_FLAGS)),
         n_inputs=core.n_inputs,
         inputs=_record(core.inputs, inputs),

@@ -17,6 +17,7 @@ from flight_fmu import random_flight, whole_map
 from once import once
 from platforms import by_aarch64, program
 from raw_fmu import this_platform
+from snippets import ROOT
 from whole_maps import MAPS
 
 from strainfmu.arrays import FloatArray
@@ -111,6 +112,7 @@ def test_maps_with_all_that_a_map_can_have(built: Path, tmp_path: Path, name: st
     assert ALL_EQUAL.search(output_of(linked))
     text = (sources / "README.txt").read_text()
     core = Estimator(MAPS[name]()).core
+    assert f"at most {core.most_iterations} in all." in " ".join(text.split())
     for layout in (core.inputs, core.outputs, core.settings):
         for field, part in layout.items():
             last = "" if part.stop - 1 == part.start else rf" \.\. {part.stop - 1}"
@@ -202,6 +204,26 @@ def test_memory_and_time_are_measured(built: Path) -> None:
     rows = re.findall(r"^(\S.*?)((?: +\d+\.\d){4})\s*$", text, re.MULTILINE)
     assert len(rows) == 8
     assert all(float(m) <= float(most) for _, times in rows for m, most in [times.split()[:2], times.split()[2:]])
+
+
+def test_the_page_states_what_measure_prints(built: Path, ic3x_demo: Path, tmp_path: Path) -> None:
+    """Memory of the shipped vehicle's map; its stack without optimisation is that of -O2 to 3 %."""
+    if this_platform() != "linux64":
+        pytest.skip("needs a linker with --wrap, and threads")
+    export_estimator(ic3x_demo / "map.h5", tmp_path / "c", C)
+    files = [tmp_path / "c" / name for name in ("measure.c", "samples.c", "map_data.c")]
+    flags = ["-std=c99", *ARITHMETIC_FLAGS, "-DWRAPPED", "-pthread", "-Wl,--wrap=malloc,--wrap=calloc,--wrap=free"]
+    library = built / "build" / "libstrainload.a"
+    output_of(found_compiler(), QUICK, *flags, *files, library, "-lm", "-o", tmp_path / "measure")
+    printed = output_of(tmp_path / "measure", "3")
+    size = {name: int(n) for name, n in re.findall(r"^([a-z_. ]+?) +(\d+) bytes", printed, re.MULTILINE)}
+    (blocks,) = re.findall(r"bytes in (\d+) blocks", printed)
+    page = (ROOT / "docs" / "howto" / "run_without_fmi.md").read_text(encoding="utf-8")
+    assert f"| map, constant | {size['map_data.c'] / 1e6:.2f} MB |" in page
+    assert f"| a handle | {size['a handle'] / 1e6:.1f} MB in {blocks} blocks |" in page
+    assert f"| a sample and its results | {size['records']} bytes |" in page
+    (most,) = re.findall(r"\| stack of .* \| ([\d,]+) bytes at most \|", page)
+    assert max(size["stack of sl_open"], size["stack of a step"]) < int(most.replace(",", ""))
 
 
 def test_the_folder_holds_no_front_of_fmi(built: Path) -> None:

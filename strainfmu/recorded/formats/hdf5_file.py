@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,9 @@ def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
     with reading(path, kind):
         if not reads_well(path, lambda: _read_structure(path)):
             raise InputError(f"{path}: damaged, or not {kind}")
-        file = h5py.File(path, "r")
+        with h5py.File(path, "r") as file:
+            row_size = max(_row_sizes(file), default=0)
+        file = h5py.File(path, "r", rdcc_nbytes=row_size)
     with file:
         yield file
 
@@ -59,6 +62,23 @@ def _read_structure(path: Path) -> None:
     with h5py.File(path, "r") as file:
         _read(file)
         file.visititems(lambda _, item: _read(item))
+
+
+def _row_sizes(file: h5py.File) -> list[int]:
+    """Return the bytes of the chunks that hold a row of each data set in chunks.
+
+    A file that is read from row to row needs no larger cache of chunks. By default HDF5 retains 1 to 8 MiB of each
+    data set, so that memory grows with the length of the file up to there.
+    """
+    sizes = list[int]()
+
+    def visit(_: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and item.chunks:
+            across = [-(-n // chunk) * chunk for n, chunk in zip(item.shape[1:], item.chunks[1:], strict=True)]
+            sizes.append(item.dtype.itemsize * item.chunks[0] * prod(across))
+
+    file.visititems(visit)
+    return sizes
 
 
 def _read(item: Any) -> None:

@@ -39,6 +39,8 @@ _SLASH = "%2F"
 
 _CHUNK_ROWS, _HELD_ROWS = 4096, 16384
 """Rows of a chunk in HDF5, and rows that are written at once: each call costs as much as thousands of rows."""
+_CHUNK_BYTES = 16 * _CHUNK_ROWS
+"""Of a column of text, the larger kind. HDF5 retains the last chunk of each column, and would 8 MiB by default."""
 
 
 class EstimateWriter(ABC):
@@ -120,7 +122,7 @@ class _Hdf5Writer(EstimateWriter):
     ) -> None:
         super().__init__(path, columns, text_columns)
         self._guarded = GuardedFile(temporary)
-        self._file = h5py.File(self._guarded, "w")
+        self._file = h5py.File(self._guarded, "w", rdcc_nbytes=_CHUNK_BYTES)
         self._file.attrs["schema"], self._file.attrs["schema_version"] = SCHEMA, SCHEMA_VERSION
         self._sets = [self._data_set(name, "f8") for name, _ in columns]
         for item, (_, unit) in zip(self._sets, columns, strict=True):
