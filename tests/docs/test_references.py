@@ -6,12 +6,14 @@ import re
 from dataclasses import fields
 from functools import cache
 from importlib import import_module
+from inspect import getsource, signature
 from pathlib import Path
 from typing import Any
 
 import pytest
 from snippets import ROOT, pages
 
+from builder.aero.euler.scheme import fluxes
 from builder.campaign import snapshots
 from builder.reports.build_report import page as build_page
 from builder.structure import structure_file
@@ -21,6 +23,7 @@ from strainfmu.cosim.systems import recording
 from strainfmu.estimator.map import inverse_map
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.fmu.description import fmi2
 
 pytestmark = pytest.mark.fast
 
@@ -101,6 +104,25 @@ def test_versions_of_files_are_those_of_the_code() -> None:
 def test_every_data_set_of_a_map_is_on_the_page_of_files(record: type[Any]) -> None:
     text = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
     assert [entry.name for entry in fields(record) if f"`{entry.name}`" not in text] == []
+
+
+def test_the_first_step_of_a_pressure_is_the_function_that_turns_it_parallel_to_the_wall() -> None:
+    text = (ROOT / "docs" / "developers" / "way_of_a_pressure.md").read_text(encoding="utf-8")
+    named = re.search(r"^\| 1 \| `builder\.aero\.euler\.scheme\.fluxes\.(\w+)`", text, re.MULTILINE)
+    assert named is not None
+    assert "pressure_at_wall" in signature(getattr(fluxes, named[1])).parameters
+
+
+def test_theory_sends_the_objective_to_a_module_that_states_it() -> None:
+    text = (ROOT / "docs" / "explanation" / "theory.md").read_text(encoding="utf-8")
+    row = re.search(r"`eq:objective` \| `([\w.]+)` \|", text)
+    assert row is not None
+    assert "minimises |L^-1 (d - m - A q)|^2" in getsource(import_module(row[1]))
+
+
+def test_the_module_of_fmi_2_states_both_kinds_of_its_fmus() -> None:
+    assert fmi2.__doc__ is not None
+    assert all(kind in fmi2.__doc__ for kind in ("co-simulation", "model exchange"))
 
 
 def _exists(dotted: str) -> bool:

@@ -1,7 +1,7 @@
-"""``modelDescription.xml`` of FMI 2.0 co-simulation FMUs.
+"""``modelDescription.xml`` of FMI 2.0 FMUs, for co-simulation and model exchange.
 
 Source: Functional Mock-up Interface for Model Exchange and Co-Simulation, version 2.0.5, section 2.2
-(definitions), 2.2.8 (model structure) and 4.3 (co-simulation).
+(definitions), 2.2.8 (model structure), 3.3 (model exchange) and 4.3 (co-simulation).
 """
 
 from __future__ import annotations
