@@ -25,6 +25,11 @@ _LENGTHS = re.compile(
 """A message with its length [bytes]; a signal with its start and length [bits]."""
 
 
+_UNUSED = re.compile(r"\b(VAL_|SIG_VALTYPE_) (\d+) (\w+)")
+"""Entries of a value or type whose signal does not exist, as cantools lists them."""
+
+_ENTRY = r'^[ \t]*{}\s+{}\s+{}\b(?:[^";]|"[^"]*")*;'
+
 MAPPING_TABLE = "input"
 """Table of a bus file whose entries map the signals of a DBC file."""
 
@@ -78,6 +83,9 @@ def _text(content: bytes) -> str:
 def database_of(text: str, name: str) -> Any:
     """Return cantools' database of the DBC file with content ``text``; ``name`` is for messages.
 
+    Entries about signals that the file does not have are left out; whether the signals of a message overlap or fit
+    is judged where a mapping names it.
+
     Raises
     ------
     InputError
@@ -87,10 +95,16 @@ def database_of(text: str, name: str) -> Any:
     """
     cantools = import_cantools()
     _check_sizes(text, name)
-    try:
-        return cantools.database.load_string(text, database_format="dbc")
-    except Exception as error:  # its parser raises exceptions of many types
-        raise InputError(f"{name}: cannot be read as a DBC file: {error_line(error)[:300]}") from error
+    while True:
+        try:
+            return cantools.database.load_string(text, database_format="dbc", strict=False)
+        except Exception as error:  # its parser raises exceptions of many types
+            without = text
+            for entry in _UNUSED.findall(str(error)):
+                without = re.sub(_ENTRY.format(*entry), "", without, flags=re.MULTILINE)
+            if without == text:
+                raise InputError(f"{name}: cannot be read as a DBC file: {error_line(error)[:300]}") from error
+            text = without
 
 
 def _check_sizes(text: str, name: str) -> None:

@@ -9,6 +9,7 @@ from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.crc import Protection
 from strainfmu.can.wire.dbc_signals import period
 from strainfmu.can.wire.frame_layout import FLOW_QUANTITIES, MAPPED_QUANTITIES, InputFrame
+from strainfmu.can.wire.libraries import error_line
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE, THRUST
 
@@ -60,6 +61,7 @@ class MappedDatabase:
         self._database, self._mapping, self._name = database, mapping, name
         self.name = name
         self._with_timeout: set[str] = set()
+        self._checked: set[str] = set()
         self.signals_with_unit: set[str] = set()
         unknown = sorted(set(mapping) - _TABLES)
         if unknown:
@@ -156,6 +158,12 @@ class MappedDatabase:
                     f"{self._name}: {where}: identifier 0x{message.frame_id:X} belongs to both '{name}' and "
                     f"'{other.name}' in the DBC file"
                 )
+        if name not in self._checked:
+            try:
+                message.refresh(strict=True)
+            except Exception as error:  # cantools raises exceptions of several types
+                raise InputError(f"{self._name}: {where}: in the DBC file: {error_line(error)[:300]}") from error
+            self._checked.add(name)
         return message
 
     def factor(

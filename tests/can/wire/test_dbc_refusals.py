@@ -114,3 +114,26 @@ def test_a_cycle_time_that_no_bus_has_is_refused(cycle_time: float) -> None:
     with pytest.raises(InputError, match="ms found, 0"):
         make_core(Projection(2), options, gauge_names=("g1", "g2"), start=0.0)
     make_core(Projection(2), replace(options, cycle_time=1e-3 * 0.1), gauge_names=("g1", "g2"), start=0.0)
+
+
+OTHER = """BO_ 300 Other: 2 A
+ SG_ a : 0|12@1+ (1,0) [0|0] "" B
+ SG_ b : {} (1,0) [0|0] "" B
+"""
+
+
+@pytest.mark.parametrize("other", [OTHER.format("8|8@1+"), OTHER.format("12|8@1+")], ids=["overlap", "too long"])
+def test_a_fault_in_a_message_counts_where_the_mapping_names_it(other: str) -> None:
+    text = RACK + AIR + other
+    assert layout_from(text).frames == layout_from(RACK + AIR).frames
+    pattern = r"map.toml: mach_number: in the DBC file: .*signals? b .* message Other\.$"
+    with pytest.raises(InputError, match=pattern):
+        layout_from(text, mach_number={"signal": "Other.b"}, units={"Other.b": "1"})
+
+
+def test_values_and_types_of_signals_that_are_missing_are_left_out() -> None:
+    """Each kind is listed by cantools in a failure of its own; values of other signals stay."""
+    values = 'VAL_ 256 S1 32767 "SNA" ;\nVAL_ 301 Gone 0 "a; b" 1 "on" ;\nVAL_ 256 Gone 1 "SNA" ;\n'
+    layout = layout_from(RACK + values + "SIG_VALTYPE_ 301 Gone : 1;\n")
+    assert layout.frames == layout_from(RACK + values.splitlines()[0] + "\n").frames
+    assert layout.frames != layout_from(RACK).frames
