@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
@@ -18,6 +19,8 @@ from strainfmu.recorded.formats.cells import Numerals
 from strainfmu.text_files import shown_columns
 
 _AXES = ("x", "y", "z")
+_AHEAD = re.compile(r"^(#|VARIABLES\s*=)\s*", re.IGNORECASE)
+"""What OpenFOAM and Tecplot write ahead of the names of columns."""
 _SEEN = 100
 """Lines whose numbers show the decimal mark."""
 
@@ -65,7 +68,7 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     repeated = sorted({name for name in header if header.count(name) > 1})
     if repeated:
         raise InputError(f"{path}: line {start + 1}: column '{repeated[0]}' occurs twice")
-    axes = [_axis_column(path, header, k, metres_per_unit) for k in range(3)]
+    axes = [_axis_column(path, header, k, metres_per_unit, lines) for k in range(3)]
     normals = [header.index(name) for name in NORMALS if name in header]
     named = _value_column(path, header, column, axes)
     chosen = [*axes, header.index(named), *(normals if len(normals) == 3 else [])]
@@ -77,8 +80,8 @@ def read_point_table(path: Path, column: str | None, metres_per_unit: float) -> 
     )
 
 
-def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float) -> int:
-    """Return the column of coordinate ``k``."""
+def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float, lines: list[str]) -> int:
+    """Return the column of coordinate ``k``; ``lines`` of the file show the columns that it has."""
     names = {_AXES[k]: None, f"Points:{k}": None, f"Points_{k}": None}
     units = {f"{_AXES[k]}_{unit}": unit for unit in METRES}
     for index, name in enumerate(header):
@@ -89,10 +92,26 @@ def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float) 
             if METRES[units[name]] != metres_per_unit:
                 raise InputError(f"{path}: column '{name}' found, but the manifest gives another length_unit")
             return index
+    above = _names_above_numbers(lines)
+    there = shown_columns(above, above) if above else shown_columns(header, _known_columns())
     raise InputError(
-        f"{path}: no column '{_AXES[k]}' found ('{_AXES[k]}', '{_AXES[k]}_m', 'Points:{k}' ... allowed); there "
-        f"are: {shown_columns(header, _known_columns())}"
+        f"{path}: no column '{_AXES[k]}' found ('{_AXES[k]}', '{_AXES[k]}_m', 'Points:{k}' ... allowed, in the "
+        f"first line); there are: {there}"
     )
+
+
+def _names_above_numbers(lines: list[str]) -> list[str]:
+    """Return the names above the first line of four numbers or more; none of a file that is no table of points."""
+    names = dict[int, list[str]]()
+    for line in lines[:_SEEN]:
+        plain = _AHEAD.sub("", line.strip())
+        delimiter = next((mark for mark in ";\t," if mark in plain), " ")
+        cells = next(csv.reader([plain], delimiter=delimiter, skipinitialspace=True), [])
+        numbers = [_finite(cell.replace(",", "."), float) for cell in cells]
+        if len(numbers) - numbers.count(None) >= 4:
+            return names.get(len(cells), [])
+        names[len(cells)] = cells
+    return []
 
 
 def _known_columns() -> set[str]:
