@@ -9,6 +9,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.numerics.fixed_order import row_squares
 from strainfmu.estimator.other_loads import FIVE_LOADS, number_of
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 
@@ -207,7 +208,7 @@ def _check_covariance(inverse_map: InverseMap) -> None:
     """Check that Gamma_g is a covariance, Gamma holds the gauges' noise, and gauges identify the states."""
     try:
         check_covariance(inverse_map.gauge_covariance)
-        total = np.diag(inverse_map.noise_covariance)
+        total = np.diag(inverse_map.gauge_covariance) + row_squares(inverse_map.error_strain)
         if not np.all(total >= (1.0 - _ROUND_OFF) * inverse_map.noise_std**2):
             raise InputError("gauge_covariance has variances below noise_std squared, must hold the gauge noise")
         if inverse_map.case == 1:

@@ -21,6 +21,14 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
     return out
 
 
+def row_squares(a: FloatArray) -> FloatArray:
+    """Return (m,) the diagonal of ``a`` (m, k) times its transpose, with the bits of :func:`product`."""
+    out = np.zeros(len(a))
+    for column in a.T:
+        out += column * column
+    return out
+
+
 def householder(matrix: FloatArray, columns: int | None = None) -> tuple[FloatArray, list[FloatArray]]:
     """Return R (m, n), upper triangular, and the reflectors v of Q = H_1 H_2 .., H_k = I - 2 v v' / v' v.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
@@ -123,6 +123,8 @@ def split_heading(heading: str) -> tuple[str, str | None]:
     Round brackets belong to the name unless they hold a known unit.
     """
     heading = heading.strip()
+    if not heading.endswith(("]", ")")):
+        return heading, None
     rounded = _ROUND_UNIT.fullmatch(heading)
     if rounded is not None and rounded["unit"].strip() in ALL_UNITS:
         return rounded["name"], rounded["unit"].strip()
@@ -146,12 +148,14 @@ def last_part(name: str) -> str:
     return name.rpartition(".")[2]
 
 
-def quantity_of(name: str, readings: Container[str]) -> str:
+def quantity_of(name: str, readings: Collection[str]) -> str:
     """Return the quantity that a column's name states behind an instance's name and a dot.
 
     One of ``readings``, which are identifiers, may be written as the sensor is called: ``port_0.2m`` is
     ``port_0_2m``.
     """
+    if not readings:
+        return last_part(name)
     parts = name.split(".")
     ends = (identifier(".".join(parts[first:])) for first in range(len(parts)))
     return next((end for end in ends if end in readings), parts[-1])

@@ -175,7 +175,12 @@ def _heading_line(lines: Sequence[str], is_known: Callable[[str], bool]) -> tupl
     best, found = 0, (-1, ",")
     for at, line in enumerate(lines):
         for delimiter in sorted(DELIMITERS, key=line.count, reverse=True):
-            score = sum(is_known(split_heading(cell)[0]) for cell in _cells(line, delimiter))
+            if line.count(delimiter) < best:
+                break  # by no delimiter more cells than the best line has names
+            cells = _cells(line, delimiter)
+            unknown = (cell for cell in cells if not is_known(split_heading(cell)[0]))
+            # Each name costs a search: no more of them than decide whether the line has more than the best.
+            score = len(cells) - len(list(islice(unknown, max(len(cells) - best, 0))))
             if score > best:
                 best, found = score, (at, delimiter)
     if best:

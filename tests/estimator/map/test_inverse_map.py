@@ -78,6 +78,10 @@ def test_round_trip(inverse_map: InverseMap, tmp_path: Path) -> None:
     assert content_hash_of(tmp_path / "deep" / "map.h5", SCHEMA, SCHEMA_VERSION) == digest
 
 
+def test_a_check_makes_no_covariance_of_all_gauges_for_its_diagonal() -> None:
+    assert "noise_covariance" not in vars(random_map())
+
+
 def test_every_number_has_its_unit(saved: Path) -> None:
     with h5py.File(saved) as file:
         units = {name: file[name].attrs["unit"] for name in file if name != "gauge_names"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.numerics.fixed_order import householder, product, row_squares
 
 pytestmark = pytest.mark.fast
 
@@ -14,6 +14,12 @@ def test_products_are_those_of_numpy() -> None:
     random = np.random.default_rng(3)
     a, b = random.normal(size=(7, 9)), random.normal(size=(9, 4))
     np.testing.assert_allclose(product(a, b), a @ b, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("shape", [(54, 59), (512, 600), (6, 0)])
+def test_the_diagonal_alone_has_the_bits_of_the_product(shape: tuple[int, int]) -> None:
+    a = np.random.default_rng(3).normal(size=shape)
+    np.testing.assert_array_equal(row_squares(a), np.diag(product(a, a.T)))
 
 
 @pytest.mark.parametrize("shape", [(7, 9), (9, 7), (5, 5)])

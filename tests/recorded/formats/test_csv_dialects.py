@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.errors import InputError
 from strainfmu.recorded.columns.column_names import FLOW_NAMES, STATIC_PRESSURE, Wanted
 from strainfmu.recorded.columns.columns import StrainBlock
+from strainfmu.recorded.formats.csv_layout import csv_layout
 from strainfmu.recorded.strains.strain_files import open_strains
 
 pytestmark = pytest.mark.fast
@@ -138,3 +140,29 @@ def test_above_the_atmosphere_there_is_no_dynamic_pressure(tmp_path: Path) -> No
 def test_a_static_pressure_by_another_name_is_suggested(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="column 'Ps': unknown name; did you mean 'static_pressure'"):
         read(tmp_path / "d.csv", "time,G0,G1,mach_number,Ps\n0,0,0,6,100\n")
+
+
+@pytest.mark.parametrize(("unknown", "judged"), [(0, 0), (8, 8)])
+def test_no_sample_is_searched_for_headings_further_than_it_can_have_more_of_them(
+    tmp_path: Path, unknown: int, judged: int
+) -> None:
+    """Of a line with no more cells than there are names not one cell is judged; else as many as are left over."""
+    known = [f"G{i}" for i in range(20)]
+    headings, rows = [*known, *(f"x{i}" for i in range(unknown))], 150
+    lines = [headings, *([str(0.5 * row + i) for i in range(len(headings))] for row in range(rows))]
+    (tmp_path / "d.csv").write_text("".join(",".join(line) + "\n" for line in lines))
+    asked = Counter[bool]()
+
+    def is_known(name: str) -> bool:
+        asked[name in headings] += 1
+        return name in known
+
+    assert csv_layout(tmp_path / "d.csv", is_known).headings == tuple(headings)
+    assert asked[False] == rows * judged
+
+
+def test_a_table_of_factors_ahead_of_the_headings_is_not_taken_for_them(tmp_path: Path) -> None:
+    """All of its names are known and numbers follow; the headings have more names."""
+    factors = "G0,G1\n2.08,2.09\n\n"
+    block, _ = read(tmp_path / "d.csv", factors + PLAIN)
+    assert block.time.tolist() == [0.0, 0.5]
