@@ -6,13 +6,15 @@ gamma = 1.4: 20 km gives 5474.9 Pa, 216.65 K.
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 from math import exp, sqrt
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+
+if TYPE_CHECKING:
+    from strainfmu.arrays import FloatArray
 
 GAS_CONSTANT = 287.053
 """Specific gas constant R of air [J/(kg K)]."""
@@ -69,14 +71,14 @@ def pressure_and_temperature(altitude: float) -> tuple[float, float]:
     return pressure, temperature
 
 
+@cache
 def layer_table() -> FloatArray:
     """Return (6, 5) base, top [m], gradient [K/m] of each layer; pressure [Pa], temperature [K] at its base."""
+    import numpy as np
+
     return np.array(
         [(base, top, gradient, *pressure_and_temperature(base)) for (base, gradient), (top, _) in pairwise(LAYERS)]
     )
-
-
-_TABLE = layer_table()
 
 
 def static_pressure_at(altitude: FloatArray) -> FloatArray:
@@ -84,10 +86,13 @@ def static_pressure_at(altitude: FloatArray) -> FloatArray:
 
     The closed form of :func:`pressure_and_temperature`; its derivative by the altitude, -g p/(R T), has no jumps.
     """
+    import numpy as np
+
+    table = layer_table()
     inside = (altitude >= 0.0) & (altitude <= LAYERS[-1][0])
     height = np.where(inside, altitude, 0.0)
-    layer = np.searchsorted(_TABLE[1:, 0], height)  # at a boundary the one below it
-    base, _, gradient, pressure, temperature = _TABLE[layer].T
+    layer = np.searchsorted(table[1:, 0], height)  # at a boundary the one below it
+    base, _, gradient, pressure, temperature = table[layer].T
     rise, graded = height - base, gradient != 0.0
     of_gradient = np.where(graded, gradient, 1.0)
     exponent = np.where(

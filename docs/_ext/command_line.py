@@ -15,7 +15,7 @@ from generated_text import GeneratedText
 from sphinx.application import Sphinx
 from typer.models import ArgumentInfo
 
-from strainfmu.cli.commands import app as program
+from strainfmu.cli.commands import program
 from strainfmu.cli.commands.command import PAGES
 from strainfmu.cli.commands.help_layout import COMMANDS
 
@@ -33,7 +33,7 @@ class Entry:
 
 def command_page() -> str:
     """Return every command with its arguments and options, in MyST Markdown."""
-    commands = [(command_name(info), info.callback) for info in program.registered_commands]
+    commands = [(command_name(info), info.callback) for info in program().registered_commands]
     of_name, overview = dict(commands), ["## Commands"]
     for panel, names in COMMANDS.items():
         overview += ["", f"**{panel}**", "", "| command | |", "|---|---|"]

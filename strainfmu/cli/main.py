@@ -47,9 +47,10 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     try:
         from typer.main import get_command
 
-        from strainfmu.cli.commands import app
+        from strainfmu.cli.commands import MODULES, program
 
-        code = get_command(app).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
+        names = {*given[:1]} & {*MODULES, "--version"} or MODULES
+        code = get_command(program(names)).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
     except KeyboardInterrupt:
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     except StrainfmuError as error:

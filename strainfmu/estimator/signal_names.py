@@ -13,6 +13,11 @@ STRAIN = "strain"
 VALID = "valid"
 """Of each gauge: its reading, and whether it may be used."""
 
+LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
+LOAD_UNITS = ("N", "N", "N", "N m", "N m")
+COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
+"""The five loads of every map, and their coefficients."""
+
 COEFFICIENT_ARRAY = "coefficients"
 FORCE, MOMENT = "force", "moment"
 """Loads, in FMI 3.0 as arrays."""

@@ -14,7 +14,7 @@ from typer.main import get_command
 
 from strainfmu.can.bridge.bus_file import TABLES, read_bus
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.cli.commands import app
+from strainfmu.cli.commands import program
 from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES, check_bus_options, known_bus_options
 from strainfmu.errors import InputError
 
@@ -88,7 +88,7 @@ def test_the_other_commands_hold_the_same_limits(run: Run, tmp_path: Path) -> No
 @pytest.mark.parametrize("command", OLD_OPTIONS)
 def test_old_options_name_the_entry_that_replaces_them(command: str, run: Run) -> None:
     """Each is an entry of the bus file, and no option of the command any more."""
-    parameters = {option for one in get_command(app).commands[command].params for option in one.opts}
+    parameters = {option for one in get_command(program()).commands[command].params for option in one.opts}
     for option, entry in {**OLD_OPTIONS[command]}.items():
         table, _, name = entry.partition(".")
         assert name in TABLES[table], entry
@@ -101,7 +101,7 @@ def test_old_options_name_the_entry_that_replaces_them(command: str, run: Run) -
 @pytest.mark.parametrize("command", ["bridge", "send"])
 def test_the_bus_file_leaves_at_most_ten_options(command: str) -> None:
     """Arguments and --help aside: everything else is an entry of the bus file."""
-    options = [one for one in get_command(app).commands[command].params if one.opts[0].startswith("--")]
+    options = [one for one in get_command(program()).commands[command].params if one.opts[0].startswith("--")]
     assert len([one for one in options if "--help" not in one.opts]) <= 10
 
 
@@ -114,7 +114,7 @@ def test_old_sources_of_send_name_what_replaces_them(option: str, run: Run) -> N
 def number_options() -> dict[str, Any]:
     """Return the callback of every option that takes a number, by command and parameter."""
     found = {}
-    for command in app.registered_commands:
+    for command in program().registered_commands:
         assert command.callback is not None
         for name, hint in get_type_hints(command.callback, include_extras=True).items():
             kind, *info = get_args(hint) if get_origin(hint) is Annotated else (hint,)
@@ -165,7 +165,7 @@ def test_no_help_loses_what_is_in_brackets(run: Run, monkeypatch: pytest.MonkeyP
     """Markup takes [um/m] for a tag. Every bracket of every help text is held against what is shown."""
     monkeypatch.setenv("COLUMNS", "400")
     seen = 0
-    for name, command in get_command(app).commands.items():
+    for name, command in get_command(program()).commands.items():
         texts = [command.help or "", *(getattr(entry, "help", None) or "" for entry in command.params)]
         wanted = [found for text in texts for found in re.findall(r"\[[^\[\]\n]+\]", text)]
         seen += len(wanted)

@@ -6,6 +6,8 @@ Its words and sentences have the limits in ``tests/docs/test_word_budgets.py``.
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from strainfmu.cli.commands import FUNCTIONS, app
+from strainfmu.cli.commands import MODULES, program
 from strainfmu.cli.commands.command import PAGES, check_together, unwrapped
 from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OPTIONS
 from strainfmu.errors import InputError
@@ -24,7 +26,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 ROOT = Path(__file__).parents[2]
 # get_command returns the group of all commands; its type is that of any command.
-PROGRAM: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+PROGRAM: dict[str, Any] = get_command(program()).commands  # type: ignore[attr-defined]
 
 
 def parameter(command: str, name: str) -> Any:
@@ -39,9 +41,29 @@ def test_the_program_shows_five_panels_and_the_use_of_a_map_first(run: Run) -> N
     code, out, _ = run("--help")
     titles = re.findall(r"─ ([A-Z][A-Za-z ]+) ─", out)
     assert (code, titles) == (0, ["Options", "Use a map", "Build", "Ground test", "Bus", "Studies"])
-    assert set(PAGES) == set(FUNCTIONS) == set(PROGRAM)
+    assert set(PAGES) == set(MODULES) == set(PROGRAM)
     rows = [line.split()[1] for line in out.splitlines() if re.match(r"│ [a-z]", line)]
     assert rows == [name for names in COMMANDS.values() for name in names]
+
+
+def test_help_imports_nothing_that_computes() -> None:
+    """Of the program and of every command; a command imports its own module alone."""
+    script = (
+        "import sys\n"
+        "from contextlib import redirect_stdout, suppress\n"
+        "from io import StringIO\n"
+        "from strainfmu.cli.main import main\n"
+        "def shown(*arguments):\n"
+        "    with redirect_stdout(StringIO()), suppress(SystemExit):\n"
+        "        main([*arguments, '--help'])\n"
+        "    return {name.rpartition('.')[2] for name in sys.modules}\n"
+        "assert not shown('estimate') & {'whole_way', 'maps', 'load_tests'}\n"
+        f"for command in {sorted(PAGES)}:\n"
+        "    shown(command)\n"
+        "print(*{'numpy', 'scipy', 'h5py', 'numba', 'pyarrow', 'matplotlib', 'dask', 'can'} & shown())\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []
 
 
 @pytest.mark.parametrize("command", PAGES)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from strainfmu.cli.commands import app
+from strainfmu.cli.commands import program
 from strainfmu.cli.commands.outputs import WRITTEN
 
 pytestmark = pytest.mark.fast
@@ -90,7 +90,7 @@ def test_all_commands_that_write_a_file_are_tried() -> None:
     """All others write a folder, whose default has no suffix; ``bench`` writes a table, with ``--mesh`` alone."""
     others = {"bench", "convert"}
     writing = set()
-    for info in app.registered_commands:
+    for info in program().registered_commands:
         assert info.callback is not None
         parameters = inspect.signature(info.callback).parameters
         default = parameters["output"].default if "output" in parameters else None

@@ -12,7 +12,7 @@ import pytest
 from snippets import ROOT, pages
 from typer.main import get_command
 
-from strainfmu.cli.commands import app
+from strainfmu.cli.commands import program
 
 pytestmark = pytest.mark.fast
 
@@ -66,7 +66,7 @@ EXCEPTIONS: dict[str, str] = {
 }
 """What stays in a string of the code with such a word in it, and why."""
 
-PROGRAM: Any = get_command(app)  # annotated as a command; an app of several is a group
+PROGRAM: Any = get_command(program())  # annotated as a command; an app of several is a group
 COMMANDS: dict[str, Any] = {"strainfmu": PROGRAM, **PROGRAM.commands}
 """The program and its commands, of typer's click, by name."""
 

@@ -2,42 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Container
+from importlib import import_module
 from typing import Annotated
 
 import typer
 
-from strainfmu.cli.commands import (
-    calibration,
-    can_bus,
-    can_data,
-    can_send,
-    comparison,
-    flights,
-    flows,
-    load_tests,
-    maps,
-    pictures,
-    placements,
-    reproduction,
-    stress,
-    structures,
-    taring,
-    trade_studies,
-    whole_way,
-)
 from strainfmu.cli.commands.command import ProgramCommand, ProgramGroup
 from strainfmu.cli.commands.help_layout import COMMANDS
 from strainfmu.version import __version__
 
-app = typer.Typer(
-    cls=ProgramGroup,
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="Aerodynamic loads in real time from structural strain.",
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+MODULES = {
+    "bench": "maps",
+    "bridge": "can_bus",
+    "build": "maps",
+    "calibrate": "calibration",
+    "channels": "can_data",
+    "check": "whole_way",
+    "compare": "comparison",
+    "convert": "flows",
+    "crosscheck": "maps",
+    "dbc": "can_bus",
+    "demo": "whole_way",
+    "estimate": "can_data",
+    "export": "maps",
+    "fly": "flights",
+    "inspect": "maps",
+    "loadtest": "load_tests",
+    "monitor": "can_data",
+    "picture": "pictures",
+    "place": "placements",
+    "plant": "flights",
+    "replay": "can_data",
+    "reproduce": "reproduction",
+    "review": "placements",
+    "send": "can_send",
+    "snapshots": "flows",
+    "stress": "stress",
+    "structure": "structures",
+    "study": "trade_studies",
+    "surface": "flows",
+    "tare": "taring",
+}
+"""Module of each command, whose function has its name; :data:`~help_layout.COMMANDS` has the order in the help."""
 
 
 def _show_version(requested: bool) -> None:
@@ -46,7 +53,6 @@ def _show_version(requested: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _root(
     version: Annotated[
         bool,
@@ -56,43 +62,20 @@ def _root(
     """Aerodynamic loads in real time from structural strain."""
 
 
-FUNCTIONS: dict[str, Callable[..., None]] = {
-    function.__name__: function
-    for function in (
-        calibration.calibrate,
-        can_bus.bridge,
-        can_bus.dbc,
-        can_data.channels,
-        can_data.estimate,
-        can_data.monitor,
-        can_data.replay,
-        can_send.send,
-        comparison.compare,
-        flights.fly,
-        flights.plant,
-        flows.convert,
-        flows.snapshots,
-        flows.surface,
-        load_tests.loadtest,
-        maps.bench,
-        maps.build,
-        maps.crosscheck,
-        maps.export,
-        maps.inspect,
-        pictures.picture,
-        placements.place,
-        placements.review,
-        reproduction.reproduce,
-        stress.stress,
-        trade_studies.study,
-        structures.structure,
-        taring.tare,
-        whole_way.check,
-        whole_way.demo,
+def program(names: Container[str] = MODULES) -> typer.Typer:
+    """Return the program with the commands ``names``, whose modules are imported."""
+    app = typer.Typer(
+        cls=ProgramGroup,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        help="Aerodynamic loads in real time from structural strain.",
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
-}
-"""The commands by their names; :data:`~help_layout.COMMANDS` has their order in the help."""
-
-for panel, names in COMMANDS.items():
-    for name in names:
-        app.command(cls=ProgramCommand, rich_help_panel=panel)(FUNCTIONS[name])
+    app.callback()(_root)
+    for panel, commands in COMMANDS.items():
+        for name in commands:
+            if name in names:
+                function = getattr(import_module(f"{__name__}.{MODULES[name]}"), name)
+                app.command(cls=ProgramCommand, rich_help_panel=panel)(function)
+    return app

@@ -26,7 +26,7 @@ from strainfmu.cli.commands.can_bus import (
 )
 from strainfmu.cli.commands.number_ranges import DURATION_S, within
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from strainfmu.can.tools.answers import Score

@@ -13,8 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from builder.figures.drawing.words import estimator_in_words
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.files import write_bytes_atomically
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.demonstration.demo import DemoResult
@@ -56,6 +55,8 @@ def write_readme(result: DemoResult, lines: Sequence[str]) -> Path:
     StrainfmuError
         The file cannot be written.
     """
+    from strainfmu.files import write_bytes_atomically
+
     path = result.folder / README
     if path.is_file() and set(result.reused) >= set(result.files):
         return path

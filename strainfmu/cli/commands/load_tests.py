@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from math import isfinite, radians
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
@@ -15,7 +15,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import number, within
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.calibration.plan.load_plan import LoadPlan
@@ -129,13 +129,13 @@ def loadtest(
     limits = LoadLimits(
         force=force,
         stations=tuple(numbers("--stations", stations)) if stations else None,
-        roll_angles=tuple(np.deg2rad(numbers("--roll-angles", roll_angles)).tolist()),
+        roll_angles=tuple(map(radians, numbers("--roll-angles", roll_angles))),
         directions=tuple(one.strip() for one in directions.split(",")),
         half_length=0.5e-3 * pad_length,
-        half_angle=float(np.deg2rad(0.5 * pad_angle)),
+        half_angle=radians(0.5 * pad_angle),
         internal_pressure=1e3 * pressure,
         axial_force=axial,
-        attitudes=tuple(np.deg2rad(numbers("--attitudes", attitudes)).tolist()),
+        attitudes=tuple(map(radians, numbers("--attitudes", attitudes))),
         largest_strain=1e-6 * largest_strain,
     )
     schedule = Schedule(steps=steps, setup_time=60.0 * setup_time, reading_time=60.0 * reading_time)
@@ -185,6 +185,6 @@ def numbers(option: str, text: str) -> list[float]:
         found = [float(one) for one in text.split(",")]
     except ValueError as error:
         raise InputError(f"{option}: expected numbers with commas, got '{text}'") from error
-    if not np.isfinite(found).all():
+    if not all(map(isfinite, found)):
         raise InputError(f"{option}: expected finite numbers, got '{text}'")
     return found

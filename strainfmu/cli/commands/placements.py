@@ -6,7 +6,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -15,7 +14,7 @@ from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.load_tests import numbers
 from strainfmu.cli.commands.number_ranges import number, within
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.gauge_placement import ProposedGauges
@@ -233,7 +232,7 @@ def _show(console: Console, found: ProposedGauges) -> None:
         table.add_row("loss of two, at most times", "", *(f"{one:.3f}" for one in worst))
     console.print(table)
     names = study.candidates.gauges.names
-    order = np.argsort(-placement.worth, kind="stable")
+    order = (-placement.worth).argsort(kind="stable")
     table = Table(title="What each contributes: the criterion without it")
     table.add_column("gauges")
     table.add_column("rises by", justify="right")

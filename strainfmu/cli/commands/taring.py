@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from math import radians
+from math import isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-import numpy as np
 import typer
 from rich.console import Console
 
@@ -141,7 +140,7 @@ def _window(text: str) -> Window:
         numbers = float(begin), float(end)
     except ValueError as error:
         raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'") from error
-    if not colon or not np.all(np.isfinite(numbers)):
+    if not colon or not all(map(isfinite, numbers)):
         raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'")
     return Window(begin=numbers[0], end=numbers[1])
 
@@ -150,6 +149,8 @@ def _known_strain(
     held: InverseMap, vehicle: Path, *, up_roll: float | None, nose: float, ambient: float
 ) -> tuple[KnownStrain, dict[str, str | float]]:
     """Return the strain of own weight and ambient pressure, and what to state of it."""
+    import numpy as np
+
     from builder.structure.loads.applied import Weight
     from builder.structure.loads.standing import squeeze_strain, weight_strain
     from builder.vehicle.file import load_vehicle
@@ -169,6 +170,8 @@ def _known_strain(
 
 
 def _summary(found: Tare) -> str:
+    import numpy as np
+
     zeros = 1e6 * found.zeros.value
     known = found.zeros.std < 0.01
     std = 1e6 * found.zeros.std[known]

@@ -14,7 +14,7 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.study.run import StudyResult

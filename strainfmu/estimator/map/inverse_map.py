@@ -48,16 +48,15 @@ from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES
+from strainfmu.estimator.signal_names import LOAD_UNITS as LOAD_UNITS
 from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 9
-
-LOAD_NAMES = ("axial_force", "normal_force", "side_force", "pitching_moment", "yawing_moment")
-LOAD_UNITS = ("N", "N", "N", "N m", "N m")
-COEFFICIENT_NAMES = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
 DEFAULT_SCORE_LIMIT = 3.0
 """Standard deviations beyond the envelope that count as outside, where the map states no other."""
