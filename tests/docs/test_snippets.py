@@ -205,7 +205,7 @@ def test_options_of_the_readmes_commands_reach_the_map(folder: Path) -> None:
     """Snapshots, structure and map, each by its own command as written; what they were made with is in the map."""
     (chain,) = [s for s in PAGES["README.md"] if "strainfmu structure" in s.text]
     run_shell(chain, folder, environment())
-    found = load_inverse_map(folder / "results" / "map.h5").provenance
+    found = load_inverse_map(folder / "coarse" / "map.h5").provenance
     assert "--set P1 --grid coarse" in chain.text
     assert found["snapshots"] == 90
     assert found["flow"]["options"] == {"set": ["P1"], "grid": "coarse"}
