@@ -15,7 +15,8 @@ class HealthState(IntEnum):
     OK = 0
     """Strain and dynamic pressure are valid and the residual is as expected."""
     INCONSISTENT = 1
-    """The residual's chi-square is above its alarm level: the strains do not fit any known pressure."""
+    """The residual's chi-square is above its alarm level: the strains do not fit any known pressure. Or measured
+    angles, or the specific force of the stated mass, contradict the loads."""
     NO_COEFFICIENTS = 2
     """Dynamic pressure is not given (0, below, or no number), is above 1e7 Pa, or its standard deviation is
     negative or infinite: no coefficients. A map in form "absolute" still gives loads, and chi-square refers to

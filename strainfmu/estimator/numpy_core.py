@@ -43,7 +43,7 @@ from strainfmu.estimator.map.flow_parameters import (
     FlowParameters,
     flow_parameters,
 )
-from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
+from strainfmu.estimator.map.inertia import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.lateral_slope import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.map.offers import has_other_outputs
@@ -226,6 +226,10 @@ class NumpyCore:
             self._fill(found, at, rows, one[:n] != 0.0, noise=noise, flow=flow)
         more = (np.nan_to_num(ratio) > 1.0) & (found["health"][:, 0] == HealthState.OK)
         found["health"][more, 0] = HealthState.DEGRADED
+        limit = float(self._setting(OF_ALARMS)[0]) * chi_square_limit(1)
+        judged = np.isin(found["health"][:, 0], (*USABLE_STATES, HealthState.SUSPECT))
+        for off in contradicted_forces(held.inertia, inertial, found["loads"], found["loads_std"], limit).values():
+            found["health"][off & judged, 0] = HealthState.INCONSISTENT
         found["usable"][:, 0] = np.isin(found["health"][:, 0], USABLE_STATES)
         return found
 

@@ -13,7 +13,8 @@ HEALTH_ITEMS = (
     (HealthState.OK, "Strains and dynamic pressure are valid and the residual is as expected"),
     (
         HealthState.INCONSISTENT,
-        "The residual's chi-square is above its limit: the strains fit no known pressure",
+        "The residual's chi-square is above its limit: the strains fit no known pressure; or measured angles or "
+        "specific force contradict the loads",
     ),
     (
         HealthState.NO_COEFFICIENTS,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from flight_maps import exact_response, whole_map
 from inertia_maps import ERRORS, PRIOR, with_masses
+from raw_fmu import Fmu2, write_resource
+from recorded_case import write_csv
 from scaled_maps import NOMINAL, scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
@@ -15,9 +19,13 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import INERTIAL_NAMES, NOT_KNOWN
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inertia import channels_of, vibration_ratio, with_inertia
+from strainfmu.estimator.map.inertia import LATERAL_FORCES, channels_of, vibration_ratio, with_inertia
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.numpy_core import NumpyCore
 from strainfmu.estimator.reference.readings import amplitudes
+from strainfmu.interface.estimator_variables import estimator_interface
+from strainfmu.interface.fmi_variables import value_references
+from strainfmu.recorded.run import estimate_file
 
 pytestmark = pytest.mark.fast
 
@@ -31,6 +39,7 @@ MOTION = {
     "angular_acceleration_y": 3.0,
     "angular_acceleration_z": -4.0,
 }
+STANDARD_GRAVITY = 9.80665
 AT_REST = dict.fromkeys(MOTION, 0.0)
 
 
@@ -40,6 +49,13 @@ def linear() -> InverseMap:
 
 def tables() -> InverseMap:
     return with_masses(whole_map(), size=3e-6)
+
+
+class ByNumpy(Estimator):
+    """An estimator on a machine without a compiled core."""
+
+    def _new_core(self, resource: bytes) -> NumpyCore:
+        return NumpyCore(self.inverse_map, resource)
 
 
 KINDS = pytest.mark.parametrize("held", [linear(), tables()], ids=["linear", "tables"])
@@ -167,9 +183,65 @@ def test_inputs_that_a_map_does_not_take_are_refused() -> None:
         Estimator(linear()).estimate(np.zeros(24), NOMINAL, specific_force=1.0)
 
 
-@pytest.mark.parametrize("name", ["prior_std", "sensor_std", "vibration_std"])
+@pytest.mark.parametrize("name", ["prior_std", "sensor_std", "vibration_std", "vehicle_mass"])
 def test_deviations_are_positive(name: str) -> None:
     inertia = linear().inertia
     assert inertia is not None
+    inertia = replace(inertia, vehicle_mass=100.0)
     with pytest.raises(InputError, match=f"inertia {name}: expected"):
         replace(inertia, **{name: 0.0 * getattr(inertia, name)})
+
+
+def accelerated(held: InverseMap, load_factor: float = 5.0) -> tuple[InverseMap, np.ndarray, dict[str, float]]:
+    """Return a map with the mass of the vehicle, and strain (n_d,) and motion of its free flight at a load factor.
+
+    Air loads are those of ``fitting``: the mass is such that they cause the load factor.
+    """
+    assert held.inertia is not None
+    loads = Estimator(held).estimate(fitting(held), **air(held), **AT_REST).loads
+    mass = np.hypot(loads[1], loads[2]) / (load_factor * STANDARD_GRAVITY)
+    motion = {**AT_REST, "specific_force_y": loads[2] / mass, "specific_force_z": loads[1] / mass}
+    with_mass = replace(held, inertia=replace(held.inertia, vehicle_mass=float(mass)))
+    return with_mass, fitting(held) + strain_of(held, motion), motion
+
+
+def in_g(motion: dict[str, float]) -> dict[str, float]:
+    """Return the motion with specific forces in g, as if they were in m/s2."""
+    return {name: value / STANDARD_GRAVITY if name in LATERAL_FORCES else value for name, value in motion.items()}
+
+
+@KINDS
+def test_a_specific_force_in_g_contradicts_load_and_mass(held: InverseMap) -> None:
+    with_mass, strain, motion = accelerated(held)
+    for kind in (Estimator, ByNumpy) if held.manifold is None else (Estimator,):
+        estimator, at = kind(with_mass), air(held)
+        assert estimator.estimate(strain, **at, **motion).health == HealthState.OK
+        assert estimator.estimate(strain, **at, **in_g(motion)).health == HealthState.INCONSISTENT
+        assert estimator.estimate(strain, **at).health == HealthState.OK, "nothing measures it"
+        along = {**motion, "specific_force_z": motion["specific_force_z"] / STANDARD_GRAVITY}
+        assert estimator.estimate(strain, **at, **along).health == HealthState.INCONSISTENT
+        assert kind(held).estimate(strain, **at, **motion).health == HealthState.OK
+
+
+def test_an_fmu_and_a_recording_name_the_specific_force(tmp_path: Path) -> None:
+    held, strain, motion = accelerated(linear())
+    given = in_g(motion)
+    of = value_references(estimator_interface(held))
+    fmu = Fmu2(write_resource(held, tmp_path).as_uri(), held.n_gauges, logging=True).start()
+    values = {"dynamic_pressure": NOMINAL, **given}
+    values |= {f"temperature[{k + 1}]": REFERENCE for k in range(held.thermal.n_sensors)}
+    fmu.set_strain(strain)
+    assert fmu.set_reals([of[name] for name in values], list(values.values())) == 0
+    fmu.step()
+    (said,) = [text for _, _, text in fmu.messages if "health INCONSISTENT" in text]
+    named = re.search(r"; specific_force_y: expected about (\S+) m/s2 by load and mass, got (\S+)$", said)
+    assert named is not None
+    assert float(named[1]) == pytest.approx(motion["specific_force_y"], rel=0.05)
+    assert float(named[2]) == pytest.approx(given["specific_force_y"], rel=0.01)
+
+    save_inverse_map(held, tmp_path / "map.h5")
+    headings = ["time", *held.gauge_names, "dynamic_pressure", *(f"{name} [m/s2]" for name in LATERAL_FORCES)]
+    rows = np.tile([*strain, NOMINAL, *(given[name] for name in LATERAL_FORCES)], (8, 1))
+    data = write_csv(tmp_path / "d.csv", headings, 0.01 * np.arange(8.0), rows)
+    summary = estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
+    assert "most often to blame: 'specific_force_y' (in 8)" in "\n".join(summary.account.lines())

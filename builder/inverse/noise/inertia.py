@@ -131,6 +131,7 @@ def inertia_map(vehicle: Vehicle, strain: InertiaStrain | None) -> InertiaMap | 
         rest_covariance=np.zeros((n_d, n_d)),
         vibration_strain=strain.by_bending,
         vibration_std=_MICRO * entry.vibration_um_per_m,
+        vehicle_mass=entry.vehicle_kg,
     )
 
 

@@ -25,7 +25,8 @@ class Mass(Section):
     the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
     ``unit_x_m`` on the axis (default: the moment reference) measures has the standard deviations ``.._std_..``.
     ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
-    they strain most, where the input ``vibration`` does not state it.
+    they strain most, where the input ``vibration`` does not state it. ``vehicle_kg`` is the mass of all that
+    flies: where it is stated, a specific force across the axis that contradicts the lateral force is INCONSISTENT.
     """
 
     structure_percent: Percent = 2.0
@@ -41,3 +42,4 @@ class Mass(Section):
     specific_force_std_m_per_s2: Std = 0.1
     angular_rate_std_rad_per_s: Std = 0.01
     angular_acceleration_std_rad_per_s2: Std = 0.5
+    vehicle_kg: Annotated[float, Field(gt=0.0, le=1e7)] | None = None

@@ -259,6 +259,11 @@ static void filter_outputs(Estimator *e) {
     }
 }
 
+int estimator_contradicted_force(const Estimator *e) {
+    const double limit = scalar_input(&e->inputs, ALARM_SCALE) * e->map.chi_square_limit[0];
+    return thermal_contradicted(&e->thermal, e->output + LOADS, e->output + LOADS_STD, limit);
+}
+
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
@@ -290,6 +295,10 @@ const double *estimator_outputs(Estimator *e) {
         }
         if ((renews || thermal_vibrates(&e->thermal)) && e->output[HEALTH_STATE] == (double)OK) {
             e->output[HEALTH_STATE] = DEGRADED;
+        }
+        if ((is_usable(e->output[HEALTH_STATE]) || e->output[HEALTH_STATE] == (double)SUSPECT)
+            && estimator_contradicted_force(e) != 0) {
+            e->output[HEALTH_STATE] = INCONSISTENT;
         }
     }
     return e->output;

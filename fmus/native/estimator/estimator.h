@@ -84,6 +84,9 @@ void estimator_step(Estimator *estimator, double start);
 void estimator_follow_tare(Estimator *estimator);
 void estimator_take_readings(Estimator *estimator);
 
+/* The axis, 1 or 2, of the specific force that contradicts the loads of the last outputs; 0 for none. */
+int estimator_contradicted_force(const Estimator *estimator);
+
 /* The N_OUTPUTS outputs for the present inputs; of maps with tables also those in estimator->flight. */
 const double *estimator_outputs(Estimator *estimator);
 

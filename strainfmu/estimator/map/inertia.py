@@ -54,6 +54,7 @@ class InertiaMap:
     vibration_strain : (n_d, v) strain of the gauges by each mode of vibration, over the strain of the gauge
         that it strains most [1].
     vibration_std : standard deviation of each where it is not known [m/m].
+    vehicle_mass : of the whole vehicle in flight [kg], for :func:`contradicted_forces`; None where not stated.
     """
 
     prior_std: FloatArray
@@ -62,6 +63,7 @@ class InertiaMap:
     rest_covariance: FloatArray
     vibration_strain: FloatArray
     vibration_std: float
+    vehicle_mass: float | None = None
 
     def __post_init__(self) -> None:
         k, n_d = len(CHANNELS), len(self.mode_strain)
@@ -69,6 +71,8 @@ class InertiaMap:
             raise InputError(f"inertia vibration_strain: expected finite values of {n_d} gauges")
         if not self.vibration_std > 0.0:
             raise InputError(f"inertia vibration_std: expected a positive value, got {self.vibration_std:g}")
+        if self.vehicle_mass is not None and not 0.0 < self.vehicle_mass < np.inf:
+            raise InputError(f"inertia vehicle_mass: expected a positive value, got {self.vehicle_mass:g}")
         shapes = {"prior_std": (k,), "sensor_std": (k,), "mode_strain": (n_d, k), "rest_covariance": (n_d, n_d)}
         for name, shape in shapes.items():
             value = getattr(self, name)
@@ -85,7 +89,44 @@ UNITS = {
     "mode_strain": "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)",
     "rest_covariance": "(m/m)^2",
     "vibration_std": "m/m",
+    "vehicle_mass": "kg",
 }
+
+LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
+"""Place among the five loads of the force that causes each specific force across the axis."""
+
+OTHER_FORCES = 0.5
+"""Part of the larger force by which a fin or a jet may part the lateral force from the vehicle's mass times f."""
+
+
+def contradicted_forces(
+    inertia: InertiaMap | None,
+    inertial: Mapping[str, FloatArray],
+    loads: FloatArray,
+    loads_std: FloatArray,
+    limit: float,
+) -> dict[str, BoolArray]:
+    """Return (m,) whether each specific force across the axis contradicts the lateral force F of m samples.
+
+    It does where F - m f is beyond ``limit`` by its variance, as chi-square with one degree of freedom, and beyond
+    :data:`OTHER_FORCES`: m f in g instead of m/s2, for one. None of them without a mass of the vehicle.
+
+    Parameters
+    ----------
+    inertial : inertial inputs (m,) by name, NaN or :data:`NOT_KNOWN` where not known.
+    loads, loads_std : (m, 5) [N, N m].
+    """
+    if inertia is None or inertia.vehicle_mass is None:
+        return {}
+    mass, found = inertia.vehicle_mass, {}
+    for (name, place), std in zip(LATERAL_FORCES.items(), inertia.sensor_std[1:3], strict=True):
+        read = inertial[name]
+        expected, force = mass * np.where(np.abs(read) <= LARGEST_CHANNEL, read, np.nan), loads[:, place]
+        off = np.abs(force - expected)
+        is_large = off > OTHER_FORCES * np.maximum(np.abs(force), np.abs(expected))
+        beyond = off**2 > limit * ((mass * std) ** 2 + loads_std[:, place] ** 2)
+        found[name] = is_large & beyond & (read != NOT_KNOWN)
+    return found
 
 
 def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:

@@ -113,6 +113,8 @@ def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dic
     if inverse_map.inertia is not None:
         vibrations = inverse_map.inertia.vibration_strain.shape[1]
         parts["inertia"] = {"channels": len(CHANNELS), "vibrations": vibrations}
+        if inverse_map.inertia.vehicle_mass is not None:
+            parts["vehicle"] = {"mass": inverse_map.inertia.vehicle_mass}
     parameters = flow_parameters(inverse_map)
     if parameters.names:
         parts["parameters"] = _parameters(parameters)

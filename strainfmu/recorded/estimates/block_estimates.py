@@ -42,6 +42,7 @@ class BlockEstimates:
         FMU.
     estimates : n estimates by a map, for their pressure; None of an FMU.
     outside : (n,) whether a flow parameter leaves its range, by its name.
+    contradicted : (n,) whether an input contradicts the loads, by its name; none of an FMU.
     other_values : (n, n_f) what this kind of estimator has in addition, see ``BlockEstimator.other_columns``.
     """
 
@@ -59,6 +60,7 @@ class BlockEstimates:
     worst: IntArray
     make_residual: Callable[[], tuple[FloatArray, FloatArray]] | None = None
     outside: Mapping[str, BoolArray] = field(default_factory=dict)
+    contradicted: Mapping[str, BoolArray] = field(default_factory=dict)
     other_values: FloatArray | None = None
     estimates: Estimate | None = None
 

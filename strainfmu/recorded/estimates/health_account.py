@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray
+from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.estimator.health import HealthState
 from strainfmu.interface.enumerations import HEALTH_ITEMS
@@ -26,7 +26,8 @@ class HealthAccount:
     ----------
     samples : number of samples by state.
     blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
-        and a suspect, or else the one of the largest residual, where the strains do not fit. Of OUTSIDE, a flow
+        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
+        first an input that contradicts the loads. Of OUTSIDE, a flow
         parameter of the flow that left its range; of DEGRADED, a quantity of navigation that is left out, too.
     beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
     """
@@ -61,10 +62,12 @@ class HealthAccount:
                 beyond = int((found.envelope_score[rows] > envelope_score_limit).sum())
                 self.beyond = beyond + (self.beyond or 0)
             blamed = {gauge: int(k) for gauge, k in zip(gauge_names, counts, strict=True) if k}
+            if state == HealthState.INCONSISTENT:
+                blamed = _counted(found.contradicted, rows) | blamed
             if state == HealthState.DEGRADED:
-                blamed |= {one: int(k) for one, left in dropped.items() if (k := left[rows].sum())}
+                blamed |= _counted(dropped, rows)
             if state == HealthState.OUTSIDE:
-                blamed = {one: int(k) for one, left in found.outside.items() if (k := left[rows].sum())}
+                blamed = _counted(found.outside, rows)
             self.blamed.setdefault(name, Counter()).update(blamed)
 
     def lines(self) -> list[str]:
@@ -86,6 +89,11 @@ class HealthAccount:
                 text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
             lines.append(text)
         return lines
+
+
+def _counted(inputs: Mapping[str, BoolArray], rows: IntArray) -> dict[str, int]:
+    """Return in how many of the ``rows`` each input is to blame, where in any."""
+    return {name: int(k) for name, blamed in inputs.items() if (k := blamed[rows].sum())}
 
 
 def _misfits(found: BlockEstimates, row: int) -> tuple[int, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
@@ -14,8 +15,9 @@ from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.flow_parameters import flow_parameters
+from strainfmu.estimator.map.inertia import LATERAL_FORCES, contradicted_forces
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import load_arrays
 from strainfmu.estimator.settings import default_settings
@@ -70,7 +72,20 @@ class MapBlocks:
         self.zero = estimator.zeros.value
 
     def estimate(self, block: StrainBlock, last: float) -> BlockEstimates:
-        return self.block_estimates(self.estimates(block))
+        found = self.block_estimates(self.estimates(block))
+        return replace(found, contradicted=self._contradicted(block, found))
+
+    def _contradicted(self, block: StrainBlock, found: BlockEstimates) -> dict[str, BoolArray]:
+        """Return which specific forces of a block contradict the loads."""
+        estimates, unknown = found.estimates, np.full(len(block.time), np.nan)
+        assert estimates is not None
+        return contradicted_forces(
+            self.estimator.inverse_map.inertia,
+            {name: block.flow.get(name, unknown) for name in LATERAL_FORCES},
+            np.asarray(estimates.loads),
+            np.asarray(estimates.loads_std),
+            self.estimator.settings.alarm_scale * chi_square_limit(1),
+        )
 
     def block_estimates(self, found: Estimate) -> BlockEstimates:
         """Return the estimates ``found`` of a block as such."""

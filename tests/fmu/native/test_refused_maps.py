@@ -107,6 +107,7 @@ OF_MASSES: tuple[tuple[str, Change, str], ...] = (
     ("inertia.channels", np.int64(40), "expected at most the number of sensors"),
     ("inertia.vibrations", np.int64(40), "expected at most the number of modes"),
     ("inertia.vibrations", None, "is missing"),
+    ("vehicle.mass", np.float64(0.0), "expected numbers above zero, found 0"),
 )
 
 CASES = [

@@ -75,6 +75,11 @@ def test_terms_are_modes_and_errors_of_masses(equipped: Vehicle, strain: Inertia
     assert inertia is not None
     force = 9.80665 * 2.5
     np.testing.assert_allclose(inertia.prior_std[:3], force)
+    assert inertia.vehicle_mass is None
+    flying = equipped.model_copy(update={"mass": ENTRY.model_copy(update={"vehicle_kg": 150.0})})
+    stated = inertia_map(flying, strain)
+    assert stated is not None
+    assert stated.vehicle_mass == 150.0
     modes, vibration, errors = inertia_terms(equipped, inertia, strain)
     assert (modes.name, vibration.name) == (NAME, VIBRATION_MODES)
     np.testing.assert_allclose(modes.strain, inertia.mode_strain * inertia.prior_std)

@@ -124,6 +124,12 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
                  e->parameters.names + outside * PARAMETER_NAME_SIZE, e->inputs.value[first_parameter(&e->inputs) + outside],
                  e->parameters.minimum[outside], e->parameters.maximum[outside]);
     }
+    const int axis = health == INCONSISTENT ? estimator_contradicted_force(e) : 0;
+    if (axis != 0) {
+        const double force = output[LOADS + 3 - axis] / e->thermal.map.vehicle_mass;
+        snprintf(text + used, MODEL_TEXT_SIZE - used, "; specific_force_%c: expected about %.3g m/s2 by load and mass, got %.3g",
+                 " yz"[axis], force, e->inputs.value[first_inertial(&e->inputs) + (size_t)axis]);
+    }
     if (health == DEGRADED && estimator_renews(e)) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "; matrices for other deviations of zeros are being made");
     }

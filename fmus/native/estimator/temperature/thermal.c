@@ -15,6 +15,7 @@
 #define MOST_VIBRATION 1024.0
 #define NO_VIBRATION 1e-6
 #define LARGEST_CHANNEL 1e6 /* of what an inertial unit measures: one beyond is broken */
+#define OTHER_FORCES 0.5     /* of the larger force: a fin or a jet may differ by it from the specific force of the mass */
 
 static int parse(MapFile *file, size_t n, ThermalMap *map) {
     map->n_modes = map_length(file, "thermal.prior_std", 0, 1, MAX_COUNT);
@@ -28,6 +29,7 @@ static int parse(MapFile *file, size_t n, ThermalMap *map) {
     map->largest_rise = map_positive(file, "thermal.largest_rise");
     map->gauge_factor_slope = map_number(file, "thermal.gauge_factor_slope");
     map->modulus_slope = map_number(file, "thermal.modulus_slope");
+    map->vehicle_mass = map->n_channels > 0 && map_has(file, "vehicle") ? map_positive(file, "vehicle.mass") : 0.0;
     map->prior_std = map_positives(file, "thermal.prior_std", map->n_modes);
     map->sensor_std = map_positives(file, "thermal.sensor_std", map->n_sensors);
     map->sensor_operator = map_doubles(file, "thermal.sensor_operator", map->n_sensors, map->n_modes);
@@ -121,6 +123,21 @@ static int read_vibration(Thermal *thermal, double vibration) {
 
 int thermal_vibrates(const Thermal *thermal) {
     return thermal->knows_vibration && thermal->vibration > 1.0;
+}
+
+int thermal_contradicted(const Thermal *thermal, const double *loads, const double *loads_std, double limit) {
+    const ThermalMap *map = &thermal->map;
+    for (int axis = 1; axis <= 2 && thermal->present && map->vehicle_mass > 0.0; axis++) {
+        const size_t force = 3 - (size_t)axis, sensor = map->n_sensors - map->n_channels + (size_t)axis;
+        const double expected = map->vehicle_mass * thermal->rise[sensor], off = fabs(loads[force] - expected);
+        const double std = map->vehicle_mass * map->sensor_std[sensor];
+        const double variance = std * std + loads_std[force] * loads_std[force];
+        const double others = OTHER_FORCES * fmax(fabs(loads[force]), fabs(expected));
+        if (thermal->known[sensor] && off > others && off * off > limit * variance) {
+            return axis;
+        }
+    }
+    return 0;
 }
 
 int thermal_read(Thermal *thermal, const double *temperature, const double *channel, double vibration) {

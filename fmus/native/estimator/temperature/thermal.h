@@ -16,6 +16,7 @@ typedef struct {
     size_t n_vibrations;                       /* of the modes, the last: of vibration, whose size is an input */
     double reference, largest_rise;            /* [K] */
     double gauge_factor_slope, modulus_slope;  /* [1/K] */
+    double vehicle_mass;                       /* of the whole vehicle [kg]; 0 where it is not stated */
     const double *prior_std;                   /* (n_modes) [K] */
     const double *sensor_std;                  /* (n_sensors) [K] */
     const double *sensor_operator;             /* (n_sensors, n_modes) C */
@@ -62,6 +63,10 @@ int thermal_is_vibration(double vibration);
 
 /* Whether there is more vibration than the map states without knowing it. */
 int thermal_vibrates(const Thermal *thermal);
+
+/* 1 or 2 where the specific force along y or z is known and contradicts the lateral force of the vehicle's mass: loads and
+   their standard deviations [N] are axial, normal, side, and `limit` is of chi-square with one degree of freedom. Otherwise 0. */
+int thermal_contradicted(const Thermal *thermal, const double *loads, const double *loads_std, double limit);
 
 /* Make gain and covariances for the known sensors. */
 void thermal_renew(Thermal *thermal);
