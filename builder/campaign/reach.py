@@ -11,13 +11,16 @@ from strainfmu.flight_condition import FlightCondition
 
 
 def extreme_conditions(conditions: Sequence[FlightCondition]) -> list[FlightCondition]:
-    """Return the conditions of smallest and largest total incidence, at the smallest and largest Mach number."""
+    """Return the conditions of largest and smallest total incidence, at the smallest and largest Mach number.
+
+    The largest comes first: a refusal there states what all other incidences need, too.
+    """
     mach = [condition.mach_number for condition in conditions]
     chosen = []
     for mach_number in (min(mach), max(mach)):
         alike = [condition for condition in conditions if condition.mach_number == mach_number]
         alike.sort(key=lambda condition: condition.total_incidence)
-        chosen += [alike[0], alike[-1]]
+        chosen += [alike[-1], alike[0]]
     return chosen
 
 

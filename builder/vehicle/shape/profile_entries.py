@@ -23,8 +23,8 @@ from builder.vehicle.toml.sections import FileName, HalfAngle, Section, Station
 from strainfmu.errors import InputError
 from strainfmu.text_files import read_csv, shown_columns
 
-SAME_RADIUS = 1e-9
-"""Of the length of a table: how far its first point may lie off the end of the piece before it."""
+JOIN = 1e-6
+"""Distance up to which the first point of a table joins the end of the piece before it, in x and in r [m]."""
 MIN_POINTS = 4
 TablePoint = Annotated[float, Field(ge=0.0, le=1e3)]
 
@@ -221,11 +221,10 @@ def _check_points(where: str, x: list[float], r: list[float], start_x: float, st
     for one, other in pairwise(x):
         if other <= one:
             raise InputError(f"{where}: expected increasing stations, got {one:g} and then {other:g}")
-    tolerance = SAME_RADIUS * (x[-1] - x[0])
-    if abs(x[0] - start_x) > tolerance or abs(r[0] - start_radius) > tolerance:
+    if abs(x[0] - start_x) > JOIN or abs(r[0] - start_radius) > JOIN:
         raise InputError(
-            f"{where}: expected x {start_x:.9g}, r {start_radius:.9g} m first, where the piece before it ends, "
-            f"got x {x[0]:.9g}, r {r[0]:.9g}"
+            f"{where}: expected x {start_x:.9g}, r {start_radius:.9g} m first, within 1 um of the end of the "
+            f"piece before it, got x {x[0]:.9g}, r {r[0]:.9g}"
         )
 
 

@@ -261,6 +261,24 @@ def test_condition_out_of_reach_is_named(
     assert isinstance(error.value, InputError)
 
 
+def test_a_refusal_at_the_tip_states_what_helps(make_body: BodyMaker) -> None:
+    """The stated Mach number is the lowest, in steps of 0.1, at which the march gets over this tip."""
+    body, incidence = make_body((1.0, 34.5, 34.5)), radians(6.0)
+    grid = MarchingGrid(n_radial=12, n_circumferential=18)
+    with pytest.raises(FlowReachError) as error:
+        solve_flow(body, 2.0, incidence, grid)
+    message = str(error.value)
+    assert message.endswith(
+        "else take a spherical_cap as first [[profile]] with the rest as a table, or engine = 'newtonian'"
+    )
+    lowest = float(message.split("this tip needs M ")[1].split(" ")[0])
+    assert solve_flow(body, lowest, incidence, grid).force[0] > 0.0
+    with pytest.raises(FlowReachError, match="falls to 1"):
+        solve_flow(body, lowest - 0.1, incidence, grid)
+    with pytest.raises(FlowReachError, match="no Mach number helps here"):
+        solve_flow(body, 2.0, radians(50.0), grid)
+
+
 @pytest.mark.parametrize(("boat_tail", "corner"), [(-30.0, "fan"), (-12.0, "marched")])
 @pytest.mark.parametrize("incidence", [0.0, 10.0])
 def test_expansion_out_of_reach_is_not_called_a_shock(

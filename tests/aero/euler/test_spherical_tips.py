@@ -156,6 +156,19 @@ def test_a_cut_that_is_not_supersonic_is_refused() -> None:
         solve_flow(sphere_cone(0.1, 9.0, 0.6), 1.2, 0.0, COARSE)
 
 
+def test_a_march_that_begins_at_the_very_end_of_the_cap() -> None:
+    """At M 2 the cut lies where the cap ends; a break of slope there makes the cap a smooth piece of its own."""
+    angle = radians(24.0)
+
+    def cone(x: float, radius: float) -> Segment:
+        return Segment(start_x=x, end_x=0.3, start_radius=radius, start_angle=angle, end_angle=angle)
+
+    body = chain_pieces([lambda x, radius: spherical_cap(0.02, radians(25.0)), cone])
+    assert len(body.slope_breaks) == 1
+    flow = solve_flow(body, 2.0, 0.0, COARSE)
+    assert flow.pieces[1][1][-1].mean() == pytest.approx(taylor_maccoll_pressure(angle, 2.0), rel=0.05)
+
+
 @pytest.mark.fast
 def test_only_spheres_are_caps() -> None:
     cap = cap_of(sphere_cone(0.08, 9.0, 1.6))

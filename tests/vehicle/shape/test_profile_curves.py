@@ -119,6 +119,20 @@ def test_table_goes_through_its_points(tmp_path: Path, interpolation: str) -> No
     assert body.length == 1.5
 
 
+def test_table_joins_the_piece_before_it_within_a_micrometre() -> None:
+    """Tables have 6 to 7 digits: such a point is the end of the piece before it, a farther one is not."""
+    end = 0.5 * np.tan(radians(20.0))
+    cone = {"kind": "cone", "half_angle_deg": 20.0, "end_x_m": 0.5}
+
+    def joined(step: float) -> Any:
+        r = [end + step, end + 0.03, end + 0.05, end + 0.06]
+        return body_of(cone, {"kind": "table", "x_m": [0.5, 0.6, 0.7, 0.8], "r_m": r})
+
+    assert joined(9e-7).radius(np.array([0.5]))[0] == pytest.approx(end, abs=1e-12)
+    with pytest.raises(InputError, match="within 1 um of the end of the piece before it"):
+        joined(1.1e-6)
+
+
 def test_march_over_noses_of_infinite_slope_balances() -> None:
     """Wave drag of the von Karman nose is below the tangent ogive's, and near 4 (R/L)^2 of slender bodies."""
     grid = MarchingGrid(n_radial=14, n_circumferential=16)

@@ -31,11 +31,12 @@ from builder.aero.euler.planes.plane import (
     refine,
 )
 from builder.aero.euler.scheme import march
-from builder.aero.euler.scheme.gas import GAMMA
+from builder.aero.euler.scheme.gas import GAMMA, total_enthalpy
 from builder.aero.euler.scheme.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.scheme.reconstruction import Stream
 from builder.aero.euler.starts.relaxation import relax_cone
 from builder.aero.euler.starts.spherical_start import TIP_GRID_LENGTH, Cap, start_behind_cap, tip_grid
+from builder.vehicle.toml.limits import MACH_NUMBER
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
@@ -87,7 +88,10 @@ def march_body(
     """
     if cap is None:
         start = _end_of_cone(pieces[0][0])
-        plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
+        try:
+            plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
+        except FlowReachError as error:
+            raise FlowReachError(f"{error}; {_ways_out(pieces[0][0], start, rays, flow, grid)}") from error
         tip = (np.array([0.0, start]), np.stack([cone_pressure, cone_pressure]))
     else:
         plane, tip, change = _spherical_start(pieces[0], cap, rays, flow, grid)
@@ -129,14 +133,16 @@ def _spherical_start(
     begun = start_behind_cap(cap, rays, flow, own)
     plane, stations, pressures = begun.plane, [begun.stations], [begun.pressure]
     end = min(plane.x + TIP_GRID_LENGTH * cap.radius, float(walls[-1].x[-1]))
+    at, unused = np.empty((2, rays.sine.size))
     for wall in walls:
         to = min(end, float(wall.x[-1]))
         if to > plane.x:
             x, pressure = advance(plane, wall, to, flow, own)
             stations.append(x)
             pressures.append(pressure)
-            at, unused = np.empty((2, rays.sine.size))
-            find_wall(to, wall, at, unused)
+        # A cut at the very end of the cap needs no march, and the wall there all the same.
+        if wall.x[0] <= plane.x <= wall.x[-1]:
+            find_wall(plane.x, wall, at, unused)
     corner.regrid(plane, at, own, grid)
     return plane, (np.concatenate(stations), np.concatenate(pressures)), begun.residual
 
@@ -253,6 +259,42 @@ def _conical_start(
     place_vertices(radius, plane.outer, np.array([0.0, 1.0]), rays, vertex)
     plane.force = cone_force(x, vertex[:, :, 0], pressure)
     return plane, pressure, change
+
+
+def _ways_out(wall: Wall, x: float, rays: Rays, flow: Flow, grid: MarchingGrid) -> str:
+    """Return what helps where the flow over the tip is out of reach: Mach number, another tip, another engine."""
+    mach_number = _lowest_mach_number(wall, x, rays, flow, grid)
+    mach = f"this tip needs M {mach_number:g} here" if mach_number else "no Mach number helps here"
+    cap = "" if rays.closed else "a spherical_cap as first [[profile]] with the rest as a table, or "
+    return f"{mach}; else take {cap}engine = 'newtonian'"
+
+
+def _lowest_mach_number(wall: Wall, x: float, rays: Rays, flow: Flow, grid: MarchingGrid) -> float | None:
+    """Return the lowest Mach number, in steps of 0.1, at which the flow over the tip is solved in this direction.
+
+    That is a number above the flow's own; None if there is none up to the largest of a vehicle file.
+    """
+
+    def is_solved(tenths: int) -> bool:
+        mach_number, ratio = tenths / 10.0, tenths / 10.0 / flow.mach_number
+        u, v, w = (ratio * one for one in flow.stream[:3])
+        stream = Stream(u=u, v=v, w=w, enthalpy=float(total_enthalpy(mach_number)))
+        try:
+            _conical_start(wall, x, rays, Flow(mach_number, stream, flow.name), grid)
+        except FlowReachError:
+            return False
+        return True
+
+    low, last = int(10.0 * flow.mach_number), int(10.0 * MACH_NUMBER.high)
+    high = min(low + 4, last)
+    while not is_solved(high):
+        if high >= last:
+            return None
+        low, high = high, min(2 * high, last)
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if is_solved(middle) else (middle, high)
+    return high / 10.0
 
 
 def _undisturbed(stream: Stream, rays: Rays, reach: float, n_r: int) -> Plane:
