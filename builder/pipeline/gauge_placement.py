@@ -12,7 +12,9 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.pipeline.load_test_proposal import flows_for_design
+from builder.pipeline.map_files import files_of_vehicle
 from builder.pipeline.stages import fourier_structure, on_snapshots, solve_structure
+from builder.pipeline.used_files import MAP
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
 from builder.placement.design import Aim, Placement, Study, place, placement_study
@@ -21,6 +23,7 @@ from builder.placement.limits import Limits
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
+from builder.reports.page.origin import input_files, origin_of
 from builder.reports.page.packages import without_packages
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
@@ -30,6 +33,7 @@ from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import CSV_COLUMNS, GaugeLayout, read_layout
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.files import write_bytes_atomically
 
 
@@ -69,11 +73,12 @@ def propose_gauges(
         reporter.note(line)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
+    kind, map_path = estimator_of_map(vehicle, aim.estimator, snapshots_path)
     with reporter.stage("Candidates: strain and models") as progress:
-        study = placement_study(vehicle, snapshots, structure, grid, aim.estimator, keep=kept, progress=progress)
+        study = placement_study(vehicle, snapshots, structure, grid, kind, keep=kept, progress=progress)
     reporter.note(
         f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
-        f"{len(study.model.weight)} flight states, {study.kind} estimator"
+        f"{len(study.model.weight)} flight states, {judged(vehicle, study, snapshots, map_path)}"
     )
     found = place(study, limits, aim, reporter)
     curves = None
@@ -81,6 +86,31 @@ def propose_gauges(
         with reporter.stage("Curves") as progress:
             curves = accuracy_curves(study, limits, aim, found.sites, progress)
     return ProposedGauges(study=study, placement=found, curves=curves)
+
+
+def estimator_of_map(
+    vehicle: Vehicle, kind: Kind | None, snapshots_path: Path | None
+) -> tuple[Kind | None, Path | None]:
+    """Return the estimator that is used with the vehicle, and the map that it follows from.
+
+    ``kind`` is the one of ``--estimator``. Without it the map of the vehicle next to the snapshots decides, as
+    ``strainfmu build`` leaves it there. Without either both are None, and the vehicle file decides.
+    """
+    path = None if snapshots_path is None else snapshots_path.with_name(MAP)
+    if kind is not None or path is None or not path.is_file():
+        return kind, None
+    inverse_map = load_inverse_map(path)
+    if inverse_map.vehicle != vehicle.name:
+        return None, None
+    return "linear" if inverse_map.manifold is None else "nonlinear", path
+
+
+def judged(vehicle: Vehicle, study: Study, snapshots: Snapshots, map_path: Path | None) -> str:
+    """Return in a sentence which estimator is judged, why, and on which flows."""
+    of = "" if map_path is None else f" (of {map_path.name})"
+    if map_path is None and vehicle.map.estimator == "auto":
+        of = " (build compares both for map.estimator 'auto'; --snapshots of its folder follows its map)"
+    return f"{study.kind} estimator{of}, flows by the {snapshots.engine} engine"
 
 
 def check_model(vehicle: Vehicle) -> None:
@@ -169,11 +199,20 @@ def review_layout(
     check_model(vehicle)
     for line in left_out(vehicle):
         reporter.note(line)
+    kind, map_path = estimator_of_map(vehicle, kind, snapshots_path)
+    given = {"snapshots": snapshots_path, "map": map_path}
+    files = input_files(
+        files_of_vehicle(vehicle, vehicle_path) | {name: one for name, one in given.items() if one is not None}
+    )
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
     structure = structure_of(vehicle, snapshots, reporter)
     with reporter.stage("Review: strain and models") as progress:
-        found = review_of(placement_study(vehicle, snapshots, structure, grid, kind, progress=progress))
-    page = placement_page(f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}", found)
+        study = placement_study(vehicle, snapshots, structure, grid, kind, progress=progress)
+        found = review_of(study)
+    line = judged(vehicle, study, snapshots, map_path)
+    reporter.note(line)
+    title = f"{vehicle.name}: gauges {Path(layout or vehicle.gauges.layout).name}"
+    page = placement_page(title, found, origin_of(files), f"{line[:1].upper()}{line[1:]}.")
     write_page(page, path)
     line = without_packages(path.name)
     if line:

@@ -311,17 +311,22 @@ def _report(pipeline: Pipeline, vehicle_path: Path) -> None:
     )
 
 
-def _report_files(pipeline: Pipeline, vehicle_path: Path) -> dict[str, Path]:
-    """Return the files that a report follows from, by what they are."""
-    vehicle = pipeline.vehicle
+def files_of_vehicle(vehicle: Vehicle, vehicle_path: Path) -> dict[str, Path]:
+    """Return the vehicle file and the files that it names for gauges and noise, by what they are."""
     layout = vehicle.gauges.layouts[vehicle.gauges.layout].file
     named = {
         "gauges": layout,
         "covariance of the noise": vehicle.noise.covariance_file,
         "nuisance modes": vehicle.noise.nuisance_file,
     }
-    found = {"vehicle file": vehicle_path}
-    found |= {content: vehicle.beside(name) for content, name in named.items() if name is not None}
+    files = {content: vehicle.beside(name) for content, name in named.items() if name is not None}
+    return {"vehicle file": vehicle_path, **files}
+
+
+def _report_files(pipeline: Pipeline, vehicle_path: Path) -> dict[str, Path]:
+    """Return the files that a report follows from, by what they are."""
+    vehicle = pipeline.vehicle
+    found = files_of_vehicle(vehicle, vehicle_path)
     found["snapshots"] = pipeline.path(SNAPSHOTS)
     if pipeline.path(STRUCTURE).is_file() and vehicle.structure.model == "solid":
         found["structure"] = pipeline.path(STRUCTURE)

@@ -43,6 +43,7 @@ from builder.structure.solid.free_case import FreeCase
 from builder.structure.solid.gauges.gauge_rows import gauges_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.map_needs import why_linear
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -169,7 +170,7 @@ def placement_study(
     ----------
     vehicle, snapshots, structure : as for a map; the structure holds the layout in use.
     grid : what candidates there are.
-    kind : estimator; by default the vehicle file's.
+    kind : estimator; by default the vehicle file's, of "auto" the nonlinear one where the flows allow tables.
     keep : gauges that are placed in any case.
     progress : called with (done, in all) as the strain of the candidates is found.
 
@@ -213,8 +214,15 @@ def placement_study(
         length = float(case.layouts[vehicle.gauges.layout].length[0])
         gauges = gauges_at(placed.position, placed.direction, placed.names, length, str(bonded))
         strain = solid_strain(case, snapshots, basis, gauges, progress)
-    kind = kind or ("nonlinear" if vehicle.map.estimator == "nonlinear" else "linear")
-    model, own_sigma = normalised(flight_model(parts, strain, everything.sites, kind), own)
+    chosen = kind or ("linear" if vehicle.map.estimator == "linear" or why_linear(vehicle) else "nonlinear")
+    try:
+        found = flight_model(parts, strain, everything.sites, chosen)
+    except InputError:
+        if kind is not None or vehicle.map.estimator != "auto" or chosen == "linear":
+            raise
+        chosen = "linear"
+        found = flight_model(parts, strain, everything.sites, chosen)
+    kind, (model, own_sigma) = chosen, normalised(found, own)
     without = None
     if kind == "nonlinear" and vehicle.map.model_form_percent > 0.0:
         entry = vehicle.map.model_copy(update={"model_form_percent": 0.0})

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.aero.loads.operator import coefficient_scale
 from builder.aero.surface.mesh import mesh_of
 from builder.placement.design import Study
-from builder.placement.flight_models import flight_states, pressure_of_unknowns
+from builder.placement.flight_models import FlightParts, Kind, flight_states, pressure_of_unknowns
 from builder.placement.gaussian_model import Posterior
 from builder.placement.lost_gauge import LARGEST_RATIO, fault_sizes, loss_ratios
 from builder.placement.selection import first_of_best, marginal_worth
@@ -43,8 +44,10 @@ class Review:
 
     Attributes
     ----------
+    kind : estimator that is judged.
     names : (k,) of its gauges.
     sigma, prior : (5,) sigmas of the coefficients with the gauges and without any, over the flight states [1].
+        Without gauges the linear estimator has the spread over the flows: least squares has no prior.
     unobserved, off : (5,) parts of the variance with the gauges that come from combinations of unknowns that they
         do not observe, and from pressure that hardly strains any gauge [1].
     blind : number of combinations, mean over the states, that are not observed, of how many.
@@ -60,6 +63,7 @@ class Review:
     state_sigma : (n_s, 5) sigmas there [1].
     """
 
+    kind: Kind
     names: tuple[str, ...]
     sigma: FloatArray
     prior: FloatArray
@@ -88,7 +92,7 @@ class Review:
         reason = max(parts, key=lambda name: float(parts[name]))
         return (
             f"{COEFFICIENT_NAMES[k]}: sigma {1e4 * self.sigma[k]:.3g}e-4, "
-            f"{self.sigma[k] / self.prior[k]:.2f} times the one without gauges; "
+            f"{self.sigma[k] / self.prior[k]:.2g} times the one without gauges; "
             f"{100.0 * parts[reason]:.0f} % of its variance is from {reason}"
         )
 
@@ -114,6 +118,8 @@ def review_of(study: Study) -> Review:
     names = study.candidates.gauges.names
     variance = model.weight @ model.goal_variance(own)
     prior = np.sqrt(model.weight @ model.goal_variance([])) * study.own_sigma
+    if study.kind == "linear":
+        prior = _spread_of_flows(study.parts)
     unobserved, blind = np.zeros(5), 0.0
     pressure = pressure_of_unknowns(study.parts, study.strain, study.kind)
     shapes = np.zeros((5, len(study.parts.basis.fields.T), len(model.weight)))
@@ -136,6 +142,7 @@ def review_of(study: Study) -> Review:
             [states[:, MACH], np.degrees(np.hypot(u, w)), np.degrees(np.arctan2(w, u)) % 360.0]
         )
     return Review(
+        kind=study.kind,
         names=tuple(names[one] for one in study.candidates.of(own)),
         sigma=study.own_sigma,
         prior=prior,
@@ -155,6 +162,14 @@ def review_of(study: Study) -> Review:
         states=states,
         state_sigma=np.sqrt(model.goal_variance(own)) * study.own_sigma,
     )
+
+
+def _spread_of_flows(parts: FlightParts) -> FloatArray:
+    """Return (5,) standard deviation of the coefficients over the flows [1]."""
+    ensemble, weight = parts.ensemble, parts.ensemble.member_weight
+    scale = coefficient_scale(ensemble.nominal_dynamic_pressure, parts.vehicle.reference_quantities())
+    value = ensemble.responses(parts.loads) * scale
+    return np.asarray(np.sqrt(weight @ (value - weight @ value) ** 2))
 
 
 def _in_words(study: Study, shape: FloatArray) -> str:

@@ -7,12 +7,13 @@ import numpy as np
 from builder.placement.lost_gauge import LARGEST_RATIO
 from builder.placement.review import DETECTED, SPARE, Review
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
+from builder.reports.page.origin import Origin
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 
-def placement_page(title: str, found: Review) -> Page:
-    """Return the page."""
+def placement_page(title: str, found: Review, origin: Origin, judged: str) -> Page:
+    """Return the page; ``judged`` names in a sentence the estimator of ``found`` and what it is judged on."""
     blind, of = found.blind
     name, gain = found.best
     points = found.weak_points
@@ -27,6 +28,8 @@ def placement_page(title: str, found: Review) -> Page:
         ("Would help most", "green", (f"{name}: the criterion falls by {100.0 * gain:.2f} %",)),
     )
     opening: tuple[Block, ...] = (
+        Paragraph(origin.sentence),
+        Paragraph(judged),
         Paragraph(
             f"{len(found.names)} gauges. The criterion is the mean variance of the five coefficients, each over "
             "its variance with this layout, installation errors included."
@@ -49,6 +52,7 @@ def placement_page(title: str, found: Review) -> Page:
             Section("What each gauge contributes", (_gauges(found),)),
             Section("Faults of one gauge", (_faults(found),)),
             Section("Sigmas over the envelope", (_states(found),)),
+            Section("Made from", (origin.table(),)),
         ),
     )
 
@@ -57,20 +61,21 @@ def _loads(found: Review) -> Table:
     columns = (
         Column("coefficient"),
         Column("sigma", "1e-4", ".3g"),
-        Column("without gauges", "1e-4", ".0f"),
-        Column("over that", "times", ".3f"),
+        Column("without gauges", "1", ".3g"),
+        Column("over that", "times", ".2g"),
         Column("not observed", "%", ".1f"),
         Column("no strain", "%", ".1f"),
         Column("noise and errors in common", "%", ".1f"),
     )
     parts = np.stack((found.unobserved, found.off, 1.0 - found.unobserved - found.off))
-    numbers = np.vstack((1e4 * found.sigma, 1e4 * found.prior, found.sigma / found.prior, 100.0 * parts))
+    numbers = np.vstack((1e4 * found.sigma, found.prior, found.sigma / found.prior, 100.0 * parts))
     rows = ((name, *column) for name, column in zip(COEFFICIENT_NAMES, numbers.T, strict=True))
+    without = "air data and ranges alone" if found.kind == "nonlinear" else "the spread over the flows"
     return make_table(
         "loads",
         (
-            "Root mean square sigmas over the flight states. Parts of the variance: not observed by these gauges, "
-            "and of pressure that strains no candidate."
+            f"Root mean square sigmas over the flight states; without gauges: {without}. Parts of the variance: "
+            "not observed by these gauges, and of pressure that strains no candidate."
         ),
         columns,
         list(rows),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +19,18 @@ from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
 from builder.manifold.build import with_manifold
-from builder.pipeline.gauge_placement import write_layout
+from builder.pipeline.gauge_placement import review_layout, write_layout
 from builder.placement import curves, design, lost_gauge
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import accuracy_curves
 from builder.placement.design import Aim, Study, aimed, place, placement_study
-from builder.placement.flight_models import flight_states
+from builder.placement.flight_models import Kind, flight_states
 from builder.placement.limits import Limits, Zone, rules_of
-from builder.placement.review import DETECTED, review_of
+from builder.placement.review import DETECTED, Review, review_of
 from builder.placement.rivals import best_of_random, even_sites, qr_sites
 from builder.reporting import Silent
 from builder.reports.page.html import page_html
+from builder.reports.page.origin import origin_of
 from builder.reports.placement_page import placement_page
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.gauge_checks import check_gauges
@@ -36,12 +38,20 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import GaugeLayout, read_layout
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, save_inverse_map
 from strainfmu.estimator.reference.air import AirInputs
 from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, flight_loads
+from strainfmu.version import __version__
 
 GRID = CandidateGrid(stations=(0.35, 0.8, 1.3, 1.7, 2.2, 2.7, 3.3), roll_angles=tuple(30.0 * k for k in range(12)))
+COARSE_ENTRIES = (
+    ("surface_stations = 120", "surface_stations = 40"),
+    ("surface_roll_angles = 72", "surface_roll_angles = 24"),
+    ("harmonics = 16", "harmonics = 10"),
+    ("element_length_mm = 10.0", "element_length_mm = 40.0"),
+)
 COUNTED = Limits(gauges=18, spacing=0.02)
 
 
@@ -308,14 +318,7 @@ def test_curves_fall_with_gauges_and_ports_and_rise_with_errors(
 def test_the_command_writes_a_layout_and_a_figure(
     run: Callable[..., tuple[int, str, str]], snapshots: Snapshots, tmp_path: Path
 ) -> None:
-    coarse_file = write_changed(
-        tmp_path,
-        ('estimator = "nonlinear"', 'estimator = "linear"'),
-        ("surface_stations = 120", "surface_stations = 40"),
-        ("surface_roll_angles = 72", "surface_roll_angles = 24"),
-        ("harmonics = 16", "harmonics = 10"),
-        ("element_length_mm = 10.0", "element_length_mm = 40.0"),
-    )
+    coarse_file = write_changed(tmp_path, ('estimator = "nonlinear"', 'estimator = "linear"'), *COARSE_ENTRIES)
     save_snapshots(snapshots, tmp_path / "snapshots.h5")
     arguments = ("--snapshots", tmp_path / "snapshots.h5", "--stations", "0.6:3:0.6", "--roll-angles", "0:315:45")
     code, out, err = run(
@@ -356,13 +359,58 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     left = [one for number, one in enumerate(own) if number not in gone]
     assert value <= linear.model.value(left) <= 1.01 * value
     assert ((found.unobserved >= 0.0) & (found.unobserved + found.off <= 1.0 + 1e-9)).all()
-    page = page_html(placement_page("gauges", found))
+    page = page_html(placement_page("gauges", found, origin_of(()), "Linear estimator."))
     assert found.weakest_line in page.replace("&#x27;", "'")
     assert all(name in page for name in found.names)
     assert "alike all round (axial load)" in found.hidden[0]
     assert found.hidden[0].startswith(f"C_A: {100.0 * found.unobserved[0]:.0f} % of its variance is not observed")
     assert all(line in page for line in found.hidden)
     assert "Faults of one gauge" in page
+
+
+def test_a_review_follows_the_map_next_to_the_snapshots(
+    nonlinear_vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, tmp_path: Path
+) -> None:
+    """Whatever the vehicle file says; the page names estimator, version, and the files that it judged by hash."""
+    file = write_changed(tmp_path, ('estimator = "nonlinear"', 'estimator = "auto"'), *COARSE_ENTRIES)
+    save_snapshots(snapshots, tmp_path / "snapshots.h5")
+    problem = inverse_problem(nonlinear_vehicle, snapshots, structure)
+    built = build_inverse_map(nonlinear_vehicle, snapshots, structure, problem=problem)
+    with_tables = with_manifold(built, nonlinear_vehicle, snapshots, structure, problem=problem)
+    files = (file.name, "snapshots.h5", "map.h5")
+
+    def reviewed(kind: Kind | None = None) -> tuple[Review, str]:
+        page, grid = tmp_path / "review.html", replace(GRID, stations=(1.0, 2.0))
+        arguments = {"grid": grid, "kind": kind, "reporter": Silent(), "snapshots_path": tmp_path / "snapshots.h5"}
+        return review_layout(file, None, page, **arguments), page.read_text(encoding="utf-8")
+
+    for of_map, kind in ((with_tables, "nonlinear"), (with_tables.without_tables(), "linear")):
+        save_inverse_map(of_map, tmp_path / "map.h5")
+        found, page = reviewed()
+        assert found.kind == kind
+        assert f"{kind.capitalize()} estimator (of map.h5), flows by the euler engine." in page
+        assert f"Made by strainfmu {__version__} on " in page
+        for name in files:
+            assert sha256((tmp_path / name).read_bytes()).hexdigest() in page
+        assert (found.prior <= 0.5 * np.ptp(built.coefficient_range, axis=1)).all() or kind == "nonlinear"
+    found, page = reviewed("nonlinear")
+    assert found.kind == "nonlinear"
+    assert "map.h5" not in page
+    (tmp_path / "map.h5").unlink()
+    found, page = reviewed()
+    assert found.kind == "nonlinear"
+    assert "build compares both for map.estimator" in page
+
+
+def test_auto_is_linear_where_the_flows_allow_no_tables(
+    vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
+) -> None:
+    auto = vehicle.model_copy(update={"map": vehicle.map.model_copy(update={"estimator": "auto"})})
+    grid, few = replace(GRID, stations=(1.0,)), snapshots.chosen(np.arange(8))
+    assert placement_study(auto, snapshots, structure, grid).kind == "nonlinear"
+    assert placement_study(auto, few, structure, grid).kind == "linear"
+    with pytest.raises(InputError):
+        placement_study(auto, few, structure, grid, "nonlinear")
 
 
 def test_a_fault_of_a_gauge_shows_in_the_prediction_by_the_others(nonlinear: Study) -> None:

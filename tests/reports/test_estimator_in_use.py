@@ -16,6 +16,7 @@ from field_maps import field_map
 from flight_maps import ROWS, STATIONS, flight_map
 from page_checks import assert_self_contained
 from scaled_maps import scaled_map
+from scipy.stats import norm
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
@@ -23,9 +24,10 @@ from builder.reports.build_report.first_screen import first_screen
 from builder.reports.build_report.page import report_page, write_numbers
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import report_tables
-from builder.reports.findings.envelope_states import ALL, envelope, estimated_at, strain_at
-from builder.reports.findings.estimator_in_use import FEW, HARDWARE, InUse, estimator_in_use, source_variances
+from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, strain_at
+from builder.reports.findings.estimator_in_use import HARDWARE, InUse, estimator_in_use, source_variances
 from builder.reports.findings.flight_accuracy import flight_accuracy
+from builder.reports.findings.gauge_value import gauge_value
 from builder.reports.page.html import page_html
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.estimator import Estimator
@@ -45,14 +47,14 @@ def nonlinear_map() -> InverseMap:
     return replace(scaled_map(2, 1, N_D), manifold=replace(manifold, common_error=common, gauge_error_product=own))
 
 
-LINEAR: Any = (None, None)
+LINEAR: Any = None
 """What judges the linear map, of no concern to the other."""
 
 
 @pytest.fixture(scope="module")
 def in_use(nonlinear_map: InverseMap) -> InUse:
     nothing: Any = None
-    return estimator_in_use(nonlinear_map, *LINEAR, nothing, np.ones(1))
+    return estimator_in_use(nonlinear_map, LINEAR, nothing, np.ones(1))
 
 
 @pytest.mark.fast
@@ -101,21 +103,46 @@ def test_the_nonlinear_estimator_of_a_map_with_tables(nonlinear_map: InverseMap,
     np.testing.assert_allclose(in_use.coefficients.std, rms, rtol=1e-3)
     np.testing.assert_allclose(in_use.largest_std, found.coefficients_std.max(axis=0), rtol=1e-3)
     np.testing.assert_allclose(in_use.coefficients.variance.sum(axis=0), in_use.coefficients.std**2, rtol=1e-9)
-    assert in_use.growth.shape == (N_D, 5)
-    assert np.all(in_use.growth >= 1.0 - 1e-9)
-    assert in_use.growth.max() > 1.001
-    few, lost = envelope(manifold, *FEW).flown, int(np.argmax(in_use.growth[:, 1]))
+    assert in_use.pressure_removed is None
+
+
+def test_the_value_of_a_gauge_is_to_the_nonlinear_estimator(nonlinear_map: InverseMap) -> None:
+    """Growth of sigma is that of estimates without the gauge, or without two, over the same flight states."""
+    estimator, manifold, value = Estimator(nonlinear_map), nonlinear_map.manifold, gauge_value(nonlinear_map)
+    assert value.growth.shape == (N_D, 5)
+    assert np.all(value.growth >= 1.0 - 1e-9)
+    assert value.growth.max() > 1.001
+    assert np.all((value.leverage > 0.0) & (value.leverage < 1.0))
+    few, lost = envelope(manifold, *FEW).flown, int(np.argmax(value.growth[:, 1]))
+    pair = int(np.argmax(value.pair_growth[:, 1]))
     mach, pressure = few[:, MACH], np.exp(few[:, LOG_PRESSURE])
     air = {"dynamic_pressure": 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure, "mach_number": mach}
-    whole, without = (
-        estimator.estimate(
-            strain_at(manifold, few), valid=valid, static_pressure=pressure, q_source="independent", **air
+    whole, one, two = (
+        np.mean(
+            estimator.estimate(
+                strain_at(manifold, few), valid=valid, static_pressure=pressure, q_source="independent", **air
+            ).coefficients_std
+            ** 2,
+            axis=0,
         )
-        for valid in (None, np.arange(N_D) != lost)
+        for valid in (None, np.arange(N_D) != lost, ~np.isin(np.arange(N_D), value.pairs[pair]))
     )
-    rms = np.sqrt(np.mean(without.coefficients_std**2, axis=0) / np.mean(whole.coefficients_std**2, axis=0))
-    np.testing.assert_allclose(in_use.growth[lost], rms, rtol=1e-4)
-    assert in_use.pressure_removed is None
+    np.testing.assert_allclose(value.growth[lost], np.sqrt(one / whole), rtol=1e-4)
+    np.testing.assert_allclose(value.pair_growth[pair], np.sqrt(two / whole), rtol=1e-4)
+
+
+def test_a_bias_that_shows_is_that_of_the_residual_at_the_flight_states(nonlinear_map: InverseMap) -> None:
+    """A bias of the stated size shifts z of its gauge by the alarm level and the tail of 1 miss in 100, to 5 %."""
+    manifold, value = nonlinear_map.manifold, gauge_value(nonlinear_map)
+    state = envelope(manifold, *FEW).flown
+    estimator, k = Estimator(nonlinear_map), int(np.argmin(value.detectable_bias))
+    strain = strain_at(manifold, state)
+    mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
+    air = {"dynamic_pressure": 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure, "mach_number": mach}
+    biased = strain + np.where(np.arange(N_D) == k, value.detectable_bias[k], 0.0)
+    found = estimator.estimate(biased, static_pressure=pressure, q_source="independent", **air)
+    shift = norm.isf(0.5e-4 / N_D) + norm.isf(0.01)
+    assert np.sqrt(np.mean(found.standardised_residual[:, k] ** 2)) == pytest.approx(shift, rel=0.05)
 
 
 def test_pressure_is_judged_where_the_map_holds_it() -> None:
@@ -126,7 +153,7 @@ def test_pressure_is_judged_where_the_map_holds_it() -> None:
     found = estimated_at(Estimator(one), envelope(one.manifold, *FEW).flown, ALL)
     scale = one.nominal_dynamic_pressure / found.air_data.value[:, -1]
     left = np.mean([(scale[k] * found[k].pressure().std) ** 2 for k in range(len(scale))]) / 1000.0**2
-    removed = estimator_in_use(one, *LINEAR, observed, np.ones(n_p)).pressure_removed
+    removed = estimator_in_use(one, LINEAR, observed, np.ones(n_p)).pressure_removed
     assert removed == pytest.approx(1.0 - left)
     assert 0.0 < left < 0.1
 
@@ -135,7 +162,7 @@ def test_the_linear_estimator_of_any_other_map(report: BuildReport) -> None:
     used = report.in_use
     assert not used.is_nonlinear
     assert used.coefficients is report.coefficients
-    assert used.growth is report.gauges.growth
+    assert used.node_removed is report.observability.node_removed
     assert used.pressure_removed == report.observability.removed
     assert "nonlinear_coefficients" not in report_tables(report)
 
@@ -150,8 +177,10 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     range_of = replace(in_use.coefficients, range=report.coefficients.range)
     growth = np.ones((report.inverse_map.n_gauges, 5))
     growth[3, 1] = 1.25
-    used = replace(in_use, coefficients=range_of, growth=growth)
-    judged = replace(report, in_use=used, flight=flight_accuracy(nonlinear_map))
+    used = replace(in_use, coefficients=range_of)
+    judged = replace(
+        report, in_use=used, gauges=replace(report.gauges, growth=growth), flight=flight_accuracy(nonlinear_map)
+    )
     screen = first_screen(judged)
     lines = [line for group in screen.as_json().values() for line in group]
     width = np.ptp(report.coefficients.range, axis=1)
@@ -167,8 +196,10 @@ def test_page_and_numbers_state_the_nonlinear_sigma(
     largest = used.coefficients.names[int(np.argmax(used.coefficients.variance[:, 0]))]
     assert any(line.startswith("The source to reduce first is ") for line in lines)
     page = assert_self_contained(page_html(report_page(judged)))
-    assert "Uncertainty of each coefficient, linear map" in page.text
-    assert page.text.count("This section judges the linear map") == 3
+    assert page.text.count("The rest of this section judges the linear map") == 1
+    before = page.text[: page.text.index("The rest of this section judges the linear map")]
+    assert "3 sigma over the range of the snapshots" in before  # the figure of the sources
+    assert "Value of each gauge" not in before[before.index("3 sigma over the range") :]
     assert "estimator: nonlinear, and the linear map (Case" in page.text
     assert largest in page.text
     write_numbers(judged, tmp_path)

@@ -215,7 +215,7 @@ def _other_map(report: BuildReport) -> list[str]:
 
 
 def _costly_gauge(report: BuildReport) -> list[str]:
-    growth, one = report.in_use.growth, report.inverse_map
+    growth, one = report.gauges.growth, report.inverse_map
     costly = int(np.argmax(growth.max(axis=1)))
     of = int(np.argmax(growth[costly]))
     ratio = growth[costly, of]

@@ -23,7 +23,7 @@ PAGE_NAME = "report.html"
 ROWS_ON_PAGE = 200
 """Rows of a table that the page holds, folded; the files hold all of them."""
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 """Version of report.json; raised when names or meanings change."""
 
 

@@ -54,7 +54,7 @@ class BuildReport:
     observability : what they observe of the snapshots.
     in_use : the estimator that the map is used with: the nonlinear one of a map with tables.
     coefficients : uncertainty of each by the linear map, by source.
-    gauges : value of each to the linear map.
+    gauges : value of each to the estimator in use.
     noise : fraction of each noise term.
     gamma : choice of gamma, in Case 2.
     flight : uncertainty of the nonlinear estimator over the envelope; None for a map without tables.
@@ -115,7 +115,7 @@ def build_report(
     grid = structure.surface
     surface = mesh_of(grid)
     observed = prior_observability(problem, solution, grid)
-    sources, gauges = coefficient_sources(inverse_map, problem, solution), gauge_value(inverse_map)
+    sources = coefficient_sources(inverse_map, problem, solution)
     response = _response(problem.strain_operator, surface, grid.n_roll if isinstance(grid, SurfaceGrid) else None)
     numerical = None
     if inverse_map.manifold is not None:
@@ -132,10 +132,10 @@ def build_report(
         smooth_harmonics=int(response.harmonic.max()),
         symmetries=tuple(symmetry_responses(response)),
         observability=observed,
-        in_use=estimator_in_use(inverse_map, sources, gauges, observed, surface.node_area, numerical),
+        in_use=estimator_in_use(inverse_map, sources, observed, surface.node_area, numerical),
         model_form_percent=model_form_percent(vehicle.map, vehicle.noise),
         coefficients=sources,
-        gauges=gauges,
+        gauges=gauge_value(inverse_map),
         noise=tuple(solution.noise.fractions()),
         gamma=gamma_choice(inverse_map, problem, solution, grid),
         flight=flight_accuracy(inverse_map),

@@ -70,6 +70,8 @@ def _modelled(report: BuildReport) -> str:
 
 
 def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
+    removed, by_linear = report.in_use.node_removed, report.observability.node_removed
+    by_node, whose = (by_linear, "the linear map") if removed is None else (removed, report.in_use.name)
     return Section(
         "What this layout observes",
         (
@@ -83,25 +85,25 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 solid_view(
                     scene_of(
                         report.surface,
-                        np.nan_to_num(np.clip(100.0 * report.observability.node_removed, 0.0, 100.0)),
+                        np.nan_to_num(np.clip(100.0 * by_node, 0.0, 100.0)),
                         "variance removed [%]",
                         report.inverse_map,
                         report.vehicle,
                     )
                 ),
-                "The vehicle from two sides: fraction of the pressure's variance that the data remove, and the "
-                "gauges as bars on the outside, along their directions.",
+                f"The vehicle from two sides: fraction of the pressure's variance that {whose} removes, and "
+                "the gauges as bars on the outside, along their directions.",
                 "Two oblique views of the vehicle with its gauges.",
             ),
             picture(
                 observability_figures.unrolled_pressure(
                     report.surface,
-                    removed=report.observability.node_removed,
+                    removed=by_node,
                     mean=report.observability.node_mean,
                     std=report.observability.node_std,
                     inverse_map=report.inverse_map,
                 ),
-                "Fraction of the pressure's variance that the data remove, mean and standard deviation, on the "
+                f"Fraction of the pressure's variance that {whose} removes, mean and standard deviation, on the "
                 "unrolled body. Circles are axial gauges, squares hoop gauges, diamonds inclined ones, drawn "
                 f"slightly apart. Mean and standard deviation are {_modelled(report)}.",
                 "Maps of the unrolled body: fraction of the pressure's variance that the data remove, mean and "
@@ -115,7 +117,8 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                     removed_at_best=report.observability.mode_removed_at_best,
                     is_state=report.observability.is_state,
                 ),
-                "The first POD modes: fraction of the variance in each, and what remains after the estimate.",
+                "The first POD modes: fraction of the variance in each, and what remains after the linear map's "
+                "estimate.",
                 "Bars of the variance of each mode with marks for the part that remains after the estimate.",
                 "svg",
             ),
@@ -177,36 +180,38 @@ def blindness(report: BuildReport) -> Section:
 
 
 OF_LINEAR = Paragraph(
-    "This section judges the linear map, which gives the loads where strain does not fit the tables of the "
-    "nonlinear estimator."
+    "The rest of this section judges the linear map, which gives the loads where strain does not fit the tables "
+    "of the nonlinear estimator."
 )
 
 
 def _of_linear(report: BuildReport) -> tuple[Block, ...]:
-    """Return that a section does not judge the estimator in use, where it does not."""
+    """Return that what follows does not judge the estimator in use, where it does not."""
     return (OF_LINEAR,) if report.in_use.is_nonlinear else ()
 
 
 def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
-    whose = ", linear map" if report.in_use.is_nonlinear else ""
+    used = report.in_use.coefficients
+    of_nonlinear = [tables[name] for name in ("nonlinear_coefficients", "nonlinear_sources") if name in tables]
     return Section(
-        f"Uncertainty of each coefficient{whose}",
+        "Uncertainty of each coefficient",
         (
-            *_of_linear(report),
-            tables[COEFFICIENT_ARRAY],
+            *of_nonlinear,
             picture(
                 uncertainty_figures.coefficients(
-                    sources=report.coefficients.names,
-                    of_variance=report.coefficients.variance / report.coefficients.std**2,
-                    std=report.coefficients.std,
-                    limits=report.coefficients.range,
-                    std_of_range=report.coefficients.std_of_range,
-                    correlation=report.coefficients.correlation,
+                    sources=used.names,
+                    of_variance=used.variance / used.std**2,
+                    std=used.std,
+                    limits=used.range,
+                    std_of_range=used.std_of_range,
+                    correlation=used.correlation,
                 ),
                 "Sources of each variance; 3 sigma over the range of the snapshots; correlation of errors.",
                 "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
                 "svg",
             ),
+            *_of_linear(report),
+            tables[COEFFICIENT_ARRAY],
             tables["sources"],
             tables["source_sigmas"],
             tables["sigmas_without"],
@@ -243,7 +248,6 @@ def flight_accuracy(of: FlightAccuracy, tables: dict[str, Table]) -> Section:
                 "Maps of standard deviations over Mach number and total incidence, a row for each navigation.",
                 "svg",
             ),
-            *(tables[name] for name in ("nonlinear_coefficients", "nonlinear_sources") if name in tables),
             tables["flight_accuracy"],
         ),
     )
@@ -258,7 +262,6 @@ def gauge_values(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Value of each gauge",
         (
-            *_of_linear(report),
             Paragraph(
                 "Leverage is the fraction of a gauge's information that no other gauge has: 1 where no other "
                 "gauge checks it. A bias of the stated size is detected, or attributed to its gauge, in 99 % of "
@@ -288,7 +291,6 @@ def losses(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Cost of a lost gauge",
         (
-            *_of_linear(report),
             tables["worst_losses"],
             tables["worst_pairs"],
             picture(
@@ -312,6 +314,7 @@ def gamma_choice(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Weight of the prior",
         (
+            *_of_linear(report),
             Paragraph(
                 f"{above} modes have an eigenvalue of at least gamma = {report.gamma.gamma:.4g}: there the data "
                 "outweigh the prior. The rules are applied to the data expected from prior and noise. The "

@@ -180,13 +180,12 @@ def coefficients(report: BuildReport) -> Table:
         Column("unit"),
     )
     pressure = 1e-3 * report.inverse_map.nominal_dynamic_pressure
-    of_what = " of the linear map" if report.in_use.is_nonlinear else ""
-    caption = f"Coefficients{of_what} at a dynamic pressure of {pressure:.5g} kPa, and their loads."
+    caption = f"Coefficients{_of_what(report)} at a dynamic pressure of {pressure:.5g} kPa, and their loads."
     return make_table(COEFFICIENT_ARRAY, caption, columns, rows)
 
 
 def correlations(report: BuildReport) -> Table:
-    caption = "Correlation of the coefficients' errors."
+    caption = f"Correlation of the coefficients' errors{_of_what(report)}."
     return _by_coefficient(
         "correlations",
         caption,
@@ -198,7 +197,13 @@ def correlations(report: BuildReport) -> Table:
 
 
 def sources(report: BuildReport) -> Table:
-    return _sources("sources", "Fraction of each source in the variance of each coefficient.", report.coefficients)
+    caption = f"Fraction of each source in the variance of each coefficient{_of_what(report)}."
+    return _sources("sources", caption, report.coefficients)
+
+
+def _of_what(report: BuildReport) -> str:
+    """Return what a table judges where that is not the estimator in use."""
+    return " of the linear map" if report.in_use.is_nonlinear else ""
 
 
 def _sources(name: str, caption: str, found: CoefficientSources) -> Table:
@@ -246,7 +251,7 @@ def nonlinear_sources(report: BuildReport) -> Table:
 
 
 def source_sigmas(report: BuildReport) -> Table:
-    found, caption = report.coefficients, "Sigma of each coefficient from each source alone."
+    found, caption = report.coefficients, f"Sigma of each coefficient{_of_what(report)} from each source alone."
     sigma = np.vstack([np.sqrt(found.variance), found.std])
     return _by_coefficient(
         "source_sigmas", caption, "source", (*found.names, "all"), sigma, Column("", "1", ".3g")
@@ -255,7 +260,10 @@ def source_sigmas(report: BuildReport) -> Table:
 
 def sigmas_without(report: BuildReport) -> Table:
     """One row per source that is left out, and one without all hardware errors."""
-    found, caption = report.coefficients, "Sigma of each coefficient without some sources, with the same gain."
+    found, caption = (
+        report.coefficients,
+        f"Sigma of each coefficient{_of_what(report)} without some sources, same gain.",
+    )
     left_out: dict[str, tuple[str, ...]] = {name: (name,) for name in found.names}
     if found.hardware:
         left_out[ALL_HARDWARE] = found.hardware

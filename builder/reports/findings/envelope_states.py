@@ -23,6 +23,10 @@ MACHS, INCIDENCES, ROLLS = 13, 12, 8
 """Flight states of the envelope; standard deviations are rms values over the aerodynamic roll angles in it."""
 
 
+FEW = (2, 2)
+"""Mach numbers and total incidences at which gauges are lost, and pressure is estimated."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Envelope:
     """Flight states by incidence, Mach number and roll angle.

@@ -14,10 +14,9 @@ import numpy as np
 
 from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.reports.findings.coefficient_sources import CoefficientSources
-from builder.reports.findings.envelope_states import ALL, air_data_at, envelope, estimated_at, strain_at
-from builder.reports.findings.gauge_value import GaugeValue
+from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, estimated_at, strain_at
 from builder.reports.findings.prior_observability import PriorObservability
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -38,9 +37,6 @@ MANOEUVRES = "mass of the wall in manoeuvres"
 """The sources of the nonlinear estimator's variance, with :data:`NOISE`, :data:`OFF_TABLES` and
 :data:`~builder.inverse.noise.flow_models.FLOW_MODELS`."""
 
-FEW = (2, 2)
-"""Mach numbers and total incidences at which gauges are lost, and pressure is estimated."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class InUse:
@@ -51,9 +47,9 @@ class InUse:
     is_nonlinear : whether it is the nonlinear one.
     coefficients : uncertainty of each coefficient by source; of the nonlinear estimator rms values.
     largest_std : (5,) largest sigma of each over the envelope [1].
-    growth : (n_d, 5) sigma of each coefficient without a gauge over sigma with all [1].
-    pressure_removed : fraction of the variance of the snapshots' pressure that the data remove; None where the
-        nonlinear estimator gives no pressure.
+    node_removed : (n_p,) fraction of the variance of the snapshots' pressure at each node that the data remove;
+        None where the nonlinear estimator gives no pressure.
+    pressure_removed : the same over the surface.
     where : the flights that sigma is of, in words.
     std_without_model_form : (5,) rms sigma over the same flights of a map that expects no model-form error, which
         leaves measurement, installation and numerics [1]; None of a map that expects none, and of a linear one.
@@ -62,23 +58,27 @@ class InUse:
     is_nonlinear: bool
     coefficients: CoefficientSources
     largest_std: FloatArray
-    growth: FloatArray
+    node_removed: FloatArray | None
     pressure_removed: float | None
     where: str
     std_without_model_form: FloatArray | None = None
+
+    @property
+    def name(self) -> str:
+        """Which estimator it is, in words."""
+        return "the nonlinear estimator" if self.is_nonlinear else "the linear map"
 
 
 def estimator_in_use(
     inverse_map: InverseMap,
     linear: CoefficientSources,
-    gauges: GaugeValue,
     observed: PriorObservability,
     node_area: FloatArray,
     without_model_form: ManifoldMap | None = None,
 ) -> InUse:
     """Return the judgement of the estimator of ``inverse_map``.
 
-    ``linear``, ``gauges`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2].
+    ``linear`` and ``observed`` judge the linear map; ``node_area`` (n_p,) is its nodes' area [m2].
     ``without_model_form`` are its tables without model-form error, None where they are the same.
     """
     if inverse_map.manifold is None:
@@ -86,12 +86,12 @@ def estimator_in_use(
             is_nonlinear=False,
             coefficients=linear,
             largest_std=linear.std,
-            growth=gauges.growth,
+            node_removed=observed.node_removed,
             pressure_removed=observed.removed,
             where=f"at q_inf = {1e-3 * inverse_map.nominal_dynamic_pressure:.5g} kPa",
         )
-    estimator = Estimator(inverse_map)
     whole, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
+    node_removed, pressure_removed = _pressure_removed(inverse_map, few.flown, node_area, observed)
     coefficients, largest = _of_nonlinear(inverse_map, whole.flown)
     numerical = None
     if without_model_form is not None:
@@ -100,8 +100,8 @@ def estimator_in_use(
         is_nonlinear=True,
         coefficients=coefficients,
         largest_std=largest,
-        growth=_growth(estimator, few.flown),
-        pressure_removed=_pressure_removed(estimator, few.flown, node_area, observed),
+        node_removed=node_removed,
+        pressure_removed=pressure_removed,
         where=f"rms over the envelope of the map at p_inf = {1e-3 * whole.static_pressure:.4g} kPa, with {ALL} of "
         "navigation",
         std_without_model_form=numerical,
@@ -184,26 +184,19 @@ def _sources_of(
     return {name: wider * part for name, part in parts.items()}, covariance
 
 
-def _growth(estimator: Estimator, flown: FloatArray) -> FloatArray:
-    """Return (n_d, 5) rms sigma of each coefficient at ``flown`` (k, 4) without a gauge over sigma with all."""
-    n = estimator.inverse_map.n_gauges
-
-    def variance(valid: BoolArray | None) -> FloatArray:
-        return np.asarray(np.mean(estimated_at(estimator, flown, ALL, valid).coefficients_std ** 2, axis=0))
-
-    with_all = variance(None)
-    return np.sqrt([variance(np.arange(n) != lost) / with_all for lost in range(n)])
-
-
 def _pressure_removed(
-    estimator: Estimator, flown: FloatArray, node_area: FloatArray, observed: PriorObservability
-) -> float | None:
-    """Return 1 - variance of the error at ``flown`` (k, 4) / variance over the snapshots, area-weighted; None
-    without a field."""
-    manifold = estimator.inverse_map.manifold
+    inverse_map: InverseMap, flown: FloatArray, node_area: FloatArray, observed: PriorObservability
+) -> tuple[FloatArray | None, float | None]:
+    """Return 1 - variance of the error at ``flown`` (k, 4) / variance over the snapshots; None without a field.
+
+    That is (n_p,) at each node, and area-weighted over the surface.
+    """
+    manifold = inverse_map.manifold
     if manifold is None or manifold.surface_field is None:
-        return None
-    found = estimated_at(estimator, flown, ALL)
-    scale = estimator.inverse_map.nominal_dynamic_pressure / found.air_data.value[:, -1]
-    left = [node_area @ (scale[k] * found[k].pressure().std) ** 2 for k in range(len(flown))]
-    return 1.0 - float(np.mean(left) / (node_area @ observed.node_std**2))
+        return None, None
+    found = estimated_at(Estimator(inverse_map), flown, ALL)
+    scale = inverse_map.nominal_dynamic_pressure / found.air_data.value[:, -1]
+    remaining = np.mean([(scale[k] * found[k].pressure().std) ** 2 for k in range(len(flown))], axis=0)
+    whole = np.broadcast_to(observed.node_std, remaining.shape) ** 2
+    fraction = np.divide(remaining, whole, out=np.full(len(remaining), np.nan), where=whole > 0.0)
+    return 1.0 - fraction, 1.0 - float(node_area @ remaining / (node_area @ whole))

@@ -4,16 +4,22 @@ With P the precision of d - m and R the gauges lost, the gain without them is G 
 the root of the gauges' covariance and N, M strain and loads of what has a prior
 (:mod:`strainfmu.estimator.reference.linear`), the factor E = [G L, G N - M] of the loads' error is linear in G. So
 with Q = P [L, N] it becomes E - K Q_R, and the variances of all sets of one size follow from three small products.
+
+A map with tables is used with the nonlinear estimator, which is linear about a flight state
+(:mod:`strainfmu.estimator.reference.nonlinear`). Its gain is the best one, so that without the gauges R the
+variance rises by diag(K P_RR K'); considered errors E = N G' - M become E - N P_R' K'. Variances, P and the
+precision of each gauge alone are means over few states of the envelope.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
+from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, strain_at
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.alarm_limits import (
     ambiguous_groups,
@@ -25,10 +31,15 @@ from strainfmu.estimator.alarm_limits import (
 )
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
+from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import LOADS, models
+from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
 from strainfmu.estimator.reference.update import inverse_root
+from strainfmu.estimator.tables.flight_tables import N_STATES
+from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""
@@ -36,7 +47,7 @@ MISS_PROBABILITY = 0.01
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaugeValue:
-    """Design figures per gauge; n_d gauges, loads in the order of the map.
+    """Design figures per gauge; n_d gauges; loads in the order of the map, or coefficients (nonlinear estimator).
 
     Attributes
     ----------
@@ -91,27 +102,127 @@ def _gains(inverse_map: InverseMap) -> _Gains:
 
 
 def gauge_value(inverse_map: InverseMap) -> GaugeValue:
-    """Return the value of each gauge of ``inverse_map``, at the estimator's probability of false alarms."""
+    """Return the value of each gauge to the estimator of ``inverse_map``, at its probability of false alarms."""
+    if inverse_map.manifold is not None:
+        return _of_nonlinear(inverse_map, inverse_map.manifold)
     gains, n = _gains(inverse_map), inverse_map.n_gauges
-    precision = residual_precision(inverse_map)
     information = np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
-    minimum = MIN_INFORMATION * information
+    detection = _detection(residual_precision(inverse_map), information)
+    pairs = _pairs(n)
+    return GaugeValue(
+        leverage=np.clip(1.0 - np.diag(gains.precision) / information, 0.0, 1.0),
+        growth=_growth(inverse_map, gains, np.arange(n)[:, None]),
+        undetected_effect=np.abs(gains.gain.T) * detection["detectable_bias"][:, None] / np.sqrt(gains.variance),
+        pairs=pairs,
+        pair_growth=_growth(inverse_map, gains, pairs),
+        **detection,
+    )
+
+
+def _pairs(n: int) -> IntArray:
+    return np.array(list(combinations(range(n), 2)), dtype=np.int64).reshape(-1, 2)
+
+
+class _Detection(TypedDict):
+    detectable_bias: FloatArray
+    isolable_bias: FloatArray
+    groups: tuple[tuple[int, ...], ...]
+
+
+def _detection(precision: FloatArray, information: FloatArray) -> _Detection:
+    """Return which biases show in residuals of ``precision`` P (n, n), from ``information`` (n,) of each gauge."""
+    n, minimum = len(precision), MIN_INFORMATION * information
     # The precision of a gauge that no other checks is round-off.
     precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
     correlation = correlations(precision, minimum)
     per_gauge = detectable_noncentrality(1, FALSE_ALARM_PROBABILITY / n, MISS_PROBABILITY)
     detectable = minimal_detectable_bias(precision_checked, per_gauge)
     threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY)
-    pairs = np.array(list(combinations(range(n), 2)), dtype=np.int64).reshape(-1, 2)
+    return {
+        "detectable_bias": detectable,
+        "isolable_bias": minimal_isolable_bias(precision_checked, correlation, threshold, MISS_PROBABILITY),
+        "groups": ambiguous_groups(correlation),
+    }
+
+
+class _About(NamedTuple):
+    """The nonlinear estimator about a flight state; k considered errors.
+
+    Attributes
+    ----------
+    gain : (5, n_d) coefficients per strain.
+    precision : (n_d, n_d) P; ``seen`` (n_d,) P times the residual of strain, air data and ranges.
+    variance : (5,) of the coefficients, without considered errors.
+    considered : (k, n_d) strain of these, ``error`` (k, 5) what they do to the coefficients.
+    information : (n_d,) precision of each gauge alone, given the errors of the others.
+    """
+
+    gain: FloatArray
+    precision: FloatArray
+    seen: FloatArray
+    variance: FloatArray
+    considered: FloatArray
+    error: FloatArray
+    information: FloatArray
+
+
+def _about(reference: NonlinearReference, sample: Sample, state: FloatArray) -> _About:
+    n_d, covariance = reference.n_d, reference.strain_covariance(state)
+    found = reference.posterior(state, sample, covariance)
+    slopes = coefficient_slopes(state, reference.at(state)[0][n_d:], found.covariance[0], reference.references)[0]
+    slopes, gain = slopes[FIVE_LOADS], found.gain[0, :, :n_d]
+    strain, loads = reference.considered_at(state)
+    by_load = loads @ slopes[:, N_STATES:].T
+    return _About(
+        gain=slopes @ gain,
+        precision=found.precision[0, :n_d, :n_d],
+        seen=found.precision[0, :n_d] @ reference.residual(state, sample),
+        variance=np.einsum("if,fg,ig->i", slopes, found.covariance[0], slopes),
+        considered=strain,
+        error=strain @ (slopes @ gain).T - by_load,
+        information=np.sum(inverse_root(covariance) ** 2, axis=0),
+    )
+
+
+def _variance_without(about: _About, lost: IntArray) -> FloatArray:
+    """Return (n, 5) variance of the coefficients without the gauges of n sets ``lost`` (n, k)."""
+    block = about.precision[lost[:, :, None], lost[:, None, :]]
+    of_strain = about.considered @ about.precision
+    gain, cross, seen = about.gain.T[lost], of_strain.T[lost], about.seen[lost][:, :, None]
+    k, weight = np.linalg.solve(block, gain), np.linalg.solve(block, cross)
+    error = about.error - np.swapaxes(cross, 1, 2) @ k
+    inverse = np.eye(len(of_strain)) + of_strain @ about.considered.T - np.swapaxes(cross, 1, 2) @ weight
+    covariance = np.linalg.inv(inverse)
+    mean = covariance @ ((about.considered @ about.seen)[:, None] - np.swapaxes(weight, 1, 2) @ seen)
+    considered = np.einsum("nki,nkl,nli->ni", error, covariance + mean @ np.swapaxes(mean, 1, 2), error)
+    return np.asarray(about.variance + np.sum(gain * k, axis=1) + considered)
+
+
+def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:
+    """Return the value of each gauge to the nonlinear estimator with all air data."""
+    reference, n = NonlinearReference(inverse_map, manifold, manifold.gauge_covariance), inverse_map.n_gauges
+    flown, used, unknown = envelope(manifold, *FEW).flown, np.ones(n, dtype=bool), np.full(N_AIR, np.nan)
+    samples = [
+        Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
+        for rows, value in zip(strain_at(manifold, flown), air_data_at(flown, ALL), strict=True)
+    ]
+    states = [_about(reference, *one) for one in zip(samples, flown, strict=True)]
+
+    def variance(lost: IntArray) -> FloatArray:
+        return np.asarray(np.mean([_variance_without(one, lost) for one in states], axis=0))
+
+    with_all = variance(np.zeros((1, 0), dtype=np.int64))
+    information = np.mean([one.information for one in states], axis=0)
+    precision = np.mean([one.precision for one in states], axis=0)
+    detection, pairs = _detection(precision, information), _pairs(n)
+    moved = np.sqrt(np.mean([one.gain**2 for one in states], axis=0)).T * detection["detectable_bias"][:, None]
     return GaugeValue(
-        leverage=np.clip(1.0 - np.diag(gains.precision) / information, 0.0, 1.0),
-        growth=_growth(inverse_map, gains, np.arange(n)[:, None]),
-        detectable_bias=detectable,
-        isolable_bias=minimal_isolable_bias(precision_checked, correlation, threshold, MISS_PROBABILITY),
-        undetected_effect=np.abs(gains.gain.T) * detectable[:, None] / np.sqrt(gains.variance),
-        groups=ambiguous_groups(correlation),
+        leverage=np.clip(1.0 - np.diag(precision) / information, 0.0, 1.0),
+        growth=np.sqrt(variance(np.arange(n)[:, None]) / with_all),
+        undetected_effect=moved / np.sqrt(with_all),
         pairs=pairs,
-        pair_growth=_growth(inverse_map, gains, pairs),
+        pair_growth=np.sqrt(variance(pairs) / with_all),
+        **detection,
     )
 
 

@@ -72,7 +72,8 @@ def place(
         str, typer.Option(help="Weights of the loads, as C_A=1,M_P=2; loads that are not named have 0.")
     ] = "",
     estimator: Annotated[
-        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file, linear for auto.")
+        str,
+        typer.Option(help="linear or nonlinear. Default: as map.h5 next to the snapshots, else map.estimator."),
     ] = "",
     starts: Annotated[int, typer.Option(callback=within(1, 1000), help="Starts of the exchanges.")] = 20,
     robust: Annotated[
@@ -162,7 +163,8 @@ def review(
         "review.html"
     ),
     estimator: Annotated[
-        str, typer.Option(help="linear or nonlinear. Default: map.estimator of the vehicle file, linear for auto.")
+        str,
+        typer.Option(help="linear or nonlinear. Default: as map.h5 next to the snapshots, else map.estimator."),
     ] = "",
     snapshots: Annotated[
         Path | None,
