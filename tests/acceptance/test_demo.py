@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -24,7 +23,6 @@ from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.pipeline.demonstration.flight_score import score_flight
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
-from strainfmu.recorded.run import estimate_file
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -93,19 +91,6 @@ def test_the_flight_is_20_s_at_100_hz_and_the_csv_says_the_same(ic3x_demo: Path)
     assert rows[0][0] == "time"
     assert tuple(rows[0][1:]) == recording.names
     np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
-
-
-def test_the_flight_from_csv_takes_at_most_two_and_a_half_times_the_processor_time_of_hdf5(
-    ic3x_demo: Path, tmp_path: Path
-) -> None:
-    """Times of this process and its children, which look at HDF5 first; the best of three after imports."""
-    spent: dict[str, list[float]] = {"csv": [], "h5": []}
-    for _ in range(4):
-        for suffix, times in spent.items():
-            begin = os.times()
-            estimate_file(ic3x_demo / "map.h5", ic3x_demo / f"flight.{suffix}", tmp_path / "loads.h5")
-            times.append(sum(os.times()[:4]) - sum(begin[:4]))
-    assert min(spent["csv"][1:]) < 2.5 * min(spent["h5"][1:])
 
 
 def test_the_five_modes_hold_99_percent_of_the_energy_of_the_listed_angles(ic3x_demo: Path) -> None:
