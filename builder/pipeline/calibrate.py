@@ -242,9 +242,9 @@ def calibration_by(
     with reporter.stage("Estimate: the vehicle as built"), _naming(test_path):
         found, faults = calibrate_with_faults(ReadingsModel(structure, test, prior))
         outside = outside_model(found)
-    against = unexplained(found, outside)
+    against = unexplained(found, outside, faults)
     if against and not accept:
-        for line in (*(fault.line for fault in faults), *outside.lines):
+        for line in (*(fault.line for fault in faults), *outside.lines, *remarks(found)):
             reporter.note(line)
         raise StrainfmuError(f"{test_path}: load test: {against}; no map written, --accept writes it")
     with reporter.stage("Map of the vehicle as built"):
@@ -383,6 +383,7 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, te
         "cases": [case.name for k, case in enumerate(found.model.test.cases) if found.used[k].any()],
         "readings": found.n_readings,
         "chi_square_per_reading": found.per_reading,
+        "squared_distance_from_priors": found.from_priors,
         "faults": [one.line for one in faults],
         "outside_the_model": list(outside.lines),
         "remarks": list(remarks(found)),

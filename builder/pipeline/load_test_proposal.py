@@ -19,9 +19,9 @@ from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.stages import fourier_structure, take_snapshots
 from builder.reporting import Reporter
-from builder.structure.as_built.structure import as_built_structure
-from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.as_built.structure import as_built_structure, refuse_beyond_calibration
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
+from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.workspace import refuse_misfits
@@ -43,6 +43,9 @@ KINDS = {
 }
 """Comments of cases by their kind, followed by what a case is worth."""
 
+
+AHEAD = 0.05
+"""Station of the section load of the template over the length, ahead of the gauges and behind a solid tip."""
 
 TEMPLATE_HEAD = (
     "Template of a ground test, written by strainfmu loadtest --template. It has a case of each usual kind: keep,",
@@ -78,7 +81,7 @@ def propose_load_test(
         The vehicle file is wrong, the Fourier model cannot do what it requests, or nothing may act.
     """
     vehicle = load_vehicle(vehicle_path)
-    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
     if vehicle.material.density_kg_per_m3 is None:
         reporter.note(
             f"{vehicle_path}: material.density_kg_per_m3 is missing: no cases of own weight, "
@@ -179,16 +182,18 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
     Raises
     ------
     InputError
-        The vehicle file is wrong.
+        The vehicle file is wrong, or of a vehicle that cannot be calibrated.
     """
     vehicle = load_vehicle(vehicle_path)
+    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
     length = round(vehicle.body().length, 4)
     weight = () if vehicle.material.density_kg_per_m3 is None else (Weight(),)
     without = "" if weight else "; own weight needs material.density_kg_per_m3 in the vehicle file"
     side = (Weight(up_roll_angle=0.5 * np.pi),) if weight else ()
     half = 0.5 * length
     pad = PadPressure(station=half, roll_angle=0.0, half_length=0.05, half_angle=np.pi / 6.0, push=1000.0)
-    moment = SectionLoad(station=length, force=(0.0, 0.0, 500.0), moment=(0.0, 100.0, 0.0))
+    ahead = round(max(wall_of(vehicle).solid_tip_length, AHEAD * length), 4)
+    moment = SectionLoad(station=ahead, force=(0.0, 0.0, 500.0), moment=(0.0, 100.0, 0.0))
     both = (
         PadPressure(
             station=0.4 * length, roll_angle=0.5 * np.pi, half_length=0.05, half_angle=np.pi / 6.0, push=800.0
@@ -199,7 +204,7 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
         ("on its side", side, "the meridian at roll angle 90 deg points up"),
         ("push on a pad", (*weight, pad), "a soft pad; push_N is the reading of the load cell behind it"),
         ("force on a point", (*weight, PointForce(station=half, roll_angle=0.0, force=(0.0, 0.0, -500.0))), ""),
-        ("force and moment on a ring", (*weight, moment), "as an end fitting applies them"),
+        ("force and moment on a ring", (*weight, moment), "as a fitting applies them; gauges aft of it read it"),
         ("internal pressure", (*weight, SurfacePressure(surface="inner", pressure=5e4)), "above the ambient one"),
         ("check load", (*weight, pad, *both), "predicted and not fitted: loads that the other cases do not have"),
     ]

@@ -5,15 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.estimate.faults import calibrate_with_faults, named_faults
+from builder.calibration.estimate.disagreement import unexplained
+from builder.calibration.estimate.faults import Fault, calibrate_with_faults, named_faults, too_many
+from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import usable
+from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
 from builder.calibration.score.faults import drawn_readings, spoils
 from builder.calibration.score.wrong_cases import applied_by, case_spoils, case_statistics
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import prior_std
+from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 
 ERRORS = LoadErrors()
@@ -84,3 +88,32 @@ def test_a_mass_left_on_a_pad_is_named_before_or_by_the_estimate(model: Readings
         found = {one.where: one.kind for one in faults}
         # Across a load the mass turns it by a few degrees, which not every test shows.
         assert found == wanted or (not found and set(wanted.values()) == {"mass"})
+
+
+def test_a_mass_on_every_pad_is_no_fault_of_gauges_and_loads(model: ReadingsModel) -> None:
+    """10 kg of rig that nobody stated: no map without the gauges and loads that fit least."""
+    random = np.random.default_rng([6, 1])
+    reading, vector = drawn_readings(model, random)
+    applied = applied_by(model, vector)
+    for case, known in model.loads:
+        if isinstance(known.load, PadForce):
+            rig = hanging(known.load, model.test.cases[case], 10.0)
+            reading[case] += applied.of_load(rig, rig)
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert "loads would have to be left out" in unexplained(found, outside_model(found), faults)
+
+
+@pytest.mark.parametrize(
+    ("gauges", "loads", "refused"),
+    [(13, 0, False), (14, 0, True), (0, 2, False), (0, 3, True), (1, 1, True)],
+)
+def test_many_faults_or_faults_of_both_kinds_are_refused(
+    model: ReadingsModel, gauges: int, loads: int, refused: bool
+) -> None:
+    """Of 54 gauges and 10 pads; own weight is no load."""
+    names = [case.name for case in model.test.cases if case.name.startswith("pad")]
+    blamed = [*model.structure.gauges.names[:gauges], *names[:loads]]
+    line = too_many(model, [Fault(where=name, kind="gauge", line="") for name in blamed])
+    assert bool(line) == refused
+    if refused:
+        assert line.startswith(f"{gauges} of 54 gauges and {loads} of 10 loads would have to be left out")

@@ -171,11 +171,21 @@ def test_a_sound_test_is_accepted_and_the_page_says_so(found: Estimate, worth: W
         "Tested on 2026-03-03",
         "no steps of loading and unloading",
         "What would help",
+        f"chi-square per reading {found.per_reading:.3g}, 1 is expected",
+        f"squared distance from the files {found.from_priors:.3g}, 1 is expected",
     ):
         assert words in page.text
     assert [row[0] for row in page.tables["table-check_loads"][1:]] == list(CHECKS)
     assert page.tables["table-load_cells"][1] == ["A", "17", "2026-01-12", "10"]
     assert sum(tag == "img" for tag in page.tags) == 5
+
+
+def test_an_estimate_that_did_not_settle_is_not_accepted(found: Estimate, worth: WorthOfTest) -> None:
+    one = findings(replace(found, settled=False), worth)
+    screen = verdict(one)
+    assert not screen.accepted
+    assert "steps did not settle" in screen.reasons[0]
+    assert f"{found.steps} steps, which did not settle" in read_page(page_html(calibration_page(one))).text
 
 
 @pytest.mark.parametrize("larger", [0.1])

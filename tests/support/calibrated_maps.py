@@ -48,7 +48,8 @@ def _parts() -> tuple[Vehicle, Snapshots, AsBuiltStructure, Remaining]:
     structure = as_built_structure(vehicle, LAYOUT, properties=titanium, max_harmonic=4)
     conditions = condition_grid([5.0, 6.0, 7.0], [0.0, 5.0, 10.0], [0.0, 5.0, 10.0], 20e3)
     snapshots = snapshots_at(make_engine(vehicle, "newtonian", COARSEST), vehicle, conditions)
-    clamped = vehicle.calibration.model_copy(update={"clamp_compliance_mm": 0.0})
+    # A test leaves of a recorder's zeros what its noise is, not a part of their prior.
+    clamped = vehicle.calibration.model_copy(update={"clamp_compliance_mm": 0.0, "zero_um_per_m": 50.0})
     std = prior_std(clamped, structure.counts)
     built = drawn(std, np.random.default_rng(5))
     return vehicle, snapshots, structure, Remaining(parameters=built, covariance=np.diag((LEFT * std.vector) ** 2))

@@ -1,12 +1,17 @@
-"""Readings that no error with a name explains: a vehicle far from its tolerances, or a misfit beyond noise.
+"""Readings that no error with a name explains: a vehicle far from its tolerances, a misfit beyond noise, or one
+that many gauges or loads must be left out for.
 
 What has a name is warned of, and the map is made: noise larger than stated, walls that taper or are not round,
 gauges and loads at fault. A vehicle that is many standard deviations from the drawing, or readings that no vehicle
-fits, mean that loads, units or signs are not what is stated; a map of them would look good and be wrong.
+fits, mean that loads, units or signs are not what is stated; a map of them would look good and be wrong. So do
+many faults at once: what gauges and loads have in common is wrong rather than each of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from builder.calibration.estimate.faults import Fault, too_many
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.vehicle import Estimate
 
@@ -23,12 +28,15 @@ MISFIT = 3.0
 """Chi-square per reading, for noise as found, from which no vehicle fits. Walls that taper by 2 % leave 1.3."""
 
 
-def unexplained(found: Estimate, outside: OutsideModel) -> str:
+def unexplained(found: Estimate, outside: OutsideModel, faults: Sequence[Fault]) -> str:
     """Return what speaks against a map of ``found``, in one clause; empty where every error has a name."""
+    many = too_many(found.model, faults)
+    if many:
+        return many
     noise = max(min(outside.noise_factor, MOST_NOISE / outside.counted), 1.0)
     name, size = found.farthest
     against = []
-    if not found.per_reading <= MISFIT * noise**2:
+    if found.per_reading > MISFIT * noise**2:
         against.append(f"chi-square per reading is {found.per_reading:.3g} (1 is expected)")
     if not size <= FARTHEST:
         against.append(

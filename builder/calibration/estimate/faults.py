@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -21,6 +22,7 @@ from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
+from builder.structure.as_built.structure import OF_MASS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
@@ -62,6 +64,10 @@ MOST_CAUSES = 10
 
 MOST_GAUGES = 0.34
 """Part of the gauges that may be at fault; more, and it is rather the loads or the vehicle."""
+
+
+MOST_AT_FAULT = 0.25
+"""Part of the gauges, or of the load cases, that may be left out as faults."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +114,7 @@ def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
     found = estimate(model, _left(model, faults))
     found, faults = _with_causes(found, faults)
     while True:
-        wrong = worst_load(found)
+        wrong = None if _blamed(found.model, faults).are_many else worst_load(found)
         if wrong is None:
             return found, tuple(faults)
         faults.append(wrong)
@@ -155,6 +161,8 @@ def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[F
     """
     before, sure = found, faults
     for _ in range(MOST_CAUSES):
+        if _blamed(found.model, faults).are_many:
+            return found, faults
         evidence = Evidence(found.model, found.used, found.vector)
         cause = evidence.best()
         if cause is None:
@@ -220,6 +228,45 @@ def _left(model: ReadingsModel, faults: Sequence[Fault]) -> BoolArray:
     used[[case.name in blamed for case in model.test.cases]] = False
     used[:, [name in blamed for name in model.structure.gauges.names]] = False
     return used
+
+
+class _Blamed(NamedTuple):
+    """How many gauges and loads are left out as faults, and of how many. Own weight is no load here."""
+
+    gauges: int
+    of_gauges: int
+    loads: int
+    of_loads: int
+
+    @property
+    def are_many(self) -> bool:
+        """Whether more than :data:`MOST_AT_FAULT` of the gauges or of the loads are."""
+        return self.gauges > MOST_AT_FAULT * self.of_gauges or self.loads > MOST_AT_FAULT * self.of_loads
+
+
+def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> _Blamed:
+    read, blamed = usable(model), {fault.where for fault in faults}
+    gauges = [name for name, used in zip(model.structure.gauges.names, read.any(axis=0), strict=True) if used]
+    cases = [case for case, used in zip(model.test.cases, read.any(axis=1), strict=True) if used]
+    loaded = [case for case in cases if not all(isinstance(one.load, OF_MASS) for one in case.loads)] or cases
+    return _Blamed(
+        gauges=len(blamed & set(gauges)),
+        of_gauges=len(gauges),
+        loads=len(blamed & {case.name for case in cases}),
+        of_loads=len(loaded),
+    )
+
+
+def too_many(model: ReadingsModel, faults: Sequence[Fault]) -> str:
+    """Return that too many gauges, loads, or both are left out as faults, in one clause; empty otherwise."""
+    found = _blamed(model, faults)
+    if not found.are_many and not (found.gauges and found.loads):
+        return ""
+    return (
+        f"{found.gauges} of {found.of_gauges} gauges and {found.loads} of {found.of_loads} loads would have to be "
+        f"left out, expected at most {100.0 * MOST_AT_FAULT:g} % of the gauges or of the loads, not both; look "
+        "for what they have in common (rig mass, load cell, units, support), or correct what is named"
+    )
 
 
 def named_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:

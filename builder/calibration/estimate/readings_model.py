@@ -31,7 +31,7 @@ from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
 from builder.structure.as_built.vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load, load_kind
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
 
@@ -158,6 +158,14 @@ class ReadingsModel:
     def case_of_load(self) -> IntArray:
         """(n_loads,) number of the case of each load."""
         return np.array([k for k, _ in self.loads], dtype=np.int64)
+
+    @property
+    def is_zero(self) -> BoolArray:
+        """(n,) whether an entry of the vector is a zero of the recorder."""
+        found, at = np.zeros(len(self.std), dtype=bool), slices(self.structure.counts)[ZERO]
+        found[at] = True
+        found[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
+        return found
 
     def built(self, vector: FloatArray) -> AsBuilt:
         """Return the vehicle's part of a vector."""

@@ -25,7 +25,8 @@ def remarks(found: Estimate) -> tuple[str, ...]:
     causes = [_of_cause(found, cause) for cause in model.causes if cause.where == "vehicle"]
     gauges = dict.fromkeys(cause.number for cause in model.causes if cause.where == "gauge")
     scatter = [_of_gauge(model, number) for number in gauges]
-    lines = [_of_mass(found), *_of_load_cells(found), *causes, *scatter, _of_noise(found), found.disagreement]
+    lines = [_of_mass(found), *_of_load_cells(found), *causes, *scatter, _of_noise(found), _of_tolerances(found)]
+    lines += [found.unsettled, found.disagreement]
     return tuple(line for line in lines if line)
 
 
@@ -133,6 +134,15 @@ def _of_noise(found: Estimate) -> str:
     return (
         f"noise: the readings scatter about {factor:.2g} times as much as stated, and count as such; state their "
         "noise (readings.reading_std_um_per_m, or windows of more samples)"
+    )
+
+
+def _of_tolerances(found: Estimate) -> str:
+    if found.tolerances_hold:
+        return ""
+    return (
+        f"tolerances: vehicle and loads differ {np.sqrt(found.from_priors):.2g} times as much from what the files "
+        "state as their tolerances say; state larger ones"
     )
 
 

@@ -44,12 +44,16 @@ class Minimum:
     steps : number of steps.
     settled : whether the last step was shorter than :data:`SETTLED`, or than :data:`NEAR` where the cost falls no
         more.
+    length : of the last step: its largest change of a parameter, in the standard deviations after the test.
+    farthest : number of that parameter in the vector.
     """
 
     vector: FloatArray
     covariance: FloatArray
     steps: int
     settled: bool
+    length: float
+    farthest: int
 
 
 def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = None) -> Minimum:
@@ -66,7 +70,7 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
         steps += 1
         step = _Step(cost, vector, predicted, jacobian)
         if step.length < SETTLED:
-            return Minimum(vector=step.taken(vector, 0.0), covariance=step.covariance, steps=steps, settled=True)
+            return step.end(step.taken(vector, 0.0), steps, SETTLED)
         found = _lower(cost, step, vector, value, damping, TRIALS if fresh else 1)
         fall = step.predicted_fall if found is None else value - found.value
         flat = steps >= SURE and fresh and fall < WORTH * value
@@ -74,7 +78,7 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
             vector, predicted, value = found.vector, found.predicted, found.value
             damping = found.damping / MORE_DAMPING if found.damping > FIRST_DAMPING else 0.0
         if steps == STEPS or flat or (found is None and fresh):
-            return Minimum(vector=vector, covariance=step.covariance, steps=steps, settled=step.length < NEAR)
+            return step.end(vector, steps, NEAR)
         fresh = found is None or steps == 1 or damping > 0.0 or not step.length <= SHRINKS * last
         last = step.length
         if fresh:
@@ -113,12 +117,24 @@ class _Step:
         self.covariance = np.asarray(np.linalg.inv(self._precision), dtype=np.float64)
         self.change = self.covariance @ (rows.T @ target) * std - before
         self._downhill = rows.T @ (target - rows @ (before / std)) - before / std
-        self.length = float(np.max(np.abs(self.change) / (std * np.sqrt(np.diag(self.covariance)))))
+        size = np.abs(self.change) / (std * np.sqrt(np.diag(self.covariance)))
+        self.length, self._farthest = float(np.max(size)), int(np.flatnonzero(free)[size.argmax()])
 
     @property
     def predicted_fall(self) -> float:
         """What the cost falls by without damping, if the readings are linear."""
         return float(self._downhill @ (self.change / self._cost.std))
+
+    def end(self, vector: FloatArray, steps: int, short: float) -> Minimum:
+        """Return ``vector`` as the end of the steps, settled where this last one is shorter than ``short``."""
+        return Minimum(
+            vector=vector,
+            covariance=self.covariance,
+            steps=steps,
+            settled=self.length < short,
+            length=self.length,
+            farthest=self._farthest,
+        )
 
     def taken(self, vector: FloatArray, damping: float) -> FloatArray:
         """Return ``vector`` (n,) after the step."""

@@ -187,7 +187,7 @@ def verdict_of(model: ReadingsModel) -> Verdict:
         return Verdict(found=None, faults=(), lines=(), refused=str(error))
     outside = outside_model(found)
     lines = (*(fault.line for fault in faults), *outside.lines, *remarks(found))
-    return Verdict(found=found, faults=faults, lines=lines, refused=unexplained(found, outside))
+    return Verdict(found=found, faults=faults, lines=lines, refused=unexplained(found, outside, faults))
 
 
 def applied_test(

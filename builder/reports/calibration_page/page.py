@@ -75,8 +75,12 @@ def _opening(one: CalibrationFindings, screen: Verdict) -> tuple[Block, ...]:
             "The fit",
             "blue",
             (
-                f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps",
-                f"chi-square per reading {found.per_reading:.3g}; 1 is expected",
+                f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps"
+                + ("" if found.settled else ", which did not settle"),
+                f"chi-square per reading {found.per_reading:.3g}, 1 is expected: whether readings, priors apart, "
+                "scatter about the calibrated vehicle as their noise says",
+                f"squared distance from the files {found.from_priors:.3g}, 1 is expected: whether vehicle and "
+                "loads differ from the files as their tolerances say; zero offsets are free and take no part",
                 f"rms of measured less predicted: drawing {1e6 * _rms(found, found.before):.3g} um/m, "
                 f"calibrated {1e6 * _rms(found, found.after):.3g} um/m",
             ),

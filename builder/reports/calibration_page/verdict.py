@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from builder.calibration.estimate.vehicle import FITS, Estimate
+from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
 from builder.reports.calibration_page.findings import CalibrationFindings
 from strainfmu.arrays import BoolArray
@@ -102,13 +102,12 @@ def verdict(one: CalibrationFindings) -> Verdict:
 
 
 def _agreement(found: Estimate) -> Criterion:
-    allowed = FITS[0] + FITS[1] * float(np.sqrt(2.0 / found.n_readings))
     return Criterion(
         name="Readings fit the model: chi-square per reading",
-        found=f"{found.per_reading:.3g}",
-        allowed=f"{1.0 - allowed:.2f} to {1.0 + allowed:.2f}",
-        holds=found.agrees,
-        remedy="check loads, noise and tolerances as stated",
+        found=f"{found.per_reading:.3g}{'' if found.settled else ', steps did not settle'}",
+        allowed=f"{1.0 - found.allowed:.2f} to {1.0 + found.allowed:.2f}",
+        holds=found.agrees and found.settled,
+        remedy=found.unsettled or "check loads, noise and tolerances as stated",
     )
 
 

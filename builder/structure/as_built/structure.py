@@ -51,6 +51,7 @@ from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import (
     ERROR_HARMONICS,
     place_layouts,
+    refuse_beyond_fourier,
     structural_model_on,
     with_mesh_error,
 )
@@ -324,6 +325,26 @@ class AsBuiltStructure:
         return np.asarray(one - other)
 
 
+def refuse_beyond_calibration(vehicle: Vehicle, layout: str) -> None:
+    """Refuse a vehicle whose wall or gauges cannot be varied as built, before anything is solved.
+
+    Raises
+    ------
+    InputError
+        Names the entries.
+    """
+    refuse_beyond_fourier(vehicle, [layout])
+    entry = vehicle.structure
+    beyond = [f"structure.{name}" for name in ("wall_thickness_at", "regions", "frames") if getattr(entry, name)]
+    if entry.support != "clamped_aft":
+        beyond.append(f"structure.support = '{entry.support}'")
+    if beyond:
+        raise InputError(
+            "calibration and errors by region need a clamped wall of one thickness and material, without frames; "
+            f"got {', '.join(beyond)}"
+        )
+
+
 def as_built_structure(
     vehicle: Vehicle,
     layout: str,
@@ -358,12 +379,9 @@ def as_built_structure(
     """
     if layout not in vehicle.gauges.layouts:
         raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
+    refuse_beyond_calibration(vehicle, layout)
     resolution = resolution or vehicle.resolution.map
     wall, regions = wall_of(vehicle), wall_regions(vehicle)
-    if not wall.is_plain or wall.profile or wall.flight is not None or wall.foundation is not None:
-        raise InputError(
-            "calibration and errors by region need a clamped wall of one thickness and material, without frames"
-        )
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
     placed, mesh = all_placed[layout], drawing

@@ -16,7 +16,8 @@ class Calibration(Section):
     """Tolerances of the vehicle as built, one standard deviation each: the prior of `strainfmu calibrate`.
 
     Gain, orientation, position, transverse sensitivity and zero are of each gauge on its own; common gain and
-    layout roll of all gauges together. The wall's thickness is one number for each region of the wall, and so
+    layout roll of all gauges together. The default of the zero leaves it free: a recorder's zero says nothing of
+    the vehicle. The wall's thickness is one number for each region of the wall, and so
     are cosine and sine part of its first harmonic round the body. The taper of a region, what it is thicker at
     its aft end, and both parts of the second harmonic are taken for zero, and the test says whether they are.
     ``mass_percent`` is of the vehicle's own weight and inertia, which load it in the attitudes of a test,
@@ -35,7 +36,7 @@ class Calibration(Section):
     gauge_position_mm: float = Field(default=1.0, ge=0.0, le=100.0)
     layout_roll_deg: float = Field(default=0.5, ge=0.0, le=45.0)
     transverse_sensitivity_percent: Percent = 1.0
-    zero_um_per_m: float = Field(default=50.0, ge=0.0, le=1e5)
+    zero_um_per_m: float = Field(default=2000.0, ge=0.0, le=1e5)
     youngs_modulus_percent: Percent = 3.0
     wall_thickness_percent: Percent = 4.0
     wall_harmonic_percent: Percent = 2.0

@@ -73,7 +73,7 @@ def _show(console: Console, result: Calibration) -> None:
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
         f"{found.n_readings} readings in {int(found.used.any(axis=1).sum())} cases, chi-square per reading "
-        f"{found.per_reading:.3g} (1 is expected)"
+        f"{found.per_reading:.3g}, squared distance from the files {found.from_priors:.3g} (1 is expected of both)"
     )
     lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]
     if result.verdict is not None:
