@@ -39,7 +39,8 @@ def inverse_map_of(
     solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = ensemble.coefficients(loads[FIVE_LOADS])
     gauges = structure.layouts[vehicle.gauges.layout]
-    ranges, half_spaces = flight_ranges(vehicle, ensemble), coefficient_half_spaces(ensemble, coefficients)
+    ranges = flight_ranges(vehicle, ensemble.conditions)
+    half_spaces = coefficient_half_spaces(ensemble, coefficients)
     return InverseMap(
         vehicle=vehicle.name,
         case=problem.entry.case,

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.wall_layup import steps
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauges.gauge_layouts import solid_gauges
@@ -12,6 +15,9 @@ from builder.structure.solid.model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+
+TOUCHES = 1e-9
+"""Rounding of stations [m]."""
 
 
 def check_gauges(vehicle: Vehicle) -> dict[str, int]:
@@ -45,3 +51,24 @@ def gauge_roll_angles(vehicle: Vehicle) -> FloatArray:
     else:
         return place_layouts(vehicle, gauge_mesh(vehicle), [name])[1][name].roll_angle
     return np.arctan2(position[:, 1], position[:, 2])
+
+
+def gauges_at_breaks(vehicle: Vehicle) -> Iterator[str]:
+    """Yield a line for each change of slope or thickness that gauges in use are within one element of.
+
+    Strain changes there within millimetres. Of bodies of revolution; errors as :func:`check_gauges`.
+    """
+    if not vehicle.is_of_revolution:
+        return
+    name, length = vehicle.gauges.layout, vehicle.resolution.map.element_length_mm
+    wall, gauges = wall_of(vehicle), solid_gauges(vehicle, name, gauge_mesh(vehicle))
+    breaks = dict.fromkeys((wall.solid_tip_length, *steps(wall)), "thickness, material or frames")
+    breaks |= dict.fromkeys(vehicle.body().slope_breaks.tolist(), "slope")
+    for station, of in sorted(breaks.items()):
+        near = np.abs(gauges.position[:, 0] - station) <= 1e-3 * length + TOUCHES
+        if near.any():
+            names = ", ".join(one for one, is_near in zip(gauges.name, near, strict=True) if is_near)
+            yield (
+                f"gauges.layouts.{name}: {names}: within one element ({length:g} mm) of the change of {of} at "
+                f"{station:g} m, where strain changes within millimetres; move them at least {length:g} mm away"
+            )

@@ -115,6 +115,78 @@ def test_a_deflection_out_of_range_is_refused(run: Run, tmp_path: Path) -> None:
     assert "finned_body_manoeuvre.csv: fin_roll_deg: expected -2 .. 2, the range of the snapshots, got " in message
 
 
+@pytest.fixture
+def without_flows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the flows, which take longest."""
+    monkeypatch.setattr("strainfmu.cli.inspection.vehicle._out_of_reach", lambda *parts: ())
+
+
+@pytest.mark.usefixtures("without_flows")
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("ic3x", ""),
+        (
+            "launcher",
+            "structure.wall_thickness_at, structure.regions, structure.frames, structure.support = 'free_flight'",
+        ),
+        ("blunt_cone", "got structure.regions, structure.frames, structure.support = 'elastic_foundation'"),
+        ("elliptic_cone", "shape: expected a profile, which this needs, got sections"),
+        ("finned_body", "shape: expected a profile, which this needs, got surface"),
+    ],
+)
+def test_commands_that_cannot_use_a_vehicle_are_named(name: str, why: str, tmp_path: Path, run: Run) -> None:
+    """And refuse it at once, in the same words."""
+    path = VEHICLES / f"{name}.toml"
+    code, printed, _ = run("check", path)
+    assert code == 0
+    said = [line for line in printed.splitlines() if line.startswith("not for this vehicle: ")]
+    if not why:
+        assert said == []
+        return
+    (line,) = said
+    assert line.startswith("not for this vehicle: loadtest, calibrate, demo --as-built: ")
+    assert line.endswith(why)
+    for option in ((), ("--template",)):
+        code, printed, message = run("loadtest", path, *option, "-o", tmp_path / "loadtest.toml")
+        assert (code, printed) == (2, "")
+        assert message.rstrip().endswith(why)
+    assert not (tmp_path / "loadtest.toml").exists()
+
+
+@pytest.mark.usefixtures("without_flows")
+def test_a_structure_of_another_code_has_no_demonstration(vehicle: Path, run: Run) -> None:
+    change(vehicle, ("internal_pressure_Pa = 3000.0", 'internal_pressure_Pa = 3000.0\ninfluence = "strains.csv"'))
+    said = [line for line in run("check", vehicle)[1].splitlines() if line.startswith("not for this vehicle: ")]
+    assert [line.split(": ")[1] for line in said] == ["demo", "place, review"]
+
+
+@pytest.mark.usefixtures("without_flows")
+def test_the_range_of_altitude_is_the_stated_one(vehicle: Path, run: Run) -> None:
+    """The snapshots are of 22 km."""
+    change(vehicle, ("modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 25.0]"))
+    _, printed, _ = run("check", vehicle)
+    assert any("valid over altitude" in line and " 5 to 25 km " in line for line in printed.splitlines())
+
+
+@pytest.mark.usefixtures("without_flows")
+def test_gauges_at_changes_of_slope_and_thickness_are_questioned(tmp_path: Path, run: Run) -> None:
+    """Within 10 mm, the length of an element, of the slope break at 1.75 m and the end of a region at 2.5 m."""
+    text = IC3X.read_text(encoding="utf-8").replace('"ic3x_manoeuvre.csv"', f'"{VEHICLES}/ic3x_manoeuvre.csv"')
+    vehicle = tmp_path / "vehicle.toml"
+    vehicle.write_text(text, encoding="utf-8")
+    rows = "{ roll_angle_deg = 0.0, directions = ['axial'], x_m = [0.35, 1.7401, 1.755, 1.77, 2.4905, 2.52, 3.0] }"
+    change(vehicle, ("[conditions]", f"[gauges.layouts.near]\nrows = [{rows}]\n\n[conditions]"))
+    thicker = "[{ x_m = 2.5, thickness_mm = 4.0 }, { x_m = 2.501, thickness_mm = 5.0 }]"
+    change(vehicle, ('layout = "configuration_2"', 'layout = "near"'))
+    change(vehicle, ("[structure]", f"[structure]\nwall_thickness_at = {thicker}"))
+    said = [line for line in run("check", vehicle)[1].splitlines() if "within one element" in line]
+    assert [line.split(": ", 2)[2].partition(", where")[0] for line in said] == [
+        "axial_0deg_2, axial_0deg_3: within one element (10 mm) of the change of slope at 1.75 m",
+        "axial_0deg_5: within one element (10 mm) of the change of thickness, material or frames at 2.5 m",
+    ]
+
+
 @pytest.mark.fast
 def test_what_a_map_covers_depends_on_its_form_and_symmetry(vehicle: Path) -> None:
     """The disc of incidence where flows are rolled, the listed angles elsewhere; altitudes by the form."""

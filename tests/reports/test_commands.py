@@ -80,7 +80,7 @@ def test_check_says_where_the_map_will_hold(run: Run, tmp_path: Path) -> None:
     assert lines["valid over Mach number"] == "4 to 5"
     assert lines["valid over angle of attack"] == "0 to 6 deg"
     assert lines["valid over sideslip angle"] == "0 to 3 deg"
-    assert lines["valid over altitude"] == "22 km"
+    assert lines["valid over altitude"] == "0 to 40 km"
 
 
 def inspected(case: ReportCase, folder: Path, figures: Path | None = None) -> str:

@@ -3,6 +3,7 @@ state."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations, product
 
 import numpy as np
@@ -12,6 +13,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.map.envelope import FlightRanges, HalfSpaces
+from strainfmu.flight_condition import FlightCondition
 
 ROLL_ANGLES = 24
 """Roll angles of the directions for a rolled ensemble; 1 / cos(pi / 24) lets 0.9 % of the incidence through."""
@@ -74,17 +76,17 @@ def _rolled() -> FloatArray:
     return np.array(rows)
 
 
-def flight_ranges(vehicle: Vehicle, ensemble: Ensemble) -> FlightRanges:
-    """Return the ranges of q_inf, Mach number and altitude.
+def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> FlightRanges:
+    """Return the ranges of q_inf, Mach number and altitude of a map from the flows of ``conditions``.
 
     In form "dynamic_pressure" the altitude is the range of map.valid_altitude_km, and q_inf what its ends and the
     Mach numbers of the flows allow; in form "absolute" both are the ranges of the snapshots.
     """
-    mach = np.array([condition.mach_number for condition in ensemble.conditions])
+    mach = np.array([condition.mach_number for condition in conditions])
     low, high = float(mach.min()), float(mach.max())
     if vehicle.map.form == "absolute":
-        pressure = np.array([condition.dynamic_pressure for condition in ensemble.conditions])
-        altitude = np.array([condition.altitude for condition in ensemble.conditions])
+        pressure = np.array([condition.dynamic_pressure for condition in conditions])
+        altitude = np.array([condition.altitude for condition in conditions])
         q_range = float(pressure.min()), float(pressure.max())
         heights = float(altitude.min()), float(altitude.max())
     else:

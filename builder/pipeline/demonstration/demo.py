@@ -46,6 +46,7 @@ from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
 from builder.structure.as_built.counts import counts_in_flight
+from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
@@ -118,6 +119,23 @@ class DemoResult:
     states: dict[str, Any]
 
 
+def refuse_without_demo(vehicle: Vehicle) -> None:
+    """Refuse a vehicle that no demonstration flies.
+
+    Raises
+    ------
+    InputError
+        Names the entry.
+    """
+    if vehicle.structure.external is not None:
+        raise InputError(
+            f"structure.{vehicle.structure.external}: no demonstration flies it, the vehicle that flies needs a "
+            "wall of the vehicle file; `strainfmu build` makes its map"
+        )
+    if vehicle.is_of_revolution:  # the Fourier model flies, whatever model the map is built on
+        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+
+
 def run_demo(
     vehicle_path: Path,
     folder: Path,
@@ -147,15 +165,11 @@ def run_demo(
     pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
     vehicle = pipeline.vehicle
     check_before_long_work(vehicle, conditions)
-    if vehicle.structure.external is not None:
-        raise InputError(
-            f"structure.{vehicle.structure.external}: no demonstration flies it, the vehicle that flies needs a "
-            "wall of the vehicle file; `strainfmu build` makes its map"
-        )
+    refuse_without_demo(vehicle)
+    if ground_test is not None:
+        refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
     if not vehicle.is_of_revolution:
         return _free_demo(pipeline, as_built)
-    # The Fourier model plays the vehicle that flies, whatever model the map is built on.
-    refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     manoeuvre = vehicle.manoeuvre()
     check_envelope(*truth_knots(vehicle), load_trajectory(manoeuvre), manoeuvre)
     make_map(pipeline)

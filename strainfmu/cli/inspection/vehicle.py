@@ -14,12 +14,15 @@ from rich.table import Table
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.named_vehicle import named
 from strainfmu.errors import FaultsError, InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.validity import (
+    RECORDED_KEYS,
     condition_ranges,
     parameter_ranges,
     valid_conditions,
     valid_parameters,
 )
+from strainfmu.flight_condition import ALTITUDE
 
 if TYPE_CHECKING:
     from builder.aero.engine import Engine
@@ -127,6 +130,8 @@ def _table(
     path: Path, vehicle: Vehicle, gauges: dict[str, int], engine: Engine, conditions: Sequence[FlightCondition]
 ) -> Table:
     """Return what follows from the entries."""
+    from builder.inverse.envelope.bounds import flight_ranges
+
     table = Table(title=escape(f"{path}: {vehicle.name}"), show_header=False)
     for what, value in _shape_rows(vehicle, engine):
         table.add_row(what, value)
@@ -136,7 +141,12 @@ def _table(
     flows = len({engine.flow_key(condition) for condition in conditions})
     table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
     parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
-    for one in (*valid_conditions(condition_ranges(conditions)), *valid_parameters(parameters)):
+    of_map = flight_ranges(vehicle, conditions)
+    ranges = condition_ranges(conditions) | {
+        RECORDED_KEYS[ALTITUDE]: of_map.altitude.tolist(),
+        RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map.dynamic_pressure.tolist(),
+    }
+    for one in (*valid_conditions(ranges), *valid_parameters(parameters)):
         table.add_row(f"valid over {one.quantity}", one.text)
     return table
 
@@ -161,9 +171,9 @@ def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
 def _warnings(
     vehicle: Vehicle, trajectory: Trajectory | None, conditions: Sequence[FlightCondition]
 ) -> Iterator[str]:
-    """Yield how long the manoeuvre is, where it leaves the snapshots, and why the demonstration would refuse."""
+    """Yield the manoeuvre's length, where it leaves the snapshots, doubtful entries, commands that refuse."""
     from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
-    from builder.structure.fourier.model import refuse_beyond_fourier
+    from builder.structure.gauge_checks import gauges_at_breaks
     from builder.truth.independent_model import other_physics
     from builder.vehicle.doubtful_entries import doubtful_entries
     from builder.vehicle.map_needs import unused_entries
@@ -174,6 +184,7 @@ def _warnings(
         yield f"manoeuvre: {trajectory.stop_time:.4g} s"
     yield from (f"warning: {line}" for line in unused_entries(vehicle))
     yield from (f"warning: {line}" for line in doubtful_entries(vehicle, conditions))
+    yield from (f"warning: {line}" for line in gauges_at_breaks(vehicle))
     of_revolution = (
         vehicle.is_of_revolution
         and vehicle.aerodynamics.surface is None
@@ -181,10 +192,29 @@ def _warnings(
     )
     if trajectory is not None:
         yield from manoeuvre_warnings(vehicle, trajectory, conditions, of_revolution)
-    if not vehicle.is_of_revolution:
-        return
-    yield from other_physics(vehicle)
-    try:
-        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
-    except InputError as error:
-        yield f"warning: `strainfmu demo` would refuse this file, other commands take it: {error}"
+    if vehicle.is_of_revolution:
+        yield from other_physics(vehicle)
+    yield from _refused_commands(vehicle)
+
+
+def _refused_commands(vehicle: Vehicle) -> Iterator[str]:
+    """Yield the commands that this vehicle cannot use, and why."""
+    from builder.pipeline.demonstration.demo import refuse_without_demo
+    from builder.pipeline.gauge_placement import check_model
+    from builder.structure.as_built.structure import refuse_beyond_calibration
+    from builder.truth.independent_model import refuse_without_independent_model
+
+    refusals: tuple[tuple[str, Callable[[], None]], ...] = (
+        ("demo", lambda: refuse_without_demo(vehicle)),
+        (
+            "loadtest, calibrate, demo --as-built",
+            lambda: refuse_beyond_calibration(vehicle, vehicle.gauges.layout),
+        ),
+        ("place, review", lambda: check_model(vehicle)),
+        ("compare, stress, study", lambda: refuse_without_independent_model(vehicle)),
+    )
+    for commands, refuse in refusals:
+        try:
+            refuse()
+        except InputError as error:
+            yield f"not for this vehicle: {commands}: {error}"

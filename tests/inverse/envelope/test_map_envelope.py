@@ -98,13 +98,12 @@ def test_ranges_of_both_forms() -> None:
     conditions = tuple(
         FlightCondition(mach, 0.0, 0.0, altitude) for mach in (5.0, 7.0) for altitude in (18e3, 22e3)
     )
-    ensemble = replace(listed_ensemble(np.ones((4, 3))), conditions=conditions)
     slack = np.array([1.0 - PRESSURE_SLACK, 1.0 + PRESSURE_SLACK])
-    absolute = flight_ranges(with_map(form="absolute"), ensemble)
+    absolute = flight_ranges(with_map(form="absolute"), conditions)
     q = [dynamic_pressure(5.0, 22e3), dynamic_pressure(7.0, 18e3)]
     np.testing.assert_allclose(absolute.dynamic_pressure, q * slack, rtol=1e-12)
     np.testing.assert_array_equal(absolute.altitude, [18e3, 22e3])
-    scaled = flight_ranges(with_map(valid_altitude_km=[10.0, 30.0]), ensemble)
+    scaled = flight_ranges(with_map(valid_altitude_km=[10.0, 30.0]), conditions)
     q = [dynamic_pressure(5.0, 30e3), dynamic_pressure(7.0, 10e3)]
     np.testing.assert_allclose(scaled.dynamic_pressure, q * slack, rtol=1e-12)
     np.testing.assert_array_equal(scaled.altitude, [10e3, 30e3])
