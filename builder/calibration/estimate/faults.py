@@ -246,8 +246,8 @@ class _Blamed(NamedTuple):
 
 def _blamed(model: ReadingsModel, faults: Sequence[Fault]) -> _Blamed:
     read, blamed = usable(model), {fault.where for fault in faults}
-    gauges = [name for name, used in zip(model.structure.gauges.names, read.any(axis=0), strict=True) if used]
-    cases = [case for case, used in zip(model.test.cases, read.any(axis=1), strict=True) if used]
+    gauges = [name for g, name in enumerate(model.structure.gauges.names) if read[:, g].any()]
+    cases = [case for k, case in enumerate(model.test.cases) if read[k].any()]
     loaded = [case for case in cases if not all(isinstance(one.load, OF_MASS) for one in case.loads)] or cases
     return _Blamed(
         gauges=len(blamed & set(gauges)),
