@@ -18,7 +18,8 @@ def _hoop(studies: Studies, model: str) -> HoopRow:
     return next(row for row in studies.measured.hoop if row.model == model)
 
 
-def _crime(studies: Studies, inversion: str, data: str) -> CrimeRow:
+def crime(studies: Studies, inversion: str, data: str) -> CrimeRow:
+    """Return the noise-free example with the map of one model and the data of another."""
     return next(row for row in studies.measured.crime if (row.inversion, row.data) == (inversion, data))
 
 
@@ -118,8 +119,8 @@ def _decay(studies: Studies) -> str:
 
 
 def _noise_free(studies: Studies) -> str:
-    tetrahedra, crossed = _crime(studies, TETRAHEDRA, TETRAHEDRA), _crime(studies, TETRAHEDRA, FOURIER)
-    exact, recovered = _crime(studies, FOURIER, FOURIER), _crime(studies, TETRAHEDRA, RECOVERED)
+    tetrahedra, crossed = crime(studies, TETRAHEDRA, TETRAHEDRA), crime(studies, TETRAHEDRA, FOURIER)
+    exact, recovered = crime(studies, FOURIER, FOURIER), crime(studies, TETRAHEDRA, RECOVERED)
     odd = 100.0 * float(studies.fields[f"{SAME_MESH}-noise_free"].odd_fraction[0])
     return (
         f"{odd:.1f} % of |p| at this condition is odd both in y and in z. The layout is blind to that on a body "

@@ -40,7 +40,7 @@ def parity_table(rows: list[ParityRow]) -> Table:
 
 
 def _shown(setup: str, row: ParityRow) -> str:
-    return row.ours[setup].shown(row.published.unit)
+    return row.shown(setup)
 
 
 def parity_numbers(rows: list[ParityRow]) -> Table:

@@ -79,6 +79,17 @@ class StressResult:
         """Targets that are not met, a line each."""
         return [f"{one['error']}, {one['size']}: {text}" for one in self.entries for text in one["missed"]]
 
+    @property
+    def largest_within(self) -> list[str]:
+        """The largest fractions of the kinds within the envelope and stated sizes, a line each of two kinds."""
+        within = [one for one in self.entries if one["class"] == "within"]
+        lines = []
+        for what in ("detected", "undetected"):
+            largest = sorted(within, key=lambda one: -one[f"{what}_percent"])[:2]
+            text = "; ".join(f"{one[f'{what}_percent']:.2f} % ({one['error']}, {one['size']})" for one in largest)
+            lines.append(f"{what}, the largest of {len(within)} kinds within: {text}")
+        return lines if within else []
+
 
 def run_stress(
     vehicle_path: Path,

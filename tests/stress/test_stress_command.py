@@ -63,6 +63,10 @@ def test_table_figure_and_second_run(vehicle_file: Path, tmp_path: Path, run: Ru
     assert "nothing wrong" in out
     entries = json.loads((folder / "stress.json").read_text(encoding="utf-8"))
     check_entries(entries)
+    within = [one for one in entries if one["class"] == "within"]
+    for what in ("detected", "undetected"):
+        most = max(one[f"{what}_percent"] for one in within)
+        assert f"{what}, the largest of {len(within)} kinds within: {most:.2f} % (" in out
     with (folder / "stress.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert tuple(rows[0]) == CSV_COLUMNS

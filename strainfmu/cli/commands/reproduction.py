@@ -37,12 +37,11 @@ def reproduce(
     console = Console()
     start = perf_counter()
     made = run_reproduction(output, quick, ConsoleReporter(console))
-    table = Table(title="Published and ours")
+    table = Table(title="Published and ours" + (" on coarse grids, not converged" if quick else ""))
     for heading in ("quantity", "published", *TITLES.values()):
         table.add_column(heading, justify="left" if heading == "quantity" else "right")
     for row in made.parity:
-        unit = row.published.unit
-        table.add_row(row.published.quantity, row.published.value, *(row.ours[key].shown(unit) for key in TITLES))
+        table.add_row(row.published.quantity, row.published.value, *(row.shown(key) for key in TITLES))
     console.print(table)
     for one in made.verdicts:
         where = [title for key, title in TITLES.items() if one.holds[key]]

@@ -134,6 +134,8 @@ def _show(console: Console, result: StressResult) -> None:
             _of_bound(one),
         )
     console.print(table)
+    for line in result.largest_within:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     _show_missed(console, result)
 
 

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from math import atan, pi, radians, tan
+from math import atan, log, pi, radians, tan
 from typing import Literal
 
 import numpy as np
@@ -127,6 +127,15 @@ def test_wave_drag_of_a_tangent_ogive(mach_number: float, expected: float, make_
     flow = solve_flow(body, mach_number, 0.0)
     assert flow.force[0] / (0.7 * mach_number**2 * pi * 0.1**2) == pytest.approx(expected, rel=0.04)
     assert flow.force[0] == pytest.approx(flow.force_from_momentum[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("mach_number", [one for one, _ in OGIVES])
+def test_wave_drag_of_a_tangent_ogive_is_converged(mach_number: float, make_body: BodyMaker) -> None:
+    """0.3 % of the three grids' limit on the medium one: what is left to the curve above is the curve's."""
+    body = make_body((1.0, np.degrees(2.0 * atan(0.1)), 0.0))
+    coarse, medium, fine = (solve_flow(body, mach_number, 0.0, grid).force[0] for grid in GRID_LEVELS.values())
+    assert 1.5 < log((coarse - medium) / (medium - fine)) / log(1.5) < 2.5
+    assert abs(medium / (fine - (medium - fine) / (1.5**2 - 1.0)) - 1.0) < 3e-3
 
 
 def test_leeward_cross_flow_shock(vehicle_flow: VehicleFlow) -> None:

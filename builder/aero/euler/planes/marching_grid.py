@@ -50,7 +50,7 @@ GRID_LEVELS = {
     "medium": MarchingGrid(n_radial=24, n_circumferential=36),
     "fine": MarchingGrid(n_radial=36, n_circumferential=54),
 }
-"""Grids by name, each 1.5 times finer than the one before; ``medium`` is the default.
+"""Grids by name, each 1.5 times finer than the one before; ``coarse`` is the default of a vehicle file.
 
 Errors of C_N and C_A for the shipped vehicle against the value extrapolated from the three grids, and CPU time:
 
