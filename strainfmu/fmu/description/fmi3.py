@@ -71,12 +71,12 @@ def model_description_3_bytes(fmu: FmuDescription) -> bytes:
 
 
 def _add_types(root: Element, interface: Sequence[Variable]) -> None:
-    """Declare the enumerations in use."""
+    """Declare the enumerations in use, without descriptions, which FMPy 0.3.20 refuses."""
     used = used_enumerations({variable.declared_type for variable in interface})
     definitions = SubElement(root, "TypeDefinitions") if used else None
-    for name, (text, items) in used.items():
+    for name, (_, items) in used.items():
         assert definitions is not None
-        enumeration = SubElement(definitions, "EnumerationType", {"name": name, "description": text})
+        enumeration = SubElement(definitions, "EnumerationType", {"name": name})
         for state, meaning in items:
             item = {"name": state.name, "value": str(int(state)), "description": meaning}
             SubElement(enumeration, "Item", item)

@@ -6,6 +6,7 @@ import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import fromstring
 
 import pytest
 from fmpy import read_model_description
@@ -108,6 +109,19 @@ def test_states_are_those_of_the_enumerations(fmus: dict[str, Path]) -> None:
         assert [one.name for one in declared] == list(ENUMERATIONS)
         for one, states in zip(declared, (HealthState, TareState), strict=True):
             assert [(item.name, int(item.value)) for item in one.items] == [(s.name, s.value) for s in states]
+
+
+FMPY_0_3_20 = {"name", "quantity", "unit", "displayUnit", "relativeQuantity", "min", "max", "nominal", "unbounded"}
+"""Attributes that this reader knows of a type definition of FMI 3.0: its ``SimpleType`` takes no other, such as
+``description``, and the FMU is refused."""
+
+
+@pytest.mark.parametrize("kind", ["native_3", "scalars"])
+def test_type_definitions_of_fmi_3_hold_what_old_readers_know(fmus: dict[str, Path], kind: str) -> None:
+    with zipfile.ZipFile(fmus[kind]) as archive:
+        types = fromstring(archive.read("modelDescription.xml")).findall("TypeDefinitions/*")
+    assert len(types) == len(ENUMERATIONS)
+    assert all(set(one.attrib) <= FMPY_0_3_20 for one in types)
 
 
 def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> None:
