@@ -5,7 +5,15 @@
 
 #include <stddef.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 extern const unsigned char sl_map_data[];
 extern const size_t sl_map_size; /* [bytes] */
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -104,6 +104,29 @@ def link(sources: Path, library: Path, output: Path) -> Path:
     return output
 
 
+CPP = """
+#include <cstdio>
+#include "map_data.h"
+#include "estimator/interface/strainload.h"
+
+int main() {
+    char text[SL_TEXT_SIZE];
+    StrainLoad *handle = sl_open(sl_map_data, sl_map_size, text);
+    std::printf("%zu rows\\n", handle != nullptr ? sl_size(handle, SL_ROWS) : 0);
+    sl_close(handle);
+}
+"""
+
+
+def test_a_program_in_cpp_links_the_library(built: Path, tmp_path: Path) -> None:
+    """Names of functions are other ones in C++ unless the headers declare them as C."""
+    compiler = program("c++", "g++", "clang++", install="apt install g++")
+    (tmp_path / "host.cpp").write_text(CPP)
+    library, host = built / "build" / "libstrainload.a", tmp_path / "host"
+    output_of(compiler, "-Wall", "-Werror", f"-I{built / 'c'}", tmp_path / "host.cpp", library, "-lm", "-o", host)
+    assert output_of(host) == f"{load_inverse_map(built / 'map.h5').n_gauges} rows\n"
+
+
 @pytest.mark.parametrize("name", MAPS)
 def test_maps_with_all_that_a_map_can_have(built: Path, tmp_path: Path, name: str) -> None:
     """Further sensors, temperatures, thrust, flow parameters, section loads: in sample, results and README.txt."""

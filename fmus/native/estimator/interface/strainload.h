@@ -17,6 +17,10 @@
 
 #include <stddef.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #ifdef _WIN32
 #define SL_API __declspec(dllexport)
 #elif defined(__GNUC__)
@@ -130,5 +134,9 @@ SL_API void sl_tare_drop(StrainLoad *handle, double *outcome);
 /* A tare by steps as bytes (SL_TARE_STATE); and back. 1; 0, after a message, if it is no state of one. */
 SL_API void sl_tare_state(const StrainLoad *handle, unsigned char *bytes);
 SL_API int sl_tare_restore(StrainLoad *handle, const unsigned char *bytes, double *outcome, char text[SL_TEXT_SIZE]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif
