@@ -28,6 +28,7 @@ from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.estimator.zeros.tare_edge import EdgeTare
+from strainfmu.fmu.python.stop_time import stop_fault
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (
     PARAMETERS,
@@ -101,13 +102,24 @@ class EstimatorSlave(Fmi2Slave):
         self._stepped = False  # whether a step has taken them
         # Of the sample that the inputs are, and of the end of the last step.
         self._time, self._end = 0.0, 0.0
+        self._stop_time: float | None = None
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description that the export laid next to this file (packaging only)."""
         return parse(Path(self.resources) / "model_description.xml").getroot()
 
+    def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
+        """Take the stop time [s], None for none."""
+        self._stop_time = stop_time
+
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Compute the outputs for the inputs at the end of the step."""
+        """Compute the outputs for the inputs at the end of the step; False (fmi2Discard) beyond the stop time.
+
+        FMI asks for fmi2Error there, which PythonFMU has no way to return.
+        """
+        if fault := stop_fault(current_time, step_size, self._stop_time):
+            self.log(fault, Fmi2Status.error)
+            return False
         if self._stepped:
             self._before_change()
         self._follow_tare()

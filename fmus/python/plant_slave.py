@@ -19,6 +19,7 @@ from pythonfmu.enums import Fmi2Status
 from strainfmu.cosim.models.flight_model import evaluate, load_flight_model
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.fmu.python.stop_time import stop_fault
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.fmi_variables import value_references
 from strainfmu.interface.plant_variables import plant_interface
@@ -45,6 +46,7 @@ class PlantSlave(Fmi2Slave):
         self._noise_std, self._seed = references["noise_std"], references["seed"]
         self._values = np.array([variable.start or 0.0 for variable in interface], dtype=float)
         self._time = 0.0
+        self._stop_time: float | None = None
         self._outdated, self._initialized, self._held = True, False, False
         self._restart_noise()
 
@@ -53,8 +55,8 @@ class PlantSlave(Fmi2Slave):
         return parse(Path(self.resources) / "model_description.xml").getroot()
 
     def setup_experiment(self, start_time: float, stop_time: float | None, tolerance: float | None) -> None:
-        """Begin at ``start_time`` [s]."""
-        self._time = start_time
+        """Begin at ``start_time`` [s] and take the stop time [s], None for none."""
+        self._time, self._stop_time = start_time, stop_time
         self._outdated = True
 
     def exit_initialization_mode(self) -> None:
@@ -62,7 +64,13 @@ class PlantSlave(Fmi2Slave):
         self._initialized = True
 
     def do_step(self, current_time: float, step_size: float) -> bool:
-        """Fly to the end of the step; False (fmi2Discard) outside the flight model's envelope."""
+        """Fly to the end of the step; False (fmi2Discard) outside the envelope and beyond the stop time.
+
+        FMI asks for fmi2Error beyond it, which PythonFMU has no way to return.
+        """
+        if fault := stop_fault(current_time, step_size, self._stop_time):
+            self.log(fault, Fmi2Status.error)
+            return False
         self._time = current_time + step_size
         self._noise = self._generator.standard_normal(self._model.n_gauges)
         self._outdated = True

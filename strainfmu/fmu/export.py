@@ -72,6 +72,7 @@ _COMMON_SOURCES = (
     "records.py",
     "fmu/__init__.py",
     "fmu/python/__init__.py",
+    "fmu/python/stop_time.py",
     "fmu/python/wrapper_exit.py",
 )
 _ESTIMATOR_ROOMS = ("estimates", "map", "numerics", "reference", "resource", "tables", "zeros")

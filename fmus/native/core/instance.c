@@ -103,6 +103,7 @@ void instance_reset(Instance *instance) {
     model->mode = INSTANTIATED;
     model->time = 0.0;
     model_reset(model);
+    instance->stop_time = INFINITY;
     instance->ending = 0;
 }
 
@@ -159,6 +160,7 @@ int instance_start_at(Instance *instance, const char *function, double start, in
         return instance_error(instance, "%s: from %g to %g s is no time span", function, start, stop);
     }
     model_set_time(instance->model, start);
+    instance->stop_time = has_stop ? stop : INFINITY;
     return STATUS_OK;
 }
 
@@ -212,10 +214,14 @@ int instance_step(Instance *instance, const char *function, double start, double
     }
     double end;
     const Floating host = floating_enter();
-    const int good = step_ends(start, size, &end);
+    const int good = step_ends(start, size, &end), beyond = good && is_beyond_stop(end, size, instance->stop_time);
     floating_leave(&host);
     if (!good) {
         return instance_error(instance, "%s: a step of %g s from %g s found, must be positive", function, size, start);
+    }
+    if (beyond) {
+        return instance_error(instance, "%s: the step ends at %.9g s, behind the stop time of the experiment, %.9g s", function,
+                              end, instance->stop_time);
     }
     char text[MODEL_TEXT_SIZE];
     const int status = model_step(instance->model, start, end, text);

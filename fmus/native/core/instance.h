@@ -22,6 +22,7 @@ struct Instance {
     Kind kind;
     int ending;                  /* whether the last step was discarded: the model wants to end */
     double last_successful_time; /* [s] then the end of the last step that was not */
+    double stop_time;            /* [s] of the experiment, infinite for none */
     const char *name;
     char *own_name;
     LogWriter *write;
@@ -59,7 +60,7 @@ static inline int instance_given(const Instance *instance, const char *function,
 int instance_enter(Instance *instance, const char *function, int from, Mode to);
 int instance_set_time(Instance *instance, const char *function, int modes, double time);
 
-/* Set the time at which an experiment starts, if from start to stop is a time span. A status. */
+/* Set the times at which an experiment starts and stops, if from start to stop is a time span. A status. */
 int instance_start_at(Instance *instance, const char *function, double start, int has_stop, double stop);
 
 /* Leave the initialization for `mode`. A status. */
@@ -73,7 +74,7 @@ int instance_end_solver_step(Instance *instance, const char *function, int *even
 /* Let an event take discrete inputs in: model exchange alone, for the steps of co-simulation do. */
 void instance_follow_event(Instance *instance);
 
-/* One step of co-simulation. A status. */
+/* One step of co-simulation, which must not end behind the stop time. A status. */
 int instance_step(Instance *instance, const char *function, double start, double size);
 
 /* A list of continuous states or event indicators, of which there are none: its length must be 0. A status. */

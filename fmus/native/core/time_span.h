@@ -9,4 +9,7 @@ int is_time_span(double start, int has_stop, double stop);
 /* Whether a step may be of a size; then *end is its end. */
 int step_ends(double start, double size, double *end);
 
+/* Whether a step ends behind the stop time, by more than sums of step sizes round. */
+int is_beyond_stop(double end, double size, double stop);
+
 #endif
