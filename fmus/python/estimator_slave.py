@@ -37,7 +37,14 @@ from strainfmu.interface.estimator_variables import (
 )
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT, time_constant_fault
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.input_names import FLOW_INPUTS, LAST_INPUTS, NAVIGATION_INPUTS, given_flow, known_values
+from strainfmu.interface.input_names import (
+    FLOW_INPUTS,
+    LAST_INPUTS,
+    NAVIGATION_INPUTS,
+    given_to_fmu,
+    known_values,
+    lone_angle,
+)
 from strainfmu.interface.parameter_variables import parameter_names, parameter_std_names
 from strainfmu.interface.sensor_variables import THRUST
 from strainfmu.interface.tare_variables import TARE, TARE_STATE, zero_in_use_names
@@ -103,6 +110,7 @@ class EstimatorSlave(Fmi2Slave):
         # Of the sample that the inputs are, and of the end of the last step.
         self._time, self._end = 0.0, 0.0
         self._stop_time: float | None = None
+        self._angles_reported = False
 
     def to_xml(self, model_options: dict[str, str] | None = None) -> Element:
         """Return the model description that the export laid next to this file (packaging only)."""
@@ -127,7 +135,14 @@ class EstimatorSlave(Fmi2Slave):
         self._time, self._end = current_time, current_time + step_size
         self._update()
         self._stepped = True
+        self._report_angles()
         return True
+
+    def _report_angles(self) -> None:
+        """Log once that a measured angle does not count."""
+        if not self._angles_reported and (text := lone_angle(self._flow_inputs())):
+            self._angles_reported = True
+            self.log(text, Fmi2Status.ok, "logEvents")
 
     def _follow_tare(self) -> None:
         """Take the flag and the readings of a step in."""
@@ -256,7 +271,7 @@ class EstimatorSlave(Fmi2Slave):
         self._outdated = False
 
     def _estimate(self) -> Estimate:
-        flow = given_flow(dict(zip(self._flow, self._values[[*self._flow.values()]].tolist(), strict=True)))
+        flow = given_to_fmu(self._flow_inputs())
         (thrust,) = known_values([0.0 if self._thrust is None else float(self._values[self._thrust])])
         if self._memory is not None:
             self._estimator.memory = self._memory
@@ -274,6 +289,10 @@ class EstimatorSlave(Fmi2Slave):
         )
         self._next = self._estimator.memory if self._remembers else None
         return found
+
+    def _flow_inputs(self) -> dict[str, float]:
+        """Return the inputs for flow and navigation by name."""
+        return dict(zip(self._flow, self._values[[*self._flow.values()]].tolist(), strict=True))
 
     @property
     def _remembers(self) -> bool:

@@ -188,8 +188,8 @@ def _measured(name: str, label: str, symbol: str, aliases: tuple[str, ...]) -> A
         symbol=symbol,
         unit="rad",
         shown="deg",
-        text=f"{text}; {NOT_KNOWN:g} or NaN where not given",
-        text_of_linear=f"{text}, for health alone; {NOT_KNOWN:g} or NaN where not given",
+        text=f"{text}; counts where {name}{STD} is above 0",
+        text_of_linear=f"{text}, for health alone; counts where {name}{STD} is above 0",
         note=f" measured; {NOT_KNOWN:g} or NaN where not given",
         aliases=aliases,
         smallest=-LARGEST_ANGLE,
@@ -217,7 +217,7 @@ def _std_of(
         symbol=f"sigma({quantity.symbol})",
         unit=quantity.unit,
         shown=quantity.shown,
-        text=f"Standard deviation of the error of {quantity.name}; {{not_given}} takes {text}",
+        text=f"Standard deviation of the error of {quantity.name}; {{not_given}} {text}",
         text_of_linear=of_linear and f"Standard deviation of the error of {quantity.name}, {of_linear}",
         is_later=quantity.is_later,
         note=note,
@@ -280,27 +280,32 @@ Specific force is acceleration without gravity, as an accelerometer reads it."""
 INERTIAL_NAMES = tuple(one.name for one in INERTIAL_INPUTS)
 VIBRATION = _VIBRATION.name
 
+_NO_MEASUREMENT = ("leaves the angle out", "{not_given} leaves the angle out")
+"""Of the standard deviations of angles in FMUs, whose hosts fill in 0 for inputs that nothing is connected to."""
+
 AIR_INPUTS = (
     _DYNAMIC_PRESSURE,
     _std_of(
         _DYNAMIC_PRESSURE,
-        "{of.dynamic_pressure_error:g} of it",
+        "takes {of.dynamic_pressure_error:g} of it",
         "widens sigma; {not_given} takes {of.dynamic_pressure_error:g} of dynamic_pressure",
         note=" its standard deviation; not given: the value of the map",
         aliases=("qstd", "qinfstd", "sigmaq", "qsigma", "dynamicpressuresigma"),
     ),
     _MACH_NUMBER,
     _ALTITUDE,
-    _std_of(_MACH_NUMBER, "{of.mach_number_error:g}"),
+    _std_of(_MACH_NUMBER, "takes {of.mach_number_error:g}"),
     _STATIC_PRESSURE,
-    _std_of(_STATIC_PRESSURE, "{of.static_pressure_error:g} of it, {of.altitude_error:g} of that at altitude"),
+    _std_of(
+        _STATIC_PRESSURE, "takes {of.static_pressure_error:g} of it, {of.altitude_error:g} of that at altitude"
+    ),
     _TOTAL_TEMPERATURE,
-    _std_of(_TOTAL_TEMPERATURE, f"{TOTAL_TEMPERATURE_ERROR:g} of it"),
+    _std_of(_TOTAL_TEMPERATURE, f"takes {TOTAL_TEMPERATURE_ERROR:g} of it"),
     _Q_SOURCE,
     _MEASURED_ATTACK,
-    _std_of(_MEASURED_ATTACK, "1 deg", "{not_given} takes 1 deg"),
+    _std_of(_MEASURED_ATTACK, *_NO_MEASUREMENT),
     _MEASURED_SIDESLIP,
-    _std_of(_MEASURED_SIDESLIP, "1 deg", "{not_given} takes 1 deg"),
+    _std_of(_MEASURED_SIDESLIP, *_NO_MEASUREMENT),
 )
 """Those of flow and navigation, in their order in a record of the core."""
 

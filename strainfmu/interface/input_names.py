@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import nan
+from math import isfinite, nan
 from typing import TypeVar
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_QUANTITIES, INERTIAL_NAMES, SAMPLE_INPUTS, STD
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUTS,
+    FLOW_QUANTITIES,
+    INERTIAL_NAMES,
+    MEASURED_ANGLES,
+    SAMPLE_INPUTS,
+    STD,
+)
 from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import LAST_INPUTS as LAST_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
@@ -64,6 +71,24 @@ def given_flow(flow: Mapping[str, Value]) -> dict[str, Value]:
     of 0 takes the map's own. Angles may be 0: they are not given where they are :data:`NOT_KNOWN`.
     """
     return {name: _given(value, name in _SIGNED) for name, value in flow.items()}
+
+
+def lone_angle(inputs: Mapping[str, float]) -> str:
+    """Return in a line that a measured angle has no standard deviation, "" of none; 0 is of an unconnected input.
+
+    ``inputs`` are those of an FMU by name, where an angle counts only with one.
+    """
+    for name in MEASURED_ANGLES:
+        angle = inputs[name]
+        if isfinite(angle) and angle not in (0.0, NOT_KNOWN) and not inputs[f"{name}{STD}"] > 0.0:
+            return f"{name} = {angle:g} rad does not count: {name}{STD} must be above 0"
+    return ""
+
+
+def given_to_fmu(inputs: Mapping[str, float]) -> dict[str, float]:
+    """Return what :func:`given_flow` does, for an FMU: angles without standard deviation are not given."""
+    without = {name for name in MEASURED_ANGLES if not inputs[f"{name}{STD}"] > 0.0}
+    return {name: nan if name in without else value for name, value in given_flow(inputs).items()}
 
 
 def _given(value: Value, is_signed: bool) -> Value:

@@ -16,6 +16,7 @@ from inputs import Inputs, Results
 from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, STD
 from strainfmu.estimator.estimator import EXACT
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -265,7 +266,8 @@ def _inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarr
 def columns(inverse_map: InverseMap, inputs: Inputs) -> dict[str, np.ndarray]:
     """Return (k,) the values of the inputs that the stream gives, by name; readings first.
 
-    In a stream a standard deviation of 0 is exact; to an FMU it is one that is not given.
+    In a stream a standard deviation of 0 is exact; to an FMU it is one that is not given. Angles without one
+    have 1 deg in a stream and do not count in an FMU.
     """
     column = dict(zip(reading_names(inverse_map), inputs.strain.T, strict=True))
     column |= {**inputs.flow, "thrust": inputs.thrust}
@@ -274,5 +276,10 @@ def columns(inverse_map: InverseMap, inputs: Inputs) -> dict[str, np.ndarray]:
     for prefix, values in ((PREFIX, inputs.parameter), (STD_PREFIX, inputs.parameter_std)):
         if values.shape[1]:
             column |= {f"{prefix}{name}": one for name, one in zip(names, values.T, strict=True)}
+    for (
+        name
+    ) in MEASURED_ANGLES:  # without a standard deviation, which is 1 deg in Python, they do not count in an FMU
+        if (std := column.get(f"{name}{STD}")) is not None:
+            column[f"{name}{STD}"] = np.where(np.isnan(std), ANGLE_ERROR, std)
     is_std = {name: name.endswith("_std") or name.startswith(STD_PREFIX) for name in column}
     return {name: np.where(is_std[name] & (one == 0.0), EXACT, one) for name, one in column.items()}

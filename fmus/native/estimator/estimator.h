@@ -38,6 +38,7 @@ typedef struct {
     double *derivative;      /* (estimator_derivatives) which keeps the outputs' derivatives along it, */
     double *derivative_work; /* (inputs_count) and twice (estimator_derivatives) scratch, */
     int reported_health;     /* the last health that was reported, */
+    int reported_angles;     /* whether an angle without standard deviation was, */
     double settled[N_WHOLE]; /* and the whole numbers of the last event in model exchange */
 } Estimator;
 

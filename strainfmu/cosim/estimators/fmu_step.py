@@ -32,7 +32,7 @@ from strainfmu.cosim.estimators.description import (
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.air_inputs import ANGLE_ERROR, DYNAMIC_PRESSURE, MEASURED_ANGLES, STD
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.signal_names import TEMPERATURE as TEMPERATURE
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
@@ -114,6 +114,8 @@ class FmuStep:
         of_flow = tuple(by_name[name] for name in self.other_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
+        # Of angles without one; an FMU leaves them out.
+        self._angle_stds = [self._place[f"{one}{STD}"] for one in MEASURED_ANGLES if f"{one}{STD}" in self._place]
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
@@ -195,6 +197,9 @@ class FmuStep:
         numbers[self.n_gauges] = dynamic_pressure
         for name, value in others.items():
             numbers[place[name]] = value
+        for std in self._angle_stds:
+            if not numbers[std] > 0.0:
+                numbers[std] = ANGLE_ERROR
         begin = self._time
         self._time = begin + step_size
         try:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from ctypes import byref
 from pathlib import Path
-from typing import Any
 
-import fmpy
 import numpy as np
 import pytest
-from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE, fmi2Discard, fmi2Error
-from fmpy.fmi3 import FMU3Slave
-from fmpy.logging import addLoggerProxy
+from fmpy.fmi2 import fmi2Discard, fmi2Error
+from fmu_experiment import Experiment
 from slender_vehicle import make_slender_files
 
 from strainfmu.cosim.models.schedule import ScheduledSignal
@@ -37,48 +32,6 @@ def models(fmus: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> d
     export_schedule([ScheduledSignal(signal, (0.0, 1.0), (0.1, 0.2))], folder / "schedule.fmu")
     made = {name: folder / f"{name}.fmu" for name in ("native_plant", "autopilot", "schedule")}
     return {name: fmus[name] for name in ("native", "native_3", "python", "plant")} | made
-
-
-class Experiment:
-    """A co-simulation of one of the models, from 0 s to ``stop_time``; messages of the FMU in ``messages``."""
-
-    def __init__(self, path: Path, folder: Path, stop_time: float | None) -> None:
-        description = fmpy.read_model_description(str(path))
-        fmpy.extract(str(path), str(folder))
-        self.messages: list[str] = []
-        self.is_second = description.fmiVersion == "2.0"
-        arguments = {
-            "guid": description.guid,
-            "modelIdentifier": description.coSimulation.modelIdentifier,
-            "unzipDirectory": str(folder),
-            "instanceName": "x",
-        }
-        self.fmu: Any = (FMU2Slave if self.is_second else FMU3Slave)(**arguments)
-        if self.is_second:
-            callbacks = fmi2CallbackFunctions()
-            callbacks.logger = fmi2CallbackLoggerTYPE(lambda *message: self.messages.append(message[4].decode()))
-            addLoggerProxy(byref(callbacks))
-            self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
-            self.fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
-            self.fmu.enterInitializationMode()
-        else:
-            self.fmu.instantiate(
-                loggingOn=True, logMessage=lambda *message: self.messages.append(message[3].decode())
-            )
-            self.fmu.enterInitializationMode(startTime=0.0, stopTime=stop_time)
-        self.fmu.exitInitializationMode()
-
-    def step(self, time: float, size: float) -> int:
-        """Status of a step."""
-        try:
-            self.fmu.doStep(time, size)
-        except FMICallException as error:
-            return int(error.status)
-        return 0
-
-    def end(self) -> None:
-        self.fmu.terminate()
-        self.fmu.freeInstance()
 
 
 NAMES = ("native", "native_3", "python", "plant", "native_plant", "autopilot", "schedule")

@@ -23,12 +23,14 @@ static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_S
                       .mode = INSTANTIATED,
                       .co_simulation_only = e->flight.present,
                       .time_reference = time_reference(e)};
+    e->inputs.angles_need_std = 1;
     return &e->base;
 }
 
 static void reset(Model *model) {
     estimator_reset(estimator_of(model));
     estimator_of(model)->reported_health = OK;
+    estimator_of(model)->reported_angles = 0;
     memset(estimator_of(model)->settled, 0, sizeof estimator_of(model)->settled);
 }
 
@@ -96,7 +98,22 @@ static const char *why_invalid(const Estimator *e) {
     return e->inputs.n_given == 0 ? "; no strain was set" : usable > 0 ? "; all strains are exactly 0" : "";
 }
 
-/* The end of a tare, or a change of health. */
+/* The first angle that is no 0 of an unconnected input, without a standard deviation. */
+static int lone_angle(const Inputs *inputs, char text[MODEL_TEXT_SIZE]) {
+    static const char *const NAMES[] = {LAST_INPUTS(AIR_INPUT_NAME)};
+    static const size_t ANGLES[] = {MEASURED_ATTACK, MEASURED_SIDESLIP};
+    for (size_t k = 0; k < sizeof ANGLES / sizeof *ANGLES; k++) {
+        const double given = given_angle(inputs, ANGLES[k]);
+        if (isfinite(given) && given != 0.0 && isnan(measured_angle(inputs, ANGLES[k]))) {
+            snprintf(text, MODEL_TEXT_SIZE, "%s = %g rad does not count: %s must be above 0", NAMES[ANGLES[k]], given,
+                     NAMES[ANGLES[k] + 1]);
+            return 1;
+        }
+    }
+    return 0;
+}
+
+/* The end of a tare, an angle without standard deviation, or a change of health. */
 static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     static const char *const STATES[] = {
         "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
@@ -105,6 +122,10 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
     if (e->tare.to_report) {
         e->tare.to_report = 0;
         memcpy(text, e->tare.text, sizeof e->tare.text);
+        return 1;
+    }
+    if (!e->reported_angles && lone_angle(&e->inputs, text)) {
+        e->reported_angles = 1;
         return 1;
     }
     const double *output = estimator_outputs(e);

@@ -182,6 +182,7 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
         sl_close(handle);
         return NULL;
     }
+    handle->estimator->inputs.angles_need_std = 0; /* NaN is what no host fills in */
     handle->model->mode = STEP;
     readings_note_given(&handle->estimator->inputs, 0, handle->estimator->map.n_gauges);
     describe_inputs(handle);

@@ -3,7 +3,8 @@
 
    Those of later versions stand behind all others, among the inputs and among the variables, so that numbers of variables
    stay. All of them are not given where they are 0 or below, or NaN: known_input, later_input, last_input; but for angles,
-   which are not known where they are the map's not_known, or NaN: known_angle; so are an inertial unit's. */
+   which are not known where they are the map's not_known, or NaN: given_angle; so are an inertial unit's. In FMUs an angle counts
+   only where its standard deviation is given, since hosts fill in 0 for inputs that nothing is connected to: measured_angle. */
 
 #ifndef AIR_INPUTS_H
 #define AIR_INPUTS_H

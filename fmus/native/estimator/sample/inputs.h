@@ -57,6 +57,7 @@ typedef struct {
     size_t n_temperatures;             /* sensors of temperature */
     const double *zero_offset;         /* (n_strains) start values of the zeros, of the map's calibration [1] */
     size_t n_inertial;                 /* N_INERTIAL_INPUTS, 0 of a map without masses */
+    int angles_need_std;               /* whether a measured angle counts only with a standard deviation: in FMUs */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */
     double *value;                     /* (inputs_count) readings, scalars, zeros, temperatures, .. */
     unsigned char *valid;              /* (n_gauges) 1 for the gauges that the caller trusts */
@@ -113,10 +114,15 @@ static inline double last_input(const Inputs *inputs, size_t last) {
     return value > 0.0 ? value : NAN;
 }
 
-/* An angle among LAST_INPUTS [rad]; NaN where it is not known. */
-static inline double known_angle(const Inputs *inputs, size_t last) {
+/* An angle among LAST_INPUTS [rad], with or without its standard deviation; NaN where it is not known. */
+static inline double given_angle(const Inputs *inputs, size_t last) {
     const double value = inputs->value[first_last(inputs) + last];
     return value != inputs->map->not_known && isfinite(value) ? value : NAN;
+}
+
+/* The same where it counts as a measurement; its standard deviation is the input behind it. */
+static inline double measured_angle(const Inputs *inputs, size_t last) {
+    return inputs->angles_need_std && isnan(last_input(inputs, last + 1)) ? NAN : given_angle(inputs, last);
 }
 
 /* How much further aft the moment point is than the map's [m]. */

@@ -9,7 +9,7 @@
 #define LARGEST_ANGLE 1.5
 
 void measured_angles(const Inputs *inputs, MeasuredAngles *angles) {
-    const double attack = known_angle(inputs, MEASURED_ATTACK), sideslip = known_angle(inputs, MEASURED_SIDESLIP);
+    const double attack = measured_angle(inputs, MEASURED_ATTACK), sideslip = measured_angle(inputs, MEASURED_SIDESLIP);
     if (isnan(attack) && isnan(sideslip)) {
         *angles = (MeasuredAngles){.count = 0};
         return;
