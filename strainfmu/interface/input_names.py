@@ -74,9 +74,9 @@ def given_flow(flow: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def lone_angle(inputs: Mapping[str, float]) -> str:
-    """Return in a line that a measured angle has no standard deviation, "" of none; 0 is of an unconnected input.
+    """Return in a line which angle among the ``inputs`` of an FMU does not count for want of a standard deviation.
 
-    ``inputs`` are those of an FMU by name, where an angle counts only with one.
+    "" for none; an angle of 0 is an input that nothing is connected to.
     """
     for name in MEASURED_ANGLES:
         angle = inputs[name]
