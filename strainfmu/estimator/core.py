@@ -25,6 +25,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.library_sources import BESIDE, BINARIES, LIBRARIES, library_digest, require_digest
 
 VERSION = 4
 """``SL_VERSION`` of the library that this file calls."""
@@ -324,9 +325,14 @@ def library() -> ctypes.CDLL:
     ------
     NoCoreError
         None is shipped for this machine, and there is no compiler to make one.
+    InputError
+        The one beside the C sources was built from others.
     """
     path, fault = library_file(), "none is shipped for it"
     if path.exists():
+        if path.parents[1].name == BINARIES:  # sources may lie beside it, as those of an FMU do not
+            digest = library_digest("estimator", path.parents[2])
+            require_digest(path.read_bytes(), digest, path.parent.name, "estimator")
         try:
             return _declared(ctypes.CDLL(str(path)))
         except OSError as error:  # of another C library, musl
@@ -346,7 +352,7 @@ def library_file() -> Path:
     }.get((sys.platform, machine), f"{sys.platform}-{machine}")
     name = Path(folder) / f"estimator{_SUFFIX}"
     of_fmu = Path(__file__).parents[2] / LIBRARIES_OF_FMU
-    return (of_fmu if of_fmu.is_dir() else _native_folder() / "binaries") / name
+    return (of_fmu if of_fmu.is_dir() else _native_folder() / BINARIES) / name
 
 
 def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
@@ -382,7 +388,11 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
 def _compiled(fault: str) -> Path:
     """Return the library that the system's compiler makes of the sources, which is kept in the user's cache."""
     native = _native_folder()
-    sources = [file for part in ("core", "estimator", "bus") for file in sorted((native / part).rglob("*.[ch]"))]
+    sources = [
+        file
+        for part in (*LIBRARIES["estimator"], *BESIDE["estimator"])
+        for file in sorted((native / part).rglob("*.[ch]"))
+    ]
     digest = hashlib.sha256(" ".join((*_FLAGS, platform.machine())).encode())
     for source in sources:
         digest.update(source.read_bytes())

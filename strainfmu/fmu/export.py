@@ -18,6 +18,7 @@ from strainfmu.cosim.models.flight_model import check_envelope, load_flight_mode
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import LIBRARIES_OF_FMU
+from strainfmu.estimator.library_sources import sources_digest
 from strainfmu.estimator.map.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
@@ -38,7 +39,7 @@ from strainfmu.fmu.documentation.run_panels import reference_sections
 from strainfmu.fmu.fmu_file import check_fmu_path
 from strainfmu.fmu.native import package as native_package
 from strainfmu.fmu.native.package import chosen_libraries, native_entries
-from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
+from strainfmu.fmu.native.sources import compiled_files, native_sources
 from strainfmu.fmu.python import package as python_package
 from strainfmu.fmu.python.package import python_entries, slave_code
 from strainfmu.fmu.reference_run.plant import python_plant_reference

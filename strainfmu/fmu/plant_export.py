@@ -19,6 +19,7 @@ from strainfmu.cosim.models.plant_law import Plant
 from strainfmu.cosim.models.schedule import ScheduledSignal, schedule_data, schedule_interface
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.estimator.library_sources import sources_digest
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import FlightCondition
@@ -29,7 +30,7 @@ from strainfmu.fmu.documentation.plant_page import native_plant_sections
 from strainfmu.fmu.documentation.run_panels import reference_sections
 from strainfmu.fmu.fmu_file import check_fmu_path
 from strainfmu.fmu.native.package import CAPABILITIES, chosen_libraries, native_entries
-from strainfmu.fmu.native.sources import compiled_files, native_sources, sources_digest
+from strainfmu.fmu.native.sources import compiled_files, native_sources
 from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.reference_run.plant import (
     Reference,
@@ -45,7 +46,7 @@ from strainfmu.version import __version__
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0
 LIBRARY = "plant"
-"""The library of all three: a key of :data:`~strainfmu.fmu.native.sources.LIBRARIES`."""
+"""The library of all three: a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`."""
 
 
 def export_native_plant(

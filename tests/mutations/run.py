@@ -35,11 +35,13 @@ SEEDED = Path(__file__).with_name("seeded.toml")
 BUILD = """
 import sys
 from strainfmu.estimator.core import library_file as used
-from strainfmu.fmu.native.build import build_library, library_file
+from strainfmu.fmu.native.build import PLATFORMS, build_library, library_file
 
 platform = used().parent.name
 for name in sys.argv[1:]:
     library_file(platform, name).write_bytes(build_library(platform, name))
+    for other in set(PLATFORMS) - {platform}:  # of the sources as they were: an export would refuse them
+        library_file(other, name).unlink(missing_ok=True)
 """
 
 NO_TESTS = (4, 5)

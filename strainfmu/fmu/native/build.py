@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.library_sources import BINARIES, LIBRARIES, MARK, library_digest, library_folders
 from strainfmu.files import write_bytes_atomically
-from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, LIBRARIES, library_folders
+from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS
 
 NATIVE = Path(__file__).parents[3] / "fmus" / "native"
 """Folder of the C sources, with the built libraries in ``binaries``."""
@@ -38,6 +39,17 @@ COMPILER_FLAGS = (
     "-Werror",
 )
 LIBRARY_FLAGS = ("-shared", "-s", "-fvisibility=hidden")
+
+
+_DIGEST = """\
+#ifdef _WIN32
+__declspec(dllexport)
+#else
+__attribute__((visibility("default")))
+#endif
+const char strainfmu_sources[] = "{mark}{digest}";
+"""
+"""A source that keeps the digest of all others in the library."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +82,13 @@ PLATFORMS = {
 
 
 def source_files(library: str = "estimator", native: Path = NATIVE) -> tuple[Path, ...]:
-    """Return the C files that make a library, a key of :data:`~strainfmu.fmu.native.sources.LIBRARIES`."""
+    """Return the C files that make a library, a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`."""
     return tuple(
         file for folder in library_folders(library) for file in sorted(native.joinpath(folder).rglob("*.c"))
     )
 
 
-def library_file(platform: str, library: str = "estimator", folder: Path = NATIVE / "binaries") -> Path:
+def library_file(platform: str, library: str = "estimator", folder: Path = NATIVE / BINARIES) -> Path:
     """Return the path of a library for ``platform`` under ``folder``."""
     return folder / platform / f"{library}{PLATFORMS[platform].suffix}"
 
@@ -133,11 +145,14 @@ def build_library(platform: str, library: str = "estimator", native: Path = NATI
     chosen = PLATFORMS[platform]
     flags = [flag.format(name=library) for flag in chosen.flags]
     arguments = [*LIBRARY_FLAGS, *flags, *map(str, source_files(library, native))]
+    digest = _DIGEST.format(mark=MARK, digest=library_digest(library, native))
     with tempfile.TemporaryDirectory() as folder:
         parts = []
+        source = Path(folder) / "strainfmu_sources.c"
+        source.write_text(digest, "ascii")
         for target in chosen.targets:
             output = Path(folder) / f"{library}{chosen.suffix}"
-            compile_with_zig(target, [*arguments, "-o", str(output)])
+            compile_with_zig(target, [*arguments, str(source), "-o", str(output)])
             parts.append(output.read_bytes())
     return parts[0] if len(parts) == 1 else universal_library(parts)
 

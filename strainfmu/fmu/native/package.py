@@ -9,8 +9,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 from importlib import resources
+from pathlib import Path
 
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.library_sources import BINARIES, library_digest, require_digest
 from strainfmu.fmu.description.fmi2 import model_description_bytes
 from strainfmu.fmu.description.fmi3 import model_description_3_bytes
 from strainfmu.fmu.description.fmu_description import FmuDescription
@@ -65,10 +67,10 @@ _X86_64 = 0x01000007
 def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
     """Return suffix and content of a library by platform, as FMI 3.0 names it, in alphabetical order.
 
-    ``library`` is a key of :data:`~strainfmu.fmu.native.sources.LIBRARIES`.
+    ``library`` is a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`.
     """
     found = {}
-    folder = resources.files("fmus").joinpath("native", "binaries")
+    folder = resources.files("fmus").joinpath("native", BINARIES)
     if folder.is_dir():
         tuples = {name: platform for platform, name in FOLDERS.items()}
         for item in folder.iterdir():
@@ -120,10 +122,19 @@ def chosen_libraries(
     Raises
     ------
     InputError
-        A platform has no such library.
+        A platform has no such library, or one of other sources than there are.
     StrainfmuError
         The library is not shipped at all.
     """
+    chosen = _chosen(library, platforms, fmi_version)
+    digest = library_digest(library, Path(str(resources.files("fmus"))) / "native")
+    for platform, (_, content) in chosen.items():
+        require_digest(content, digest, FOLDERS[platform], library)
+    return chosen
+
+
+def _chosen(library: str, platforms: Sequence[str] | None, fmi_version: str) -> dict[str, tuple[str, bytes]]:
+    """Return what :func:`chosen_libraries` does, of any sources."""
     shipped = shipped_libraries(library)
     if not shipped:
         raise StrainfmuError(

@@ -6,7 +6,6 @@ and ``buildDescription.xml`` for importers that compile by themselves.
 
 from __future__ import annotations
 
-import hashlib
 import posixpath
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,17 +13,7 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-LIBRARIES = {
-    "estimator": ("core", "estimator"),
-    "plant": ("core", "system", "plant", "autopilot", "schedule"),
-}
-"""Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
-
-BESIDE = {"estimator": ("bus",)}
-"""Folders that the built library holds next to the model, for Python alone: FMUs bring no sources of them."""
-
-FRONTS = {"2": "fmi2", "3": "fmi3"}
-"""Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""
+from strainfmu.estimator.library_sources import FRONTS, LIBRARIES
 
 ARITHMETIC_FLAGS = (
     # Without fused multiply-adds every platform computes the same bits.
@@ -39,11 +28,6 @@ _CORE = "core"
 """Folder of what models and fronts have in common."""
 
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
-
-
-def library_folders(library: str) -> tuple[str, ...]:
-    """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
-    return (*FRONTS.values(), *LIBRARIES[library], *BESIDE.get(library, ()))
 
 
 def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
@@ -101,14 +85,6 @@ def _files_below(folder: Traversable) -> Iterator[str]:
 def compiled_files(sources: Mapping[str, bytes]) -> list[str]:
     """Return the names of the files to compile."""
     return [name for name in sources if name.endswith(".c")]
-
-
-def sources_digest(sources: Mapping[str, bytes]) -> str:
-    """Return a hash of names and content of ``sources``."""
-    digest = hashlib.sha256()
-    for name, content in sources.items():
-        digest.update(f"{name} {len(content)}\n".encode() + content)
-    return digest.hexdigest()
 
 
 def cmake_lists(model_identifier: str, source_files: Sequence[str]) -> bytes:

@@ -13,6 +13,7 @@ import pytest
 from raw_fmu import shipped_library, this_platform
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.library_sources import LIBRARIES, MARK, library_digest
 from strainfmu.fmu.native.build import (
     NATIVE,
     PLATFORMS,
@@ -24,7 +25,6 @@ from strainfmu.fmu.native.build import (
     source_files,
     universal_library,
 )
-from strainfmu.fmu.native.sources import LIBRARIES
 
 HAVE_ZIG = find_spec("ziglang") is not None and version("ziglang") == ZIG_VERSION
 needs_zig = pytest.mark.skipif(not HAVE_ZIG, reason=f"needs zig {ZIG_VERSION}: pip install 'strainfmu[native]'")
@@ -52,6 +52,7 @@ def test_every_platform_has_its_libraries(platform: str, library: str) -> None:
     names = [name.encode() for fmi in (2, 3) for name in functions(fmi)]
     assert [name for name in names if name not in content] == []
     assert b"/native/" not in content  # nothing of the folder it was built in
+    assert set(re.findall(MARK.encode() + rb"(\w+)", content)) == {library_digest(library, NATIVE).encode()}
 
 
 @pytest.mark.parametrize("library", list(LIBRARIES))
