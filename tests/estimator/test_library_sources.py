@@ -18,8 +18,8 @@ pytestmark = pytest.mark.fast
 
 HEALTH = "estimator/linear/linear.c"
 REFUSED = (
-    rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native, got one"
-    rf" of other sources; build it: python -m strainfmu\.fmu\.native\.build {this_platform()}$"
+    rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native,"
+    rf" got one of other sources; build it: python -m strainfmu\.fmu\.native\.build {this_platform()}$"
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from ctypes import byref
+from ctypes import CFUNCTYPE, c_char_p, c_int, c_void_p, cast, string_at
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,9 @@ import fmpy
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Slave
-from fmpy.logging import addLoggerProxy
+
+LOGGER = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_void_p)
+"""Logger of FMI 2.0 with its first variadic argument, which lies where a fixed argument does on Linux."""
 
 
 class Experiment:
@@ -39,8 +41,9 @@ class Experiment:
         self.fmu: Any = (FMU2Slave if self.is_second else FMU3Slave)(**arguments)
         if self.is_second:
             callbacks = fmi2CallbackFunctions()
-            callbacks.logger = fmi2CallbackLoggerTYPE(lambda *message: self.messages.append(message[4].decode()))
-            addLoggerProxy(byref(callbacks))
+            # Not fmpy's proxy: it calls the last callback that it was given for all FMUs of the process.
+            self._logger = LOGGER(self._log_variadic)
+            callbacks.logger = cast(self._logger, fmi2CallbackLoggerTYPE)
             self.fmu.instantiate(callbacks=callbacks, loggingOn=True)
             self.fmu.setupExperiment(startTime=0.0, stopTime=stop_time)
             self.fmu.enterInitializationMode()
@@ -50,6 +53,10 @@ class Experiment:
             )
             self.fmu.enterInitializationMode(startTime=0.0, stopTime=stop_time)
         self.fmu.exitInitializationMode()
+
+    def _log_variadic(self, *message: Any) -> None:
+        text = message[4]
+        self.messages.append((string_at(message[5]) if text == b"%s" else text).decode())
 
     def _log(self, _: object, status: int, category: bytes, text: bytes) -> None:
         self.messages.append(text.decode())
