@@ -326,11 +326,11 @@ def library() -> ctypes.CDLL:
     NoCoreError
         None is shipped for this machine, and there is no compiler to make one.
     InputError
-        The one beside the C sources was built from others.
+        The shipped one was built from other C sources than the installed ones.
     """
     path, fault = library_file(), "none is shipped for it"
     if path.exists():
-        if path.parents[1].name == BINARIES:  # sources may lie beside it, as those of an FMU do not
+        if path.parents[1].name == BINARIES:  # an FMU has it elsewhere, and not all sources
             digest = library_digest("estimator", path.parents[2])
             require_digest(path.read_bytes(), digest, path.parent.name, "estimator")
         try:

@@ -1,7 +1,7 @@
 """The C sources of each compiled library, and the digest of them that a library carries.
 
-The build compiles the digest in, behind :data:`MARK`. Where a library lies beside sources, as in a checkout or an
-installation, and they are others, it is refused.
+The build compiles the digest in, after :data:`MARK`. A checkout or an installation has sources too: a library of
+other sources is refused.
 """
 
 from __future__ import annotations
