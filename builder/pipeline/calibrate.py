@@ -11,8 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from builder.calibration.after_test.calibrated_map import calibrated_map, remaining_after, with_provenance
-from builder.calibration.after_test.flown_after_test import allowed_vehicles
+from builder.calibration.after_test.calibrated_map import (
+    calibrated_map,
+    calibrated_vehicle,
+    remaining_after,
+    with_provenance,
+)
+from builder.calibration.after_test.flown_after_test import allowed_flights
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
@@ -38,6 +43,7 @@ from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
+from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.flows import load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
@@ -349,10 +355,11 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
     if model is None:
         return with_levels_of(made, parts.drawn)
-    fly = partial(allowed_vehicles, vehicle, parts.structure, remaining, model.structure, model.flows)
-    return with_measured_levels(
-        vehicle, made, model.flows, fly, reporter, conditions=CONDITIONS, vehicles=VEHICLES
+    world = World(
+        vehicle=calibrated_vehicle(vehicle), structure=model.structure, flows=model.flows, inverse_map=made
     )
+    fly = partial(allowed_flights, world, parts.structure, remaining)
+    return with_measured_levels(world, reporter, fly=fly, conditions=CONDITIONS, vehicles=VEHICLES)
 
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:

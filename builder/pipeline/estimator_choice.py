@@ -17,15 +17,14 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.solution import Problem
-from builder.trial.readings import ReadFlights, Readings
-from builder.trial.run import estimates
+from builder.trial.estimators import of_map
+from builder.trial.readings import Readings
 from builder.trial.score import Score, by_name, rounded, score_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import BoolArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.flight_condition import FlightCondition
@@ -83,7 +82,7 @@ def linear_because(why: str) -> Choice:
     return Choice(used="linear", why=why, scores={})
 
 
-def compared(inverse_map: InverseMap, read: Readings, truth: FloatArray, flights: str) -> Choice:
+def compared(inverse_map: InverseMap, read: Readings, flights: str) -> Choice:
     """Return the better estimator of a map with tables on n samples.
 
     An estimator whose undetected errors exceed :data:`MOST_UNDETECTED` loses to one within it. Otherwise the
@@ -93,13 +92,9 @@ def compared(inverse_map: InverseMap, read: Readings, truth: FloatArray, flights
     Parameters
     ----------
     read : with Mach number, p_inf and q_inf.
-    truth : (n, 5) coefficients [1].
     flights : in words.
     """
-    scores = {
-        "linear": _score(inverse_map.without_tables(), read, truth),
-        "nonlinear": _score(inverse_map, read, truth),
-    }
+    scores = {name: _score(inverse_map, name, read) for name in ("linear", "nonlinear")}
     linear, nonlinear = scores.values()
     undetected = [one.undetected for one in (linear, nonlinear)]
     safe = [one <= MOST_UNDETECTED for one in undetected]
@@ -116,19 +111,18 @@ def compared(inverse_map: InverseMap, read: Readings, truth: FloatArray, flights
     return Choice(used=used, why=why, flights=flights, scores=scores)
 
 
-def _score(inverse_map: InverseMap, read: Readings, truth: FloatArray) -> Score:
-    found = estimates(Estimator(inverse_map), read)
-    return score_of(COEFFICIENT_NAMES, found.coefficients - truth, found.std, truth=truth, health=found.health)
+def _score(inverse_map: InverseMap, name: str, read: Readings) -> Score:
+    made = of_map(inverse_map, name)(read)
+    return score_of(COEFFICIENT_NAMES, made.value - read.truth, made.std, truth=read.truth, health=made.health)
 
 
-def compared_in_flights(inverse_map: InverseMap, flights: ReadFlights) -> Choice:
+def compared_in_flights(inverse_map: InverseMap, flights: Readings) -> Choice:
     """Return the better estimator in ``flights`` of the independent model, some vehicles of each."""
-    count, vehicles = len(flights.conditions), flights.vehicles
+    count = len(flights.conditions)
+    vehicles = len(flights.strain) // count
     each = min(vehicles, max(1, SAMPLES // count))
     rows = (vehicles * np.arange(count)[:, None] + np.arange(each)).ravel()
-    read = Readings(strain=flights.strain[rows], known={name: one[rows] for name, one in flights.known.items()})
-    truth = np.repeat(flights.coefficients, each, axis=0)
-    return compared(inverse_map, read, truth, f"{count} flights of the independent model")
+    return compared(inverse_map, flights.rows(rows), f"{count} flights of the independent model")
 
 
 def as_chosen(inverse_map: InverseMap, choice: Choice) -> InverseMap:
@@ -161,8 +155,8 @@ def compared_on_left_out(
         return linear_because(f"no map can be made without {left.name} ({error})")
     kept = {_key(one) for one in snapshots.chosen(left.kept).conditions()}
     is_left = np.array([_key(one) not in kept for one in problem.ensemble.conditions])
-    read, truth = _drawn(vehicle.noise, problem, np.tile(is_left, problem.ensemble.rolls))
-    return compared(made, read, truth, f"snapshots that a map was made without: {left.name}")
+    read = _drawn(vehicle.noise, problem, np.tile(is_left, problem.ensemble.rolls))
+    return compared(made, read, f"snapshots that a map was made without: {left.name}")
 
 
 def _key(condition: FlightCondition) -> tuple[float, ...]:
@@ -196,8 +190,8 @@ def left_out(snapshots: Snapshots, ensemble: Ensemble) -> LeftOut | None:
 _WORDS = {"total_incidence": "total incidence", "angle_of_attack": "angle of attack", "sideslip_angle": "sideslip"}
 
 
-def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> tuple[Readings, FloatArray]:
-    """Return what vehicles read in the flows ``members`` (n,) of the ensemble, and their coefficients (k, 5).
+def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> Readings:
+    """Return what vehicles read in the flows ``members`` (n,) of the ensemble.
 
     The flows are at the nominal dynamic pressure. Errors of the pressure itself are not drawn.
     """
@@ -221,4 +215,6 @@ def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> tuple[Readings
         STATIC_PRESSURE: pressure * (1.0 + 0.01 * noise.navigation_static_pressure_percent * drawn[2]),
     }
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS])[rows]
-    return Readings(strain=strain, known=known), loads * ensemble.scale[0]
+    return Readings(
+        strain=strain, known=known, truth=loads * ensemble.scale[0], vehicle=np.arange(len(rows)), flight=rows
+    )

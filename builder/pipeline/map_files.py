@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from functools import cache, partial
+from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
@@ -44,7 +44,7 @@ from builder.structure.external.structure import external_inputs, external_struc
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
-from builder.trial.vehicles import drawn_vehicles
+from builder.trial.world import World
 from builder.truth.independent_model import ENGINES_IN_WORDS
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
@@ -228,8 +228,8 @@ def _inverse_map(pipeline: Pipeline) -> None:
             made = with_shape_levels(flown, made, solid, of_levels, pipeline.reporter)
         elif calibrates:
             flows = load_flow_table(pipeline.path(FLOWS))
-            fly = partial(drawn_vehicles, flown, true_structure_of(pipeline), flows)
-            made = with_measured_levels(flown, made, flows, fly, pipeline.reporter)
+            world = World(vehicle=flown, structure=true_structure_of(pipeline), flows=flows, inverse_map=made)
+            made = with_measured_levels(world, pipeline.reporter)
         save_inverse_map(made, path)
 
     inputs = {

@@ -12,11 +12,16 @@ from builder.pipeline.estimator_choice import as_chosen, compared_in_flights
 from builder.reporting import Reporter
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
-from builder.trial.alarm_levels import with_alarm_levels, with_flight_alarm_levels
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
-from builder.trial.readings import CONDITIONS, SEED, VEHICLES, ReadFlights, read_flights, readings
-from builder.trial.vehicles import DrawnVehicles, Fly
-from builder.truth.revolution.flow_table import FlowTable
+from builder.trial.levels import (
+    SEED,
+    level_readings,
+    stated_readings,
+    with_alarm_levels,
+    with_flight_alarm_levels,
+)
+from builder.trial.readings import Readings
+from builder.trial.world import World
 from builder.truth.revolution.flows import truth_knots
 from builder.truth.shape.flights import shape_flights
 from builder.truth.shape.structure import flying_structure, refuse_without_other_model, structure_of_check
@@ -100,37 +105,23 @@ def with_shape_levels(
     else:
         structure = structure_of_check(vehicle, known, check)
 
-    def read() -> ReadFlights:
-        flown = DrawnVehicles(
-            noise=vehicle.noise,
-            flights=shape_flights(vehicle, structure, flows),
-        )
-        return readings(inverse_map, vehicle.noise, flown, np.random.default_rng(SEED), SHAPE_VEHICLES)
+    world = World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=inverse_map)
 
-    return _with_levels(vehicle, inverse_map, read, reporter)
+    def read() -> Readings:
+        flights = shape_flights(vehicle, structure, flows)
+        return stated_readings(world, flights, np.random.default_rng(SEED), SHAPE_VEHICLES)
 
-
-def with_measured_levels(
-    vehicle: Vehicle,
-    inverse_map: InverseMap,
-    flows: FlowTable,
-    fly: Fly,
-    reporter: Reporter,
-    conditions: int = CONDITIONS,
-    vehicles: int = VEHICLES,
-) -> InverseMap:
-    """Return ``inverse_map`` with alarm levels set on flights of the independent model at as many ``conditions``,
-    of ``vehicles`` each."""
-
-    def read() -> ReadFlights:
-        return read_flights(inverse_map, vehicle, flows, fly, conditions=conditions, vehicles=vehicles)
-
-    return _with_levels(vehicle, inverse_map, read, reporter)
+    return _with_levels(world, read, reporter)
 
 
-def _with_levels(
-    vehicle: Vehicle, inverse_map: InverseMap, read: Callable[[], ReadFlights], reporter: Reporter
-) -> InverseMap:
+def with_measured_levels(world: World, reporter: Reporter, **effort: Any) -> InverseMap:
+    """Return the map of ``world`` with alarm levels set on flights of its independent model; ``effort`` is of
+    :func:`~builder.trial.levels.level_readings`."""
+    return _with_levels(world, lambda: level_readings(world, **effort), reporter)
+
+
+def _with_levels(world: World, read: Callable[[], Readings], reporter: Reporter) -> InverseMap:
+    vehicle, inverse_map = world.vehicle, world.inverse_map
     with reporter.stage("Alarm levels: flights of the independent model"):
         flights = read()
         if vehicle.map.estimator == "auto" and inverse_map.manifold is not None:

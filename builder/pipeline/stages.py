@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Collection
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from warnings import warn
@@ -50,7 +49,7 @@ from builder.structure.solid.checks.reference_loads import mesh_error_line
 from builder.structure.solid.model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
-from builder.trial.vehicles import drawn_vehicles
+from builder.trial.world import World
 from builder.truth.revolution.flows import independent_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape.flights import shape_flows
@@ -185,8 +184,8 @@ def build_map(
         of_levels = shape_flows(vehicle, level_conditions(vehicle), reporter, "Flow: alarm levels")
         return with_shape_levels(vehicle, found, solid, of_levels, reporter)
     flows = independent_flows(vehicle, reporter, scheduling=Scheduling(workers=0))
-    fly = partial(drawn_vehicles, vehicle, solved_true_structure(vehicle, reporter), flows)
-    return with_measured_levels(vehicle, found, flows, fly, reporter)
+    true = solved_true_structure(vehicle, reporter)
+    return with_measured_levels(World(vehicle=vehicle, structure=true, flows=flows, inverse_map=found), reporter)
 
 
 def check_before_long_work(vehicle: Vehicle, conditions: int | None = None) -> None:

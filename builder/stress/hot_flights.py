@@ -25,6 +25,7 @@ from builder.structure.fourier.model import structural_model, with_mesh_error
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
 from builder.structure.loads.temperature import temperature_mode
 from builder.trial.conditions import held_out_conditions
+from builder.trial.estimators import known_by
 from builder.trial.readings import navigation_at
 from builder.trial.score import Score, score_of
 from builder.truth.as_built import drawn_many
@@ -204,7 +205,7 @@ def _score(
     flights: HotFlights, held: InverseMap, kind: str, strain: FloatArray, temperature: FloatArray | None
 ) -> Score:
     estimator = Estimator(held.without_tables() if kind == "linear" else held)
-    known = navigation_at(flights.conditions, estimator.is_nonlinear)
+    known = known_by(estimator, navigation_at(flights.conditions))
     found = estimator.estimate(strain, flights.dynamic_pressure, temperature=temperature, **known)
     error = found.coefficients - flights.coefficients
     return score_of(COEFFICIENT_NAMES, error, found.coefficients_std, health=found.health)

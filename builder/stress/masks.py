@@ -12,25 +12,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 
 from builder.pipeline.progress_bars import ConsoleReporter
+from builder.pipeline.trial_run import world_of_files
 from builder.reporting import Progress
-from builder.stress.run import vehicle_and_flows
 from builder.stress.study import run_study, study_parser
-from builder.trial.readings import ReadFlights, read_flights
+from builder.trial.estimators import known_by
+from builder.trial.levels import level_readings
+from builder.trial.readings import Readings
 from builder.trial.score import SIGMAS
-from builder.trial.vehicles import drawn_vehicles
-from builder.truth.revolution.strain import true_structure
+from builder.trial.world import World
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
@@ -129,14 +126,11 @@ def masks_of(inverse_map: InverseMap, random: np.random.Generator, halves: int =
             yield Mask(group=group, name=name, used=np.isin(np.arange(n_d), kept), drawn=True)
 
 
-def score(estimator: Estimator, flights: ReadFlights, mask: Mask, rows: slice) -> MaskScore:
+def score(estimator: Estimator, flights: Readings, mask: Mask, rows: slice) -> MaskScore:
     """Return the score of the samples ``rows`` of ``flights`` with the gauges of ``mask`` alone."""
-    truth = np.repeat(flights.coefficients, flights.vehicles, axis=0)[rows]
-    known: dict[str, Any] = {name: np.asarray(value)[rows] for name, value in flights.known.items()}
-    if not estimator.is_nonlinear:
-        known = {name: value for name, value in known.items() if name != STATIC_PRESSURE}
-    strain = np.where(mask.used, flights.strain[rows], np.nan)
-    found = estimator.estimate(strain, **known)
+    part = flights.rows(rows)
+    truth, strain = part.truth, np.where(mask.used, part.strain, np.nan)
+    found = estimator.estimate(strain, **known_by(estimator, part.known))
     error = np.abs(found.coefficients - truth)
     with np.errstate(invalid="ignore"):
         z = error / found.coefficients_std
@@ -156,7 +150,7 @@ def score(estimator: Estimator, flights: ReadFlights, mask: Mask, rows: slice) -
 
 def scores(
     estimator: Estimator,
-    flights: ReadFlights,
+    flights: Readings,
     masks: Sequence[Mask],
     *,
     samples: int = SAMPLES,
@@ -209,23 +203,10 @@ def table(found: Sequence[MaskScore]) -> list[str]:
     return [*lines, f"{len(below)} of {len(found)} masks with a load covered in less than {TARGET:g} %"]
 
 
-def read(
-    vehicle_path: Path, inverse_map: InverseMap, map_path: Path, flows: Path, *, samples: int, seed: int
-) -> ReadFlights:
-    """Return what all gauges read in ``samples`` samples of the independent model; errors as
-    :func:`builder.stress.run.vehicle_and_flows`."""
-    vehicle, flow_table = vehicle_and_flows(vehicle_path, inverse_map, map_path, flows)
-    fly = partial(drawn_vehicles, vehicle, true_structure(vehicle), flow_table)
+def read(world: World, *, samples: int, seed: int) -> Readings:
+    """Return what all gauges read in ``samples`` samples of the independent model."""
     conditions = max(1, samples // CONDITIONS_PER_VEHICLE)
-    return read_flights(
-        inverse_map,
-        vehicle,
-        flow_table,
-        fly,
-        seed=seed,
-        vehicles=CONDITIONS_PER_VEHICLE,
-        conditions=conditions,
-    )
+    return level_readings(world, seed=seed, vehicles=CONDITIONS_PER_VEHICLE, conditions=conditions)
 
 
 def main() -> None:
@@ -241,10 +222,7 @@ def main() -> None:
     masks = list(masks_of(inverse_map, np.random.default_rng(options.seed), options.halves))
     reporter = ConsoleReporter(Console(stderr=True))
     flights = read(
-        options.vehicle,
-        inverse_map,
-        options.map,
-        options.flows,
+        world_of_files(options.vehicle, options.map, options.flows),
         samples=max(options.samples, 20 * options.of_drawn),
         seed=options.seed,
     )

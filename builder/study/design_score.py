@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,16 +17,16 @@ from builder.pipeline.used_files import FLOWS, MAP, open_pipeline
 from builder.reporting import Reporter, Silent
 from builder.study.study_file import Trial
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
-from builder.trial.readings import ReadFlights, read_flights, readings
+from builder.trial.estimators import of_map
+from builder.trial.levels import level_readings, stated_readings
+from builder.trial.readings import Readings
 from builder.trial.score import by_name, rounded, score_of
-from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
+from builder.trial.world import World
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.shape.flights import shape_flights
 from builder.truth.shape.structure import flying_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import STATIC_PRESSURE
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 
@@ -100,7 +99,7 @@ def _score(task: Task, reporter: Reporter) -> dict[str, Any]:
     return found
 
 
-def trial_flights(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, trial: Trial) -> ReadFlights:
+def trial_flights(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap, trial: Trial) -> Readings:
     """Return what vehicles of the independent model read in the trial.
 
     Raises
@@ -113,33 +112,20 @@ def trial_flights(pipeline: Pipeline, vehicle: Vehicle, inverse_map: InverseMap,
     if vehicle.is_of_revolution:
         make_independent_flows(pipeline)
         flows = load_flow_table(pipeline.path(FLOWS))
-        fly = partial(drawn_vehicles, vehicle, true_structure_of(pipeline), flows)
-        return read_flights(
-            inverse_map, vehicle, flows, fly, seed=trial.seed, vehicles=trial.draws, conditions=trial.conditions
-        )
+        world = World(vehicle=vehicle, structure=true_structure_of(pipeline), flows=flows, inverse_map=inverse_map)
+        return level_readings(world, seed=trial.seed, vehicles=trial.draws, conditions=trial.conditions)
     structure = flying_structure(vehicle, solid_structure_of(pipeline), pipeline.reporter)
-    flown = shape_flights(vehicle, structure, load_snapshots(pipeline.path(TRIAL_FLOWS)))
-    random = np.random.default_rng(trial.seed)
-    return readings(
-        inverse_map, vehicle.noise, DrawnVehicles(noise=vehicle.noise, flights=flown), random, trial.draws
-    )
+    snapshots = load_snapshots(pipeline.path(TRIAL_FLOWS))
+    world = World(vehicle=vehicle, structure=structure, flows=snapshots, inverse_map=inverse_map)
+    flights, random = shape_flights(vehicle, structure, snapshots), np.random.default_rng(trial.seed)
+    return stated_readings(world, flights, random, trial.draws)
 
 
-def score_in_flights(inverse_map: InverseMap, flights: ReadFlights) -> dict[str, Any]:
+def score_in_flights(inverse_map: InverseMap, read: Readings) -> dict[str, Any]:
     """Return rms error, mean standard deviation and coverage of 3 sigma of each coefficient, and health."""
-    estimator = Estimator(inverse_map)
-    known = dict(flights.known)
-    if not estimator.is_nonlinear:
-        del known[STATIC_PRESSURE]
-    found = estimator.estimate(flights.strain, **known)
-    truth = np.repeat(flights.coefficients, flights.vehicles, axis=0)
-    score = score_of(
-        COEFFICIENT_NAMES,
-        found.coefficients - truth,
-        found.coefficients_std,
-        truth=truth,
-        health=np.asarray(found.health),
-    )
+    made = of_map(inverse_map)(read)
+    error = made.value - read.truth
+    score = score_of(COEFFICIENT_NAMES, error, made.std, truth=read.truth, health=made.health)
     return {
         "gauges": inverse_map.n_gauges,
         "samples": score.samples,

@@ -1,6 +1,8 @@
-"""A trial: vehicles fly, drawn or given, under conditions and with faults; estimates of their readings are scored.
+"""A trial: vehicles fly, drawn or given, with faults; what they read is estimated and scored in one long table.
 
-:mod:`~builder.trial.conditions` draws where they fly, :mod:`~builder.trial.readings` what they read there,
-:mod:`~builder.trial.run` estimates by batches, :mod:`~builder.trial.score` defines every figure of a score, and
-:mod:`~builder.trial.bound` is what no estimator can be better than.
+:mod:`~builder.trial.cases` reads what is tried, :mod:`~builder.trial.world` flies it,
+:mod:`~builder.trial.readings` says what is read, :mod:`~builder.trial.estimators` estimates,
+:mod:`~builder.trial.score` defines every figure of a score, :mod:`~builder.trial.rules` judges,
+:mod:`~builder.trial.table` shows, :mod:`~builder.trial.run` runs all of it. :mod:`~builder.trial.bound` is what no
+estimator can be better than, :mod:`~builder.trial.levels` takes alarm levels from a trial.
 """

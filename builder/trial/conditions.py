@@ -1,25 +1,213 @@
-"""Where vehicles fly in a trial: random conditions inside the envelope of a map, between its snapshots.
+"""Where vehicles fly in a trial: random conditions inside the envelope of a map, between its snapshots, and
+beyond.
 
-Every program draws by the same rules: Mach number and altitude uniform in their ranges, angles of a body of
-revolution by :func:`drawn_conditions`, of any other shape by :func:`conditions_in_ranges`. What differs between
-programs is the ranges of altitudes and angles that each wants.
+The envelope is the vehicle file's: Mach number and altitude from smallest to largest, and the total incidence up
+to the largest of the conditions, at any roll angle of the wind where the map has full symmetry. Mach number and
+altitude are uniform in their ranges; angles of a body of revolution are by :func:`held_out_conditions`, of any
+other shape by :func:`conditions_in_ranges`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import radians
+from dataclasses import replace
+from math import degrees, pi, radians
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from builder.truth.revolution.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
+from builder.vehicle.toml.sections import Altitude, Section
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
 
 ALTITUDES_KM = (12.0, 30.0)
 """Range [km] of altitudes that are drawn where a map holds at all."""
+
+MACH_REACH, INCIDENCE_REACH = 0.22, 0.3
+"""How far the flows of a trial go beyond the envelope, relative to its bounds."""
+
+MACH_KNOTS, INCIDENCE_KNOTS = 7, 8
+"""Knots of these flows. On the shipped vehicle each harmonic of the pressure between them differs from the
+same of flows at 108 knots by 0.004 p_inf rms at most, and the undetected fractions by 0.1 %."""
+
+LEAST_INCIDENCE = radians(1.0)
+"""Taken as the largest total incidence [rad] of a vehicle that has none."""
+
+FEWER_BEYOND = 4
+"""Beyond the envelope of another shape than a body of revolution there are fewer conditions by this factor: each
+needs a flow of its own."""
+
+Pair = list[float]
+"""Smallest and largest value."""
+
+
+class Where(Section):
+    """Where vehicles fly: inside the envelope, changed by each entry that is given.
+
+    Attributes
+    ----------
+    altitudes : of the conditions of the vehicle file, or 12 to 30 km as far as the map holds there.
+    altitude_km : the same altitude for all.
+    incidence : range of the total incidence, over the largest of the envelope, at any roll angle of the wind.
+    incidence_deg : the same [deg], on the flows of a body of revolution.
+    from_deg : smallest total incidence [deg], where the envelope goes that far.
+    edge : range of one angle, of attack or sideslip, of half its range off its middle, for shapes whose angles
+        have ranges of their own. An end of a range at 0 is no edge: a symmetric body has mirror images there.
+    mach : the Mach number, below 1 over the smallest and above 1 over the largest of the envelope.
+    mirrored : whether angle of attack, sideslip or both have the other sign than listed.
+    """
+
+    altitudes: Literal["listed", "map"] = "listed"
+    altitude_km: Altitude | None = None
+    incidence: Pair | None = Field(default=None, min_length=2, max_length=2)
+    incidence_deg: Pair | None = Field(default=None, min_length=2, max_length=2)
+    from_deg: float | None = None
+    edge: Pair | None = Field(default=None, min_length=2, max_length=2)
+    mach: float | None = Field(default=None, gt=0.0)
+    mirrored: bool = False
+
+    @property
+    def is_beyond(self) -> bool:
+        """Whether another shape than a body of revolution has fewer conditions there."""
+        return self.edge is not None or self.mach is not None
+
+
+def flown_conditions(
+    where: Where, vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return ``count`` conditions; without a ``table`` of flows, of another shape than a body of revolution,
+    beyond the envelope they are fewer by :data:`FEWER_BEYOND`.
+
+    Raises
+    ------
+    FlowReachError
+        The flows do not go as far.
+    """
+    number = max(1, count // FEWER_BEYOND) if table is None and where.is_beyond else count
+    conditions = _inside(where, vehicle, table, number, random)
+    if where.edge is not None:
+        conditions = [_at_edge(one, vehicle, where.edge, random) for one in conditions]
+    if where.mirrored:
+        conditions = [_mirrored(one, vehicle, random) for one in conditions]
+    if (band := _incidences(where, vehicle)) is not None:
+        largest = envelope_incidence(vehicle)
+        if table is not None:
+            _refuse_beyond(band[1] * largest, table.incidence_knots[-1], "total incidence [rad]")
+        conditions = [_rolled(one, float(random.uniform(*band)) * largest, random) for one in conditions]
+    if where.mach is not None:
+        listed = vehicle.conditions.mach_number
+        mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
+        if table is not None:
+            _refuse_beyond(-mach, -table.mach_knots[0], "-Mach number")
+            _refuse_beyond(mach, table.mach_knots[-1], "Mach number")
+        conditions = [replace(one, mach_number=mach) for one in conditions]
+    if where.altitude_km is not None:
+        conditions = [replace(one, altitude=1e3 * where.altitude_km) for one in conditions]
+    return conditions
+
+
+def _inside(
+    where: Where, vehicle: Vehicle, table: FlowTable | None, count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    """Return conditions inside the envelope, between the snapshots."""
+    listed = where.altitudes == "listed"
+    heights = listed_altitudes_km(vehicle) if listed else drawn_altitudes_km(vehicle)
+    if table is None:
+        return conditions_in_ranges(vehicle, heights, count, random)
+    band = (
+        None if where.incidence_deg is None else (radians(where.incidence_deg[0]), radians(where.incidence_deg[1]))
+    )
+    if band is not None:
+        _refuse_beyond(band[1], table.incidence_knots[-1], "total incidence [rad]")
+    conditions = held_out_conditions(vehicle, table, count, random, band)
+    if not listed:
+        return conditions
+    return [replace(one, altitude=1e3 * float(random.uniform(*heights))) for one in conditions]
+
+
+def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:
+    """Return the range of total incidences over the largest of the envelope; None where nothing asks for it."""
+    if where.incidence is not None:
+        return where.incidence[0], where.incidence[1]
+    if where.from_deg is None or not vehicle.is_of_revolution:
+        return None
+    least = where.from_deg / degrees(envelope_incidence(vehicle))
+    return (least, 1.0) if least < 1.0 else None
+
+
+def _rolled(condition: FlightCondition, incidence: float, random: np.random.Generator) -> FlightCondition:
+    alpha, beta = wind_angles(incidence, float(random.uniform(0.0, 2.0 * pi)))
+    return replace(condition, angle_of_attack=alpha, sideslip_angle=beta)
+
+
+def _at_edge(
+    condition: FlightCondition, vehicle: Vehicle, band: Pair, random: np.random.Generator
+) -> FlightCondition:
+    edges = edges_of(vehicle)
+    name, middle, reach = edges[int(random.integers(len(edges)))]
+    changed: dict[str, Any] = {name: radians(middle + float(random.uniform(band[0], band[1])) * reach)}
+    return replace(condition, **changed)
+
+
+def _mirrored(condition: FlightCondition, vehicle: Vehicle, random: np.random.Generator) -> FlightCondition:
+    """Return a condition of the listed ranges whose angle of attack, sideslip or both have the other sign."""
+    entry, incidence = vehicle.conditions, envelope_incidence(vehicle)
+    sign = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(random.integers(3))]
+    while True:
+        alpha, beta = (
+            side * radians(float(random.uniform(min(listed), max(listed))))
+            for side, listed in zip(sign, (entry.angle_of_attack_deg, entry.sideslip_angle_deg), strict=True)
+        )
+        turned = replace(condition, angle_of_attack=alpha, sideslip_angle=beta)
+        if turned.total_incidence <= incidence:
+            return turned
+
+
+def _refuse_beyond(needed: float, known: float, what: str) -> None:
+    if needed > known + 1e-9:
+        raise FlowReachError(f"{what}: {needed:.6g} needed, the flows go up to {known:.6g}")
+
+
+def edges_of(vehicle: Vehicle) -> list[tuple[str, float, float]]:
+    """Return the ends of the ranges of both angles: the angle's name, the middle [deg], and from there to the end
+    [deg]."""
+    entry = vehicle.conditions
+    both = (("angle_of_attack", entry.angle_of_attack_deg), ("sideslip_angle", entry.sideslip_angle_deg))
+    return [
+        (name, 0.5 * (min(listed) + max(listed)), end - 0.5 * (min(listed) + max(listed)))
+        for name, listed in both
+        for end in (min(listed), max(listed))
+        if max(listed) > min(listed) and end != 0.0
+    ]
+
+
+def is_inside(where: Where, vehicle: Vehicle) -> bool:
+    """Return whether the envelope of the map includes conditions at another altitude, or of other signs."""
+    entry = vehicle.conditions
+    if where.altitude_km is not None:
+        low, high = drawn_altitudes_km(vehicle, vehicle.map.valid_altitude_km)
+        return low <= where.altitude_km <= high
+    both = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
+    symmetric = vehicle.map.symmetry == "full" or all(np.isclose(min(one), -max(one)) for one in both)
+    return symmetric or not where.mirrored
+
+
+def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
+    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of flows, beyond the envelope."""
+    listed = vehicle.conditions.mach_number
+    mach = np.linspace((1.0 - MACH_REACH) * min(listed), (1.0 + MACH_REACH) * max(listed), MACH_KNOTS)
+    largest = (1.0 + INCIDENCE_REACH) * envelope_incidence(vehicle)
+    incidence = largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS
+    return np.round(mach, 9), np.round(incidence, 9)
+
+
+def envelope_incidence(vehicle: Vehicle) -> float:
+    """Return the largest total incidence [rad] of the envelope, :data:`LEAST_INCIDENCE` at least."""
+    return max(largest_incidence(vehicle), LEAST_INCIDENCE)
 
 
 def largest_incidence(vehicle: Vehicle) -> float:
@@ -44,40 +232,17 @@ def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITU
     return (bottom, top) if bottom <= top else (low, high)
 
 
-def drawn_conditions(
+def held_out_conditions(
+    vehicle: Vehicle,
+    table: FlowTable,
     count: int,
     random: np.random.Generator,
-    *,
-    angles: Callable[[], tuple[float, float]],
-    mach_numbers: tuple[float, float],
-    altitudes_km: tuple[float, float],
-    is_inside: Callable[[FlightCondition], bool],
-) -> list[FlightCondition]:
-    """Return ``count`` conditions, uniform in Mach number and altitude.
-
-    ``angles`` draws angle of attack and sideslip [rad]; a condition that is not inside is drawn again.
-    """
-    found: list[FlightCondition] = []
-    while len(found) < count:
-        alpha, beta = angles()
-        condition = FlightCondition(
-            mach_number=float(random.uniform(*mach_numbers)),
-            angle_of_attack=alpha,
-            sideslip_angle=beta,
-            altitude=1e3 * float(random.uniform(*altitudes_km)),
-        )
-        if is_inside(condition):
-            found.append(condition)
-    return found
-
-
-def held_out_conditions(
-    vehicle: Vehicle, table: FlowTable, count: int, random: np.random.Generator
+    band: tuple[float, float] | None = None,
 ) -> list[FlightCondition]:
     """Return ``count`` conditions that map and ``table`` both cover.
 
-    With full symmetry the total incidence is uniform from 0 and the roll angle of the wind is any; as listed,
-    angle of attack and sideslip are uniform in their ranges.
+    With full symmetry the total incidence is uniform from 0, or in ``band`` [rad], and the roll angle of the wind
+    is any; as listed, angle of attack and sideslip are uniform in their ranges.
 
     Raises
     ------
@@ -85,10 +250,11 @@ def held_out_conditions(
         They have no Mach number in common.
     """
     entry, incidence = vehicle.conditions, min(largest_incidence(vehicle), float(table.incidence_knots[-1]))
+    low, high = band or (0.0, incidence)
 
     def angles() -> tuple[float, float]:
-        if vehicle.map.symmetry == "full":
-            total = float(random.uniform(0.0, incidence))
+        if band is not None or vehicle.map.symmetry == "full":
+            total = float(random.uniform(low, high))
             return wind_angles(total, float(random.uniform(0.0, 2.0 * np.pi)))
         alpha, beta = (
             radians(float(random.uniform(min(listed), max(listed))))
@@ -107,8 +273,35 @@ def held_out_conditions(
         angles=angles,
         mach_numbers=(lowest, highest),
         altitudes_km=drawn_altitudes_km(vehicle),
-        is_inside=lambda one: one.total_incidence <= incidence,
+        is_inside=lambda one: band is not None or one.total_incidence <= incidence,
     )
+
+
+def drawn_conditions(
+    count: int,
+    random: np.random.Generator,
+    *,
+    angles: Callable[[], tuple[float, float]],
+    mach_numbers: tuple[float, float],
+    altitudes_km: tuple[float, float],
+    is_inside: Callable[[FlightCondition], bool],
+) -> list[FlightCondition]:
+    """Return ``count`` conditions, uniform in Mach number and altitude.
+
+    ``angles`` draws angle of attack and sideslip [rad]; a condition that is not inside is drawn again.
+    """
+    conditions = list[FlightCondition]()
+    while len(conditions) < count:
+        alpha, beta = angles()
+        condition = FlightCondition(
+            mach_number=float(random.uniform(*mach_numbers)),
+            angle_of_attack=alpha,
+            sideslip_angle=beta,
+            altitude=1e3 * float(random.uniform(*altitudes_km)),
+        )
+        if is_inside(condition):
+            conditions.append(condition)
+    return conditions
 
 
 def conditions_in_ranges(
@@ -118,7 +311,7 @@ def conditions_in_ranges(
 
     For vehicles of any shape: nothing is rolled.
     """
-    entry, found = vehicle.conditions, list[FlightCondition]()
+    entry, conditions = vehicle.conditions, list[FlightCondition]()
     listed = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg]
     listed += [one.values for one in entry.parameters.values()]
     low, high = (np.array([side(one) for one in listed]) for side in (min, max))
@@ -126,8 +319,8 @@ def conditions_in_ranges(
     for _ in range(count):
         mach, alpha, beta, *parameters = random.uniform(low, high).tolist()
         altitude = float(random.uniform(1e3 * bottom, 1e3 * top))
-        found.append(FlightCondition(mach, radians(alpha), radians(beta), altitude, tuple(parameters)))
-    return found
+        conditions.append(FlightCondition(mach, radians(alpha), radians(beta), altitude, tuple(parameters)))
+    return conditions
 
 
 def flight_states(conditions: Sequence[FlightCondition]) -> FloatArray:

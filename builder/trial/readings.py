@@ -1,8 +1,13 @@
-"""What vehicles read on flights of the independent model, errors of hardware, gauges and navigation drawn."""
+"""What is read: the strain of flights with noise and faults, and the air data that are given with it.
+
+There are two plans. A few vehicles, each with errors that last, fly all conditions; or every sample has a vehicle
+of its own. Samples of one vehicle resemble each other: the second plan is nine times as precise in rates and rms
+errors over sigma.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,158 +15,310 @@ from typing import Any
 import numpy as np
 
 from builder.processors import processors
-from builder.trial.conditions import held_out_conditions
-from builder.trial.vehicles import FlownVehicles, Fly
-from builder.truth.revolution.flow_table import FlowTable
+from builder.trial.cases import Air, Case
+from builder.trial.conditions import flight_states
+from builder.trial.faults import MICRO
+from builder.trial.world import World
+from builder.truth.flights import Flights
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, static_pressure_at
 from strainfmu.estimator.air_inputs import (
     ALTITUDE,
+    ANGLE_ERROR,
     DYNAMIC_PRESSURE,
     MACH_NUMBER,
+    MEASURED_ANGLES,
+    MEASURED_MOTION,
     Q_SOURCE,
     STATIC_PRESSURE,
+    VIBRATION,
     QSource,
 )
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
-CONDITIONS, VEHICLES = 4000, 50
-"""Flight conditions, and vehicles that fly at each, every one with its own errors and noise.
+BATCH = 20_000
+"""Samples that are read and estimated together, at least: work for all processors, in memory that does not
+grow."""
 
-Samples of one vehicle resemble each other, so that every sample gets a vehicle of its own. False alarms gather at
-some conditions: levels of 200,000 samples at 1,000 conditions give 1.1 to 1.5 times the stated rate on other
-flows, at 4,000 conditions 1.1 to 1.5 times.
-"""
+AMBIENT_PRESSURE, ANGLES = "ambient_pressure", ("angle_of_attack", "sideslip_angle")
 
-SEED = 20260
+Column = Callable[[str], FloatArray]
+"""Returns a quantity of the flight condition of each sample (n,), by its name."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Readings:
-    """What is read in n samples.
+    """What is read in n samples, and the truth.
 
     Attributes
     ----------
     strain : (n, n_d) readings [m/m], of auxiliary sensors in units of their own; (n, s, n_d) where each sample is
         the last of s readings in a flight of its own.
     known : what else is known: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
-        each one value for all samples, (n,), or a mapping of such.
-    time : (s,) of the readings of a flight [s]; None where each sample is one reading.
+        each one value for all samples, (n,), or a mapping of such. Where p_inf and altitude are both given, an
+        estimator takes the one that it knows.
+    truth : (n, m) of what is scored.
+    vehicle, flight : (n,) numbers of what a sample is of: samples of one resemble each other.
+    bound : (n, 5) Cramer-Rao bound of the coefficients [1]; None where it is not known.
+    time : [s], (s,) of the readings of a flight; (n,) where the samples are a flight in time, each vehicle from
+        its start. None where each sample is one reading.
+    conditions : of the flights by their numbers, as far as they are of interest.
+    quiet : (n, n_d) strain without noise, where rms errors are about the estimates of these.
     """
 
     strain: FloatArray
     known: Mapping[str, Any]
+    truth: FloatArray
+    vehicle: IntArray
+    flight: IntArray
+    bound: FloatArray | None = None
     time: FloatArray | None = None
+    conditions: tuple[FlightCondition, ...] = ()
+    quiet: FloatArray | None = None
+
+    @property
+    def states(self) -> FloatArray:
+        """(n, 4) true flight states of the samples."""
+        return flight_states(self.conditions)[self.flight]
+
+    def rows(self, rows: IntArray | slice) -> Readings:
+        """Return the samples ``rows`` alone."""
+        n = len(self.strain)
+        return replace(
+            self,
+            strain=self.strain[rows],
+            known=_each(self.known, lambda value: np.broadcast_to(value, n)[rows]),
+            truth=self.truth[rows],
+            vehicle=self.vehicle[rows],
+            flight=self.flight[rows],
+            bound=None if self.bound is None else self.bound[rows],
+            quiet=None if self.quiet is None else self.quiet[rows],
+        )
+
+
+def _each(known: Mapping[str, Any], change: Callable[[Any], Any]) -> dict[str, Any]:
+    """Return what is known with each value changed."""
+    return {
+        name: _each(value, change) if isinstance(value, Mapping) else change(value)
+        for name, value in known.items()
+    }
 
 
 def joined(parts: Sequence[Readings]) -> Readings:
     """Return the samples of ``parts`` one after another; what is known in them has the same names."""
+    first = parts[0]
     if len(parts) == 1:
-        return parts[0]
+        return first
 
-    def one(values: Sequence[Any]) -> Any:
+    def all_of(values: Sequence[Any]) -> Any:
         if isinstance(values[0], Mapping):
-            return {name: one([value[name] for value in values]) for name in values[0]}
+            return {name: all_of([value[name] for value in values]) for name in values[0]}
         counts = [len(part.strain) for part in parts]
         return np.concatenate([np.broadcast_to(value, n) for value, n in zip(values, counts, strict=True)])
 
+    def arrays(name: str) -> Any:
+        every = [getattr(part, name) for part in parts]
+        return None if every[0] is None else np.concatenate(every)
+
+    names = ("strain", "truth", "vehicle", "flight", "bound", "quiet")
     return replace(
-        parts[0],
-        strain=np.concatenate([part.strain for part in parts]),
-        known={name: one([part.known[name] for part in parts]) for name in parts[0].known},
+        first,
+        **{name: arrays(name) for name in names},
+        known={name: all_of([part.known[name] for part in parts]) for name in first.known},
+        time=arrays("time") if first.strain.ndim == 2 else first.time,
     )
 
 
-def navigation_at(conditions: Sequence[FlightCondition], is_nonlinear: bool) -> dict[str, Any]:
-    """Return exact Mach number and p_inf as the nonlinear estimator takes them, altitude for a linear one.
+def read_case(
+    world: World,
+    case: Case,
+    flights: Flights,
+    *,
+    number: int,
+    random: np.random.Generator,
+    rows: slice = slice(None),
+    vehicles: int | None = None,
+) -> Readings:
+    """Return what vehicle ``number`` reads in the flights ``rows``; or ``vehicles`` in one flight, numbered from
+    there.
+
+    Draws come from ``random``, first the errors of the vehicle.
+    """
+    built = world.built(case.built, random, vehicles)
+    exact, gauges, conditions = _is_exact(case), world.gauges, flights.conditions[rows]
+    strain = flights.read(built, rows, None if exact else random)
+    n, n_d = len(strain), len(gauges.station)
+
+    def of(name: str) -> FloatArray:
+        return np.repeat([float(getattr(condition, name)) for condition in conditions], n // len(conditions))
+
+    leeward, dynamic, inertia, how = of("leeward_roll_angle"), of(DYNAMIC_PRESSURE), case.inertia, case.over_time
+    force = np.zeros((n, 2)) if inertia is None else inertia.force(leeward, random)
+    known = _navigation(of) if case.air.navigation else {}
+    if case.air.parameters_percent:
+        true = np.repeat([condition.parameters for condition in conditions], n // len(conditions), axis=0)
+        known |= _parameters(world.inverse_map, case.air, true, random)
+    known[DYNAMIC_PRESSURE] = dynamic * (1.0 + np.reshape(built.dynamic_pressure, -1))
+    known = _given(world.vehicle, case.air, known, of, force, random)
+    if case.friction:
+        strain[:, :n_d] += world.added.friction(case.friction, dynamic)
+    time, quiet, shape = None, strain, strain.shape
+    if how is not None:
+        of_noise = float(np.mean(gauges.noise_std))
+        zero, common = how.zero * of_noise, how.common_zero * of_noise
+        strain[:, :n_d] += zero * random.standard_normal(n_d) + common * random.standard_normal()
+        strain, shape = strain[:, None], (n, how.steps, strain.shape[1])
+        time = how.time_step * np.arange(float(how.steps))
+    strain = strain + world.noise_std * random.standard_normal(shape)
+    if case.air.drawn:
+        known = _with_errors(known, world.vehicle.noise, random)
+    if case.fault is not None:
+        part, failing = (slice(n_d, None), world.sensor_gauges) if case.fault.sensors else (slice(n_d), gauges)
+        strain[:, part] = case.fault.readings(strain[:, part], failing, leeward, random)
+    if inertia is not None:
+        strain[:, :n_d] += world.added.inertia(inertia, force, leeward, random)
+    return Readings(
+        strain=strain,
+        known=known,
+        truth=np.repeat(flights.coefficients[rows], n // len(conditions), axis=0),
+        vehicle=np.full(n, number) if vehicles is None else number + np.arange(n),
+        flight=np.repeat(np.arange(len(flights.conditions))[rows], n // len(conditions)),
+        time=time,
+        conditions=tuple(flights.conditions),
+        quiet=quiet if case.motion is not None and exact else None,
+    )
+
+
+def read_own_vehicles(
+    world: World, case: Case, flights: Flights, vehicles: int, random: np.random.Generator
+) -> Iterator[Readings]:
+    """Yield what as many ``vehicles`` read in each flight of a ``case``, in blocks of flights; each flight has a
+    generator of its own."""
+    generators = random.spawn(len(flights.conditions))
+
+    def of_flight(number: int) -> Readings:
+        row, own = slice(number, number + 1), generators[number]
+        first = number * vehicles
+        return read_case(world, case, flights, number=first, random=own, rows=row, vehicles=vehicles)
+
+    block = max(1, BATCH // vehicles)
+    with ThreadPoolExecutor(processors()) as pool:
+        for first in range(0, len(generators), block):
+            yield joined(list(pool.map(of_flight, range(first, min(first + block, len(generators))))))
+
+
+def read_motion(world: World, case: Case, number: int, random: np.random.Generator) -> Readings:
+    """Return what vehicle ``number`` reads in the motion of a ``case``; motion, vehicle and noise are drawn."""
+    motion = case.motion
+    assert motion is not None
+    conditions = motion.conditions(world.vehicle, random)
+    read = read_case(world, case, world.fly(conditions), number=number, random=random)
+    n, time, known = len(conditions), motion.time, dict(read.known)
+    strain = read.strain.copy()
+    strain[:, : len(world.gauges.station)][~motion.gives(world.gauges.roll_angle, random)] = np.nan
+    if motion.no_strain > 0.0:
+        strain[np.isnan(strain).any(axis=1)] = np.nan
+    known[MACH_NUMBER] = known[MACH_NUMBER] + motion.mach_drift * time
+    known[STATIC_PRESSURE] = known[STATIC_PRESSURE] * (1.0 + motion.pressure_drift * time)
+    angles = np.array([[getattr(condition, name) for name in ANGLES] for condition in conditions])
+    truth, flight = np.hstack([read.truth, angles]), np.full(n, number)
+    return replace(read, strain=strain, known=known, truth=truth, flight=flight, time=time, conditions=())
+
+
+def _is_exact(case: Case) -> bool:
+    return not case.built.stated and not case.built.set and not case.built.middle
+
+
+def navigation_at(conditions: Sequence[FlightCondition]) -> dict[str, Any]:
+    """Return exact Mach number, p_inf and altitude.
 
     Each is a measurement of its own, and so is the dynamic pressure that is given with them.
     """
-    last = (STATIC_PRESSURE, "ambient_pressure") if is_nonlinear else (ALTITUDE, ALTITUDE)
-    named = ((MACH_NUMBER, MACH_NUMBER), last)
-    found: dict[str, Any] = {name: np.array([getattr(one, of) for one in conditions]) for name, of in named}
-    return {**found, Q_SOURCE: float(QSource.INDEPENDENT)}
+    return _navigation(lambda name: np.array([getattr(condition, name) for condition in conditions]))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ReadFlights(Readings):
-    """Readings of n samples: as many vehicles at each of f ``conditions``, one flight after another.
-
-    ``coefficients`` (f, 5) are the true ones of the flights [1].
-    """
-
-    conditions: tuple[FlightCondition, ...]
-    coefficients: FloatArray
-
-    @property
-    def vehicles(self) -> int:
-        """Number of vehicles in each flight."""
-        return len(self.strain) // len(self.conditions)
-
-
-def read_flights(
-    inverse_map: InverseMap,
-    vehicle: Vehicle,
-    table: FlowTable,
-    fly: Fly,
-    *,
-    seed: int | list[int] = SEED,
-    vehicles: int = VEHICLES,
-    conditions: int = CONDITIONS,
-) -> ReadFlights:
-    """Return what ``vehicles`` read at each of ``conditions`` that ``vehicle`` and the flows ``table`` cover.
-
-    ``fly`` lets them fly there. Each flight has a generator of its own.
-
-    Raises
-    ------
-    InputError
-        The Fourier model cannot do the vehicle.
-    """
-    random = np.random.default_rng(seed)
-    # A map whose snapshots could not be rolled holds for the listed angles alone; conditions need no estimator.
-    symmetry = inverse_map.provenance.get("symmetry", vehicle.map.symmetry)
-    entry = vehicle.map.model_copy(update={"symmetry": symmetry, "estimator": "linear"})
-    as_mapped = vehicle.model_copy(update={"map": entry})
-    flown = fly(held_out_conditions(as_mapped, table, conditions, random))
-    return readings(inverse_map, vehicle.noise, flown, random, vehicles)
-
-
-def readings(
-    inverse_map: InverseMap, noise: Noise, flown: FlownVehicles, random: np.random.Generator, vehicles: int
-) -> ReadFlights:
-    """Return what ``vehicles`` read in each flight of ``flown``, navigation erring by the sizes of ``noise``."""
-    own = random.spawn(len(flown.conditions))
-
-    def of_flight(number: int) -> tuple[FloatArray, ...]:
-        condition, random = flown.conditions[number], own[number]
-        strain, stated = flown.read(number, vehicles, random)
-        strain = strain + gauge_noise(inverse_map, random, strain.shape)
-        error = random.standard_normal((2, vehicles))
-        of_pressure = 0.01 * noise.navigation_static_pressure_percent * error[1]
-        return (
-            strain,
-            flown.dynamic_pressure[number] * stated,
-            condition.mach_number + noise.navigation_mach_number * error[0],
-            condition.ambient_pressure * (1.0 + of_pressure),
-        )
-
-    with ThreadPoolExecutor(processors()) as pool:
-        found = list(pool.map(of_flight, range(len(flown.conditions))))
-    strain, dynamic, mach, static = (np.concatenate(part) for part in zip(*found, strict=True))
-    known = {
-        DYNAMIC_PRESSURE: dynamic,
-        MACH_NUMBER: mach,
-        STATIC_PRESSURE: static,
-        Q_SOURCE: np.full(len(mach), float(QSource.INDEPENDENT)),
+def _navigation(of: Column) -> dict[str, Any]:
+    return {
+        MACH_NUMBER: of(MACH_NUMBER),
+        STATIC_PRESSURE: of(AMBIENT_PRESSURE),
+        ALTITUDE: of(ALTITUDE),
+        Q_SOURCE: float(QSource.INDEPENDENT),
     }
-    return ReadFlights(
-        conditions=tuple(flown.conditions), coefficients=flown.coefficients, strain=strain, known=known
-    )
 
 
-def gauge_noise(inverse_map: InverseMap, random: np.random.Generator, shape: tuple[int, ...]) -> FloatArray:
-    """Return draws of the gauges' own noise [m/m], last axis the gauges."""
-    return np.asarray(inverse_map.noise_std * random.standard_normal(shape))
+def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generator) -> dict[str, Any]:
+    """Return navigation with errors of M and p_inf of the stated sizes."""
+    error = random.standard_normal((2, len(known[MACH_NUMBER])))
+    of_pressure = 0.01 * noise.navigation_static_pressure_percent * error[1]
+    return {
+        **known,
+        MACH_NUMBER: known[MACH_NUMBER] + noise.navigation_mach_number * error[0],
+        STATIC_PRESSURE: known[STATIC_PRESSURE] * (1.0 + of_pressure),
+    }
+
+
+def _given(
+    vehicle: Vehicle, air: Air, known: dict[str, Any], of: Column, force: FloatArray, random: np.random.Generator
+) -> dict[str, Any]:
+    """Return what is given otherwise, or in addition to what is ``known``; ``force`` (n, 2) is the specific force
+    across the axis [m/s2]."""
+    if air.source is not None:
+        known = _computed(air, vehicle.noise, of, random)
+    if air.angles:
+        for name, angle in zip(MEASURED_ANGLES, ANGLES, strict=True):
+            known[name] = of(angle) + ANGLE_ERROR * random.standard_normal(len(force))
+    if air.inertial:
+        known |= _inertial(vehicle, force, random)
+        if air.vibration_um_per_m:
+            known[VIBRATION] = np.full(len(force), MICRO * air.vibration_um_per_m)
+    return known
+
+
+def _computed(air: Air, noise: Noise, of: Column, random: np.random.Generator) -> dict[str, Any]:
+    """Return M, p_inf or altitude, and q_inf that is computed of them."""
+    pressure = of(AMBIENT_PRESSURE)
+    error = random.standard_normal((2, len(pressure)))
+    mach = of(MACH_NUMBER) + air.mach_off + noise.navigation_mach_number * error[0]
+    altitude = altitude_at(pressure / air.day) + air.altitude_off
+    static = static_pressure_at(altitude)
+    if air.source == "pressure":
+        static = static * (1.0 + 0.01 * noise.navigation_static_pressure_percent * error[1])
+    last = {STATIC_PRESSURE: static} if air.source == "pressure" else {ALTITUDE: altitude}
+    return {MACH_NUMBER: mach, DYNAMIC_PRESSURE: 0.5 * HEAT_CAPACITY_RATIO * mach**2 * static, **last}
+
+
+def altitude_at(pressure: FloatArray) -> FloatArray:
+    """Return the altitude [m] (n,) at which the standard atmosphere has ``pressure`` [Pa]."""
+    height = np.arange(0.0, LAYERS[-1][0], 5.0)
+    return np.interp(-np.log(pressure), -np.log(static_pressure_at(height)), height)
+
+
+def _inertial(vehicle: Vehicle, force: FloatArray, random: np.random.Generator) -> dict[str, Any]:
+    """Return what an inertial unit measures under a specific ``force`` (n, 2) across the axis, with its errors."""
+    entry = vehicle.mass
+    assert entry is not None
+    true = np.zeros((len(force), len(MEASURED_MOTION)))
+    true[:, 1:3] = force
+    stds = {
+        "m/s2": entry.specific_force_std_m_per_s2,
+        "rad/s": entry.angular_rate_std_rad_per_s,
+        "rad/s2": entry.angular_acceleration_std_rad_per_s2,
+    }
+    std = np.array([stds[signal.unit] for signal in MEASURED_MOTION])
+    measured = true + std * random.standard_normal(true.shape)
+    return dict(zip([signal.name for signal in MEASURED_MOTION], measured.T, strict=True))
+
+
+def _parameters(
+    inverse_map: InverseMap, air: Air, true: FloatArray, random: np.random.Generator
+) -> dict[str, Any]:
+    """Return flow parameters with errors, ``true`` (n, p), and their standard deviations."""
+    parameters = Estimator(inverse_map).parameters
+    std = 0.01 * air.parameters_percent * parameters.span
+    given = true + std * (air.parameters_off + random.standard_normal(true.shape))
+    stds = {name: np.full(len(true), size) for name, size in zip(parameters.names, std.tolist(), strict=True)}
+    return {"parameters": dict(zip(parameters.names, given.T, strict=True)), "parameters_std": stds}

@@ -1,99 +1,233 @@
-"""A trial, run: what many vehicles read is estimated by batches, through the compiled core on all processors."""
+"""A trial, run: each case flown, estimated by each estimator, scored; what is done is kept and not done again.
+
+Draws follow from the name of a case, so that rows next to it change nothing. A worker makes its world once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
-from builder.processors import processors
-from builder.trial.readings import Readings, joined
-from builder.trial.score import Score, score_of
-from strainfmu.arrays import FloatArray, IntArray
+from builder.campaign.dask_workers import on_dask
+from builder.reporting import Reporter
+from builder.trial.cases import Case, Plan
+from builder.trial.estimators import EstimateReadings, Estimates, of_map, together, with_zeros
+from builder.trial.readings import ANGLES, BATCH, Readings, joined, read_case, read_motion, read_own_vehicles
+from builder.trial.rules import NONE, judged
+from builder.trial.score import ALL, Row, rows_of
+from builder.trial.world import World
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import FlowReachError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.files import fingerprint, write_bytes_atomically
 
-BATCH = 20_000
-"""Samples that are estimated together, at least: work for all processors, in memory that does not grow."""
+VERSION = 6
+"""Raised whenever scores change otherwise than by their inputs, so that they are made again."""
+
+TENTHS = 10
+
+WORKER_MEMORY = "4 GiB"
+
+FILTER = "filter"
+"""Name of the estimator of a case whose flights last for a while."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Estimates:
-    """Estimates of n samples: ``coefficients`` and ``std`` (n, 5) [1], ``health`` (n,)."""
+def estimators_for(world: World, case: Case, names: Sequence[str]) -> dict[str, EstimateReadings]:
+    """Return the estimators of ``names`` for ``case``; a filter alone where each condition is flown for a while.
 
-    coefficients: FloatArray
-    std: FloatArray
-    health: IntArray
+    Raises
+    ------
+    InputError
+        The map has none of that name.
+    """
+    how = case.over_time
+    if how is None:
+        return {name: of_map(world.inverse_map, name) for name in names}
+    noise, n_d = float(np.mean(world.gauges.noise_std)), len(world.gauges.station)
+    zero, common = np.full(n_d, how.zero * noise), how.common_zero * noise
+    return {FILTER: with_zeros(Estimator(world.inverse_map), zero, common, how.time_constant)}
 
 
-def trial_score(
-    estimator: Estimator, readings: Iterable[Readings], truth: FloatArray, bound: FloatArray | None = None
-) -> Score:
-    """Return the score of what vehicles read, each of them in the same k flights.
+def readings_of(
+    world: World, case: Case, plan: Plan, random: np.random.Generator | None = None
+) -> Iterator[Readings]:
+    """Yield what vehicles read in a case, in batches."""
+    random = random or np.random.default_rng([world.seed, crc32(case.name.encode())])
+    count = max(1, round(plan.vehicles * case.draws))
+    if case.motion is not None:
+        yield from (read_motion(world, case, number, random) for number in range(count))
+        return
+    if plan.own_vehicles:
+        yield from read_own_vehicles(world, case, world.flights(case), count, random)
+        return
+    flights, batch = world.flights(case), list[Readings]()
+    for number in range(count):
+        batch.append(read_case(world, case, flights, number=number, random=random))
+        if sum(len(part.strain) for part in batch) >= BATCH:
+            yield joined(batch)
+            batch = []
+    if batch:
+        yield joined(batch)
+
+
+def scored(
+    world: World, case: Case, plan: Plan, random: np.random.Generator | None = None
+) -> dict[str, list[Row]]:
+    """Return the rows of one case by estimator.
+
+    Raises
+    ------
+    FlowReachError
+        The flows do not go as far.
+    """
+    estimators = estimators_for(world, case, plan.estimators)
+    read, parts = list[Readings](), {name: list[Estimates]() for name in estimators}
+    for batch in readings_of(world, case, plan, random):
+        for name, estimate in estimators.items():
+            parts[name].append(estimate(batch))
+        # Strain is needed no more, but for a flight in time.
+        none = np.empty((len(batch.strain), 0))
+        read.append(batch if case.motion is not None else replace(batch, strain=none, time=None))
+    bound = world.bound(case)
+    every = joined(read)
+    every = every if bound is None else replace(every, bound=bound[every.flight])
+    whole, rows = {name: together(made) for name, made in parts.items()}, dict[str, list[Row]]()
+    single = cache(partial(_of_single, world, read))
+    for name, made in whole.items():
+        rows[name] = rows_of((*COEFFICIENT_NAMES, *ANGLES)[: made.value.shape[1]], made, every)
+        if case.motion is not None:
+            ratio = _over_single(made, *single(name.partition(" ")[0]), every)
+            for row, value in zip(rows[name][1:], ratio.tolist(), strict=True):
+                row["over_single"] = value
+    return {
+        name: labelled(case, name, of_name) + _tenths(case, name, whole[name], every)
+        for name, of_name in rows.items()
+    }
+
+
+def _tenths(case: Case, estimator: str, made: Estimates, read: Readings) -> list[Row]:
+    """Return a row of all loads for each tenth of the flights by each quantity that ``case`` names."""
+    rows = []
+    for quantity in case.tenths_by:
+        order = np.argsort([getattr(condition, quantity) for condition in read.conditions], kind="stable")
+        for number, flights in enumerate(np.array_split(order, TENTHS), start=1):
+            part = np.flatnonzero(np.isin(read.flight, flights))
+            row = rows_of((), made.rows(part), read.rows(part))[0]
+            rows.append({**row, "load": f"{ALL}, tenth {number} by {quantity}"})
+    return [{**row, "verdict": NONE, "why": ""} for row in labelled(case, estimator, rows)]
+
+
+def _of_single(world: World, read: Sequence[Readings], name: str) -> tuple[Estimates, Estimates | None]:
+    """Return the estimates of single samples in the readings, and of the same without noise, None where not
+    wanted."""
+    estimate = of_map(world.inverse_map, name)
+    quiet = [replace(part, strain=part.quiet) for part in read if part.quiet is not None]
+    return together([estimate(part) for part in read]), together(
+        [estimate(part) for part in quiet]
+    ) if quiet else None
+
+
+def _over_single(made: Estimates, single: Estimates, quiet: Estimates | None, read: Readings) -> FloatArray:
+    """Return (m,) rms errors over the errors of single samples, where both are known.
+
+    They are about the estimates without noise, where there are some: what noise alone adds. Errors of the map are
+    no part of it, and no average reduces them.
+    """
+    middle = read.truth[:, : made.value.shape[1]] if quiet is None else quiet.value
+    error, of_single = made.value - middle, single.value - middle
+    both = np.isfinite(error) & np.isfinite(of_single)
+    square, of_square = (np.sum(np.where(both, value, 0.0) ** 2, axis=0) for value in (error, of_single))
+    return np.sqrt(square / np.where(of_square > 0.0, of_square, 1.0))
+
+
+def labelled(case: Case, estimator: str, rows: list[Row]) -> list[Row]:
+    """Return ``rows`` with case, estimator and verdict."""
+    verdict, why = judged(case, rows)
+    head = {
+        "case": f"{case.error}, {case.size}".removesuffix(", "),
+        "error": case.error,
+        "size": case.size,
+        "class": case.group,
+        "estimator": estimator,
+    }
+    return [{**head, **row, "verdict": verdict, "why": why} for row in rows]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What a worker needs: the case, how it is flown, and the arguments of the function that makes the world."""
+
+    key: str
+    case: Case
+    plan: Plan
+    world: tuple[Any, ...]
+
+
+def run_task(make_world: Callable[..., World], task: Task) -> tuple[Task, list[Row] | str]:
+    """Score one case; of a case beyond the flows return why it is left out."""
+    try:
+        rows = scored(make_world(*task.world), task.case, task.plan)
+    except FlowReachError as error:
+        return task, f"{task.case.error}, {task.case.size}: left out: {error}"
+    return task, [row for of_estimator in rows.values() for row in of_estimator]
+
+
+def run_cases(
+    cases: Sequence[Case],
+    plan: Plan,
+    folder: Path,
+    reporter: Reporter,
+    *,
+    make_world: Callable[..., World],
+    world: tuple[Any, ...],
+    inputs: dict[str, Any],
+    workers: int = 1,
+    scheduler: str | None = None,
+) -> list[Row]:
+    """Return the rows of all cases; the ones in ``folder`` that were made from the same inputs are not made again.
 
     Parameters
     ----------
-    readings : of each vehicle, drawn as they are needed.
-    truth : (k, 5) coefficients of the flights [1].
-    bound : (k, 5) their Cramer-Rao bound [1]; None where it is not known.
+    make_world, world : a function that a worker imports, and its arguments: paths and numbers.
+    inputs : what the world is made from.
+    workers, scheduler : local processes, or the address of a Dask scheduler whose workers share the files.
     """
-    found = [estimates(estimator, batch) for batch in _batches(readings)]
-    coefficients = np.concatenate([one.coefficients for one in found])
-    std, health = np.concatenate([one.std for one in found]), np.concatenate([one.health for one in found])
-    true = np.tile(truth, (len(coefficients) // len(truth), 1))
-    return score_of(COEFFICIENT_NAMES, coefficients - true, std, health=health, bound=bound)
+    folder.mkdir(parents=True, exist_ok=True)
+    effort = plan.model_dump()
+    tasks = [
+        Task(
+            key=fingerprint({"version": VERSION, "plan": effort, "case": case.model_dump(), **inputs}),
+            case=case,
+            plan=plan,
+            world=world,
+        )
+        for case in cases
+    ]
+    todo = [task for task in tasks if not _file(folder, task).is_file()]
+    run = partial(run_task, make_world)
+    with reporter.stage("Cases" if len(todo) == len(tasks) else f"Cases: {len(todo)} of {len(tasks)}") as progress:
+        if workers == 1 and scheduler is None:
+            results: Any = map(run, todo)
+        else:
+            results = on_dask(run, todo, scheduler, workers, reporter.note, WORKER_MEMORY)
+        for number, (task, rows) in enumerate(results, start=1):
+            if isinstance(rows, str):
+                reporter.note(rows)
+            else:
+                text = json.dumps(rows, default=float)
+                write_bytes_atomically(_file(folder, task), text.encode())
+            progress(number, len(todo))
+    done = [_file(folder, task) for task in tasks if _file(folder, task).is_file()]
+    return [row for path in done for row in json.loads(path.read_text(encoding="utf-8"))]
 
 
-def _batches(readings: Iterable[Readings]) -> Iterator[Readings]:
-    """Return ``readings`` joined to batches."""
-    held: list[Readings] = []
-    for one in readings:
-        held.append(one)
-        if sum(len(part.strain) for part in held) >= BATCH:
-            yield joined(held)
-            held = []
-    if held:
-        yield joined(held)
-
-
-def estimates(estimator: Estimator, read: Readings) -> Estimates:
-    """Return the estimates of ``read``; where each sample is a flight, those at its end."""
-    if read.time is not None:
-        return _at_ends(estimator, read, read.time)
-    found = estimator.estimate(read.strain, **read.known)
-    return Estimates(
-        coefficients=found.coefficients,
-        std=found.coefficients_std,
-        health=np.asarray(found.health, dtype=np.int64),
-    )
-
-
-def _at_ends(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
-    """Return the estimates at the ends of flights, each processor a part of them with a track of its own."""
-    count = len(read.strain)
-
-    def of_part(numbers: IntArray) -> list[tuple[FloatArray, FloatArray, int]]:
-        own, found = estimator.filter(estimator.filter_time_constant), []
-        for k in numbers.tolist():
-            own.restart()
-            last = own.track(read.strain[k], time=time, **_of_sample(read.known, k, count))[-1]
-            found.append((last.coefficients, last.coefficients_std, int(last.health)))
-        return found
-
-    parts = np.array_split(np.arange(count), max(1, min(count, processors())))
-    with ThreadPoolExecutor(len(parts)) as pool:
-        coefficients, std, health = zip(*(one for part in pool.map(of_part, parts) for one in part), strict=True)
-    return Estimates(coefficients=np.array(coefficients), std=np.array(std), health=np.array(health))
-
-
-def _of_sample(known: Mapping[str, Any], number: int, count: int) -> dict[str, Any]:
-    """Return what is known in sample ``number`` of ``count``."""
-    return {
-        name: _of_sample(value, number, count)
-        if isinstance(value, Mapping)
-        else float(np.broadcast_to(value, count)[number])
-        for name, value in known.items()
-    }
+def _file(folder: Path, task: Task) -> Path:
+    return folder / f"{task.key}.json"

@@ -1,19 +1,28 @@
-"""The score of estimates against the truth: the one definition of every figure.
+"""The score of estimates against the truth: the one definition of every figure, each with its statistical error.
 
-An error is the estimate less the truth. A sample without an estimate (NaN) has no error: means leave it out. It is
-never within its band, so that it counts as wrong.
+An error is the estimate less the truth. A load is *covered* where it is within three of its stated standard
+deviations. A sample is *wrong* where a load is not; it is *flagged* where health is neither OK nor DEGRADED, which
+says that sigma is larger. So each sample is one of five: right and OK, right and flagged, wrong and flagged,
+*undetected* (wrong and not flagged), or without an estimate.
+
+Samples of one vehicle, and samples of one flight, resemble each other: standard errors are clustered both ways
+(Cameron, Gelbach and Miller, Journal of Business and Economic Statistics 29, 2011). Of what never occurs, or
+always, the limit at 95 % is 3 over the number of clusters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import BoolArray, FloatArray
+from builder.trial.estimators import Estimates
+from builder.trial.readings import Readings
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.other_loads import ROLLING as ROLLING
 
@@ -23,8 +32,113 @@ SIGMAS = 3.0
 ALARMS = (HealthState.INCONSISTENT, HealthState.SUSPECT)
 """States that good samples should be in no oftener than the stated rate."""
 
+UNFLAGGED = (HealthState.OK, HealthState.DEGRADED)
+"""States that do not warn of wrong loads."""
+
+ALL = "all"
+"""Stands for all loads of a sample together, in the column of the load."""
+
+PARTS = ("right_ok", "right_flagged", "wrong_flagged", "undetected", "no_estimate")
+"""What a sample is, one of five: columns of a row, in percent."""
+
+Row = dict[str, Any]
+"""A row of the long table, by column."""
+
 CONSTANT = 1e-9
 """Range of a coefficient [1] below which it counts as constant."""
+
+
+class Clusters:
+    """Numbers of what samples are of, each of n samples: vehicle and flight."""
+
+    def __init__(self, *labels: IntArray) -> None:
+        self._numbers = [np.unique(label, return_inverse=True)[1] for label in labels]
+        self.sizes = [int(number.max()) + 1 for number in self._numbers]
+
+    def mean(self, values: FloatArray | BoolArray) -> tuple[float, float]:
+        """Return the mean of ``values`` (n,) where they are known, and its standard error; NaN where it is of
+        one."""
+        known = ~np.isnan(values)
+        if not (count := int(known.sum())):
+            return float("nan"), float("nan")
+        mean = float(np.mean(values[known]))
+        off = np.where(known, values - mean, 0.0)
+        if min(self.sizes) < 2:
+            return mean, float("nan")
+        square = (1 - len(self.sizes)) * float(np.sum(off**2))
+        for number, size in zip(self._numbers, self.sizes, strict=True):
+            square += float(np.sum(np.bincount(number, off) ** 2)) * size / (size - 1)
+        return mean, sqrt(max(square, 0.0)) / count
+
+    def percent(self, name: str, event: BoolArray) -> Row:
+        """Return how often ``event`` (n,) is true [%], its standard error, and its upper limit at 95 %."""
+        mean, error = self.mean(event)
+        if not 0.0 < mean < 1.0:
+            error = min(1.0, 3.0 / max(self.sizes))
+            return _columns(name, mean, error, mean + error)
+        return _columns(name, mean, error, mean + 2.0 * error)
+
+
+def _columns(name: str, mean: float, error: float, upper: float) -> Row:
+    values = 100.0 * mean, 100.0 * error, min(100.0, 100.0 * upper)
+    return dict(zip((f"{name}_percent", f"{name}_percent_error", f"{name}_percent_upper"), values, strict=True))
+
+
+def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
+    """Return a row for all loads together, and one for each of ``names`` (m), the first columns of the truth."""
+    value, std, clusters = made.value, made.std, Clusters(read.vehicle, read.flight)
+    error, count = value - read.truth[:, : value.shape[1]], len(value)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        z = np.where(std > 0.0, error / std, np.nan)
+    covered, given = is_within(error, std), np.isfinite(value)
+    health = np.full(count, HealthState.OK) if made.health is None else made.health
+    flagged, everything = ~np.isin(health, UNFLAGGED), np.asarray(given.all(axis=1))
+    shared: Row = {
+        "samples": count,
+        "vehicles": clusters.sizes[0],
+        "flights": clusters.sizes[1],
+        **clusters.percent("flagged", flagged | ~everything),
+        **clusters.percent("alarm", np.isin(health, ALARMS)),
+    }
+    states = {} if made.health is None else {HealthState(s).name: np.mean(health == s) for s in np.unique(health)}
+    shared["health"] = " ".join(f"{name} {100.0 * share:.6g}" for name, share in states.items())
+    right = np.asarray((covered | ~given).all(axis=1))
+    rows = [
+        {
+            "load": ALL,
+            **shared,
+            **_parts(clusters, right, flagged, everything),
+        }
+    ]
+    for column, name in enumerate(names):
+        own = error[:, column]
+        row: Row = {"load": name, **shared, **_parts(clusters, covered[:, column], flagged, given[:, column])}
+        rms, rms_z = _rms(clusters, own), _rms(clusters, z[:, column])
+        row |= {"rms": rms[0], "rms_error": rms[1], "bias": clusters.mean(own)[0]}
+        row |= {"sigma": clusters.mean(std[:, column])[0], "rms_z": rms_z[0], "rms_z_error": rms_z[1]}
+        row |= clusters.percent("covered_1", is_within(own, std[:, column], 1.0))
+        if read.bound is not None and column < read.bound.shape[1]:
+            row["bound"] = float(np.sqrt(mean_square(read.bound[:, [column]])[0]))
+            row["over_bound"] = rms[0] / row["bound"]
+        rows.append(row)
+    return rows
+
+
+def _parts(clusters: Clusters, right: BoolArray, flagged: BoolArray, given: BoolArray) -> Row:
+    """Return the fractions of the five parts of the samples, and of covered ones among samples with an
+    estimate."""
+    right_given, wrong = right & given, ~right & given
+    events = (right_given & ~flagged, right_given & flagged, wrong & flagged, wrong & ~flagged, ~given)
+    parts = [clusters.percent(name, event) for name, event in zip(PARTS, events, strict=True)]
+    covered = clusters.percent("covered", np.where(given, right, np.nan))
+    return {name: value for part in (covered, *parts) for name, value in part.items()}
+
+
+def _rms(clusters: Clusters, values: FloatArray) -> tuple[float, float]:
+    """Return the root mean square of ``values`` (n,), and its standard error."""
+    square, error = clusters.mean(values**2)
+    rms = sqrt(square) if square == square else square
+    return rms, error / (2.0 * rms) if rms else 0.0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,9 +15,11 @@ def drawn(entry: Noise, counts: Counts | int, random: np.random.Generator, scale
     return _drawn(entry, counts, (), random, scale)
 
 
-def drawn_many(entry: Noise, counts: Counts | int, count: int, random: np.random.Generator) -> AsBuilt:
+def drawn_many(
+    entry: Noise, counts: Counts | int, count: int, random: np.random.Generator, scale: float = 1.0
+) -> AsBuilt:
     """Return ``count`` vehicles at once: what is (n,) of one is (count, n) here."""
-    return _drawn(entry, counts, (count,), random, 1.0)
+    return _drawn(entry, counts, (count,), random, scale)
 
 
 def _drawn(

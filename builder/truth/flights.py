@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from strainfmu.arrays import FloatArray
@@ -45,9 +47,12 @@ class Flights(Protocol):
     @property
     def internal_pressure(self) -> FloatArray: ...
 
-    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+    def read(
+        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+    ) -> FloatArray:
         """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
-        (v, n_d) of v vehicles in one flight."""
+        (v, n_d) of v vehicles in one flight. ``random`` draws what a vehicle does not state, where there is
+        more."""
         ...
 
 
@@ -86,5 +91,7 @@ class RevolvedFlights:
     def internal_pressure(self) -> FloatArray:
         return self.flown.internal_pressure
 
-    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+    def read(
+        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+    ) -> FloatArray:
         return true_strain(self.structure, some_flights(self.flown, rows), built)

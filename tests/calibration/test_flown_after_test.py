@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from as_built_case import strain_covariances
 
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
-from builder.calibration.after_test.flown_after_test import allowed_vehicles, strain_of_flows
+from builder.calibration.after_test.flown_after_test import allowed_flights, strain_of_flows
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.trial.conditions import held_out_conditions
-from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
+from builder.trial.world import World
+from builder.truth.as_built import drawn_many
+from builder.truth.flights import Flights, RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
@@ -55,12 +59,24 @@ def quiet(vehicle: Vehicle) -> Vehicle:
     return vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors()})
 
 
+def calibrated_world(vehicle: Vehicle, true: TrueStructure, table: FlowTable) -> World:
+    none: Any = None  # the map has no part in it
+    return World(vehicle=calibrated_vehicle(vehicle), structure=true, flows=table, inverse_map=none)
+
+
+def read(world: World, flights: Flights, number: int, count: int) -> FloatArray:
+    """Return what vehicles read in a flight, all errors that are stated drawn."""
+    random = np.random.default_rng(number)
+    built = drawn_many(world.vehicle.noise, flights.counts, count, random)
+    return flights.read(built, slice(number, number + 1), random)
+
+
 def net_pressure(
-    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, drawing: DrawnVehicles
+    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, flights: RevolvedFlights
 ) -> FloatArray:
     """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
-    mach, incidence, wind = flow_states(drawing.conditions)
-    grid, flights = structure.surface, drawing.flights
+    mach, incidence, wind = flow_states(flights.conditions)
+    grid = structure.surface
     between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
     harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between)
     ratio = ratio_on(harmonic, wind, grid.roll_angle)
@@ -71,18 +87,17 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
     quiet: Vehicle, as_built: AsBuiltStructure, tested: Remaining, true_model: TrueStructure, table: FlowTable
 ) -> None:
     conditions = held_out_conditions(quiet, table, 3, np.random.default_rng(2))
-    flown = allowed_vehicles(quiet, as_built, tested, true_model, table, conditions)
-    drawing = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
+    world = calibrated_world(quiet, true_model, table)
+    flown, drawing = allowed_flights(world, as_built, tested, conditions), world.fly(conditions)
+    assert isinstance(drawing, RevolvedFlights)
     n = as_built.n_gauges
     pressures = net_pressure(as_built, true_model, table, drawing)
     nominal = as_built.strain_operator(as_built.exactly_built())
-    found = strain_of_flows(nominal, as_built.surface, true_model.surface.x, table, drawing)
+    found = strain_of_flows(nominal, as_built.surface, table, drawing)
     np.testing.assert_allclose(found, pressures @ nominal.T, rtol=0, atol=1e-12 * np.abs(found).max())
     covariances = strain_covariances(as_built, tested.parameters, tested.covariance, pressures)
     for number, (pressure, covariance) in enumerate(zip(pressures, covariances, strict=True)):
-        strain, stated = flown.read(number, COUNT, np.random.default_rng(number))
-        plain, _ = drawing.read(number, 1, np.random.default_rng(number))
-        assert np.all(stated == 1.0)
+        strain, plain = (read(world, one, number, count) for one, count in ((flown, COUNT), (drawing, 1)))
         centre = plain[0] + flown.change[number]
         deviation = strain.std(axis=0)
         assert np.all(np.abs(strain.mean(axis=0) - centre) < 5.0 * deviation / np.sqrt(COUNT))
@@ -99,8 +114,8 @@ def test_a_test_that_tells_all_leaves_the_estimate(
 ) -> None:
     known = Remaining(parameters=as_built.exactly_built(), covariance=np.zeros_like(tested.covariance))
     conditions = held_out_conditions(quiet, table, 2, np.random.default_rng(4))
-    flown = allowed_vehicles(quiet, as_built, known, true_model, table, conditions)
-    plain = drawn_vehicles(calibrated_vehicle(quiet), true_model, table, conditions)
+    world = calibrated_world(quiet, true_model, table)
+    flown, plain = allowed_flights(world, as_built, known, conditions), world.fly(conditions)
     for number in range(2):
-        found, expected = (one.read(number, 3, np.random.default_rng(1))[0] for one in (flown, plain))
+        found, expected = (read(world, one, number, 3) for one in (flown, plain))
         np.testing.assert_array_equal(found, expected)

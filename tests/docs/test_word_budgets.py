@@ -61,7 +61,6 @@ PACKAGES = ("builder", "fmus", "strainfmu")
 """Folders of the product's Python code."""
 
 EXCEPTIONS: dict[str, str] = {
-    "below its least": "of the name of an error that stress.json, stress.csv and their readers have",
     "least significant": "the name of a bit",
 }
 """What stays in a string of the code with such a word in it, and why."""

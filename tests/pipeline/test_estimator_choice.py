@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +16,9 @@ from builder.pipeline.stages import map_from
 from builder.reporting import Silent
 from builder.reports.build_report.tables import estimator_choice
 from builder.structure.fourier.model import StructuralModel
-from builder.trial.readings import ReadFlights, read_flights
-from builder.trial.vehicles import drawn_vehicles
+from builder.trial.levels import level_readings
+from builder.trial.readings import Readings
+from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle
@@ -64,13 +64,13 @@ def test_the_better_estimator_on_snapshots_left_out_is_used(chosen: tuple[Invers
 @pytest.fixture(scope="module")
 def flights(
     chosen: tuple[InverseMap, list[str]], vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
-) -> ReadFlights:
-    fly = partial(drawn_vehicles, vehicle, true_model, table)
-    return read_flights(chosen[0], vehicle, table, fly, vehicles=4, conditions=60)
+) -> Readings:
+    world = World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=chosen[0])
+    return level_readings(world, vehicles=4, conditions=60)
 
 
 def test_tables_that_are_wrong_lose_to_the_linear_map(
-    chosen: tuple[InverseMap, list[str]], flights: ReadFlights
+    chosen: tuple[InverseMap, list[str]], flights: Readings
 ) -> None:
     found = chosen[0]
     assert compared_in_flights(found, flights).used == "nonlinear"

@@ -13,11 +13,11 @@ from scaled_maps import scaled_map
 from builder.compare.training import with_drawn_errors
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import flight_states
-from builder.trial.readings import Readings
-from builder.trial.run import trial_score
+from builder.trial.estimators import of_map
+from builder.trial.readings import Readings, joined
+from builder.trial.score import rows_of
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.flight_condition import FlightCondition
 
@@ -51,7 +51,7 @@ def test_an_estimator_that_knows_the_flow_reaches_it() -> None:
         for name in ("mach_number", "ambient_pressure", "dynamic_pressure")
     )
 
-    def read() -> Readings:
+    def read(number: int) -> Readings:
         strain, _ = with_drawn_errors(manifold, pressure, response[:, :n], response[:, n:], random)
         error = random.standard_normal((3, len(FLOWN)))
         known = {
@@ -59,13 +59,14 @@ def test_an_estimator_that_knows_the_flow_reaches_it() -> None:
             "static_pressure": pressure * (1.0 + manifold.static_pressure_error * error[1]),
             "dynamic_pressure": q * (1.0 + manifold.dynamic_pressure_error * error[2]),
         }
-        return Readings(strain=strain, known=known)
+        of = {"vehicle": np.full(len(FLOWN), number), "flight": np.arange(len(FLOWN))}
+        return Readings(strain=strain, known=known, truth=truth, bound=bound_of(inverse_map), **of)
 
     truth = response[:, n:] / (q[:, None] * manifold.references)
-    score = trial_score(Estimator(inverse_map), (read() for _ in range(vehicles)), truth, bound_of(inverse_map))
-    assert score.samples == vehicles * len(FLOWN)
-    assert score.rms_of_bound is not None
-    np.testing.assert_allclose(score.rms_of_bound, 1.0, atol=0.1)
+    every = joined([read(number) for number in range(vehicles)])
+    rows = rows_of(COEFFICIENT_NAMES, of_map(inverse_map)(every), every)
+    assert rows[0]["samples"] == vehicles * len(FLOWN)
+    np.testing.assert_allclose([row["over_bound"] for row in rows[1:]], 1.0, atol=0.1)
 
 
 def test_what_is_not_known_makes_it_larger_and_the_flow_does_not() -> None:

@@ -7,22 +7,18 @@ The errors that no ground test knows are drawn as for the map of the drawing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.derivatives import of_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import exactly_built, slices
-from builder.trial.vehicles import DrawnVehicles, drawn_vehicles
-from builder.truth.as_built import drawn_many
+from builder.structure.as_built.vehicle import AsBuilt, exactly_built, slices
+from builder.trial.world import World
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
-from builder.truth.revolution.strain import TrueStructure, reading_of, strain_per_pressure
-from builder.vehicle.file import Vehicle
+from builder.truth.revolution.strain import reading_of, strain_per_pressure
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
@@ -30,12 +26,11 @@ from strainfmu.flight_condition import FlightCondition
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AllowedVehicles:
-    """Vehicles that a test allows at k conditions, as :class:`~builder.trial.vehicles.FlownVehicles`.
+class AllowedFlights(RevolvedFlights):
+    """Flights of the drawing, read by vehicles that a test allows.
 
     Attributes
     ----------
-    drawing : flights of the drawing, and the errors that no ground test knows.
     of_flow, of_unit : (k, n_d) and (n_d,) strain of the drawing by the flow per p_inf, and by a uniform outer
         pressure [1/Pa].
     change : (k, n_d) strain of the estimate less the strain of the drawing [m/m].
@@ -46,7 +41,6 @@ class AllowedVehicles:
         zeros and then of those parameters.
     """
 
-    drawing: DrawnVehicles
     of_flow: FloatArray
     of_unit: FloatArray
     change: FloatArray
@@ -54,64 +48,49 @@ class AllowedVehicles:
     by_all: FloatArray
     factor: FloatArray
 
-    @property
-    def conditions(self) -> Sequence[FlightCondition]:
-        return self.drawing.conditions
-
-    @property
-    def dynamic_pressure(self) -> FloatArray:
-        return self.drawing.dynamic_pressure
-
-    @property
-    def coefficients(self) -> FloatArray:
-        return self.drawing.coefficients
-
-    def read(self, number: int, count: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        flights = self.drawing.flights
-        built = drawn_many(self.drawing.noise, flights.counts, count, random)
-        one = slice(number, number + 1)
-        ambient, inside = flights.ambient_pressure[one], flights.internal_pressure[one]
+    def read(
+        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+    ) -> FloatArray:
+        """Return (v, n_d) strain that v vehicles as ``built`` read in one flight; what the test leaves is
+        drawn."""
+        assert random is not None
+        number = rows.start
+        ambient, inside = self.ambient_pressure[rows], self.internal_pressure[rows]
         strain = reading_of(built, ambient, inside, self.of_flow[number], self.of_unit)
-        error = random.standard_normal((count, self.factor.shape[1])) @ self.factor.T
+        error = random.standard_normal((len(strain), self.factor.shape[1])) @ self.factor.T
         _, n_g, n_d = self.by_gauge.shape
         # Zeros are taken off as estimated, so that their error is a reading of its own.
         zeros, own, common = np.split(error, [n_d, (1 + n_g) * n_d], axis=1)
         strain = strain + self.change[number] + zeros + common @ self.by_all[number]
-        strain += np.einsum("vgd,gd->vd", own.reshape(count, n_g, n_d), self.by_gauge[number])
-        return strain, 1.0 + np.reshape(built.dynamic_pressure, -1)
+        return np.asarray(strain + np.einsum("vgd,gd->vd", own.reshape(len(own), n_g, n_d), self.by_gauge[number]))
 
 
-def allowed_vehicles(
-    vehicle: Vehicle,
-    structure: AsBuiltStructure,
-    remaining: Remaining,
-    true: TrueStructure,
-    table: FlowTable,
-    conditions: list[FlightCondition],
-) -> AllowedVehicles:
-    """Return the vehicles that ``remaining`` allows at ``conditions``.
+def allowed_flights(
+    world: World, structure: AsBuiltStructure, remaining: Remaining, conditions: list[FlightCondition]
+) -> AllowedFlights:
+    """Return flights at ``conditions``, read by the vehicles that ``remaining`` allows.
 
     Parameters
     ----------
-    vehicle : the vehicle file.
+    world : of the calibrated vehicle, whose errors no ground test knows.
     structure : the map's, with what may differ from the drawing.
     remaining : what the test says.
-    true, table : structure and flows of the independent model.
 
     Raises
     ------
     InputError
-        A condition is outside the table.
+        A condition is outside the flows of the independent model.
     """
-    drawing = drawn_vehicles(calibrated_vehicle(vehicle), true, table, conditions)
-    assert isinstance(drawing.flights, RevolvedFlights)
-    of_flow, of_unit = strain_per_pressure(true, drawing.flights.flown, exactly_built(drawing.flights.counts))
+    flights, table = world.fly(conditions), world.flows
+    assert isinstance(flights, RevolvedFlights)
+    assert isinstance(table, FlowTable)
+    of_flow, of_unit = strain_per_pressure(flights.structure, flights.flown, exactly_built(flights.counts))
     nominal = structure.strain_operator(structure.exactly_built())
     change = structure.strain_operator(remaining.parameters) - nominal
     slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
     operators = np.stack([change, *slope.values()])
     strain = strain_of_flows(
-        operators.reshape(-1, structure.surface.n_nodes), structure.surface, true.surface.x, table, drawing
+        operators.reshape(-1, structure.surface.n_nodes), structure.surface, table, flights
     ).reshape(len(conditions), len(operators), structure.n_gauges)
     own = [key for key in slope if of_gauges(key)]
     common = [key for key in slope if not of_gauges(key)]
@@ -120,8 +99,9 @@ def allowed_vehicles(
     rows = [place[where[ZERO]], *(place[where[kind]] for kind, _ in own)]
     rows.append(np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp))
     value, vector = np.linalg.eigh(remaining.covariance)
-    return AllowedVehicles(
-        drawing=drawing,
+    return AllowedFlights(
+        structure=flights.structure,
+        flown=flights.flown,
         of_flow=of_flow,
         of_unit=of_unit,
         change=strain[:, 0],
@@ -132,18 +112,18 @@ def allowed_vehicles(
 
 
 def strain_of_flows(
-    operator: FloatArray, grid: SurfaceGrid, stations: FloatArray, table: FlowTable, drawing: DrawnVehicles
+    operator: FloatArray, grid: SurfaceGrid, table: FlowTable, flights: RevolvedFlights
 ) -> FloatArray:
     """Return (k, n_o) what ``operator`` (n_o, n_p) [1/Pa] on ``grid`` makes of p - p_internal in every flight.
 
-    The pressure is linear between the ``stations`` (n_x,) of ``table`` [m]. Strain is linear in the flows of the
+    The pressure is linear between the stations of ``table``. Strain is linear in the flows of the
     table, so that it is found for these and interpolated.
     """
-    n_m = table.harmonic.shape[-1]
+    n_m, stations = table.harmonic.shape[-1], flights.structure.surface.x
     around = np.outer(grid.roll_angle, np.arange(n_m))
     between = np.array([np.interp(grid.x, stations, row) for row in np.eye(len(stations))])
     by_station = operator.reshape(len(operator), len(grid.x), -1)
-    mach, incidence, wind = flow_states(drawing.conditions)
+    mach, incidence, wind = flow_states(flights.conditions)
     phase = np.outer(wind, np.arange(n_m))
     ratio = np.zeros((len(wind), len(operator)))
     for of_parity, weight in zip(by_parity(n_m), knot_weights(table, mach, incidence), strict=True):
@@ -153,5 +133,5 @@ def strain_of_flows(
             strain = np.einsum("oym,abym->mabo", rolled, flows, optimize=True)
             turned = wave(phase[:, of_parity])[:, :, None] * weight[:, None, :]
             ratio += turned.reshape(len(wind), -1) @ strain.reshape(-1, len(operator))
-    ambient, inside = drawing.flights.ambient_pressure, drawing.flights.internal_pressure
+    ambient, inside = flights.ambient_pressure, flights.internal_pressure
     return np.asarray(ambient[:, None] * ratio - np.outer(inside, operator.sum(axis=1)))

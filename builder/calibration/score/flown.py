@@ -8,11 +8,10 @@ import numpy as np
 
 from builder.calibration.score.setup import Flights
 from builder.calibration.score.summary import errors_of
+from builder.trial.estimators import of_map
 from builder.trial.readings import Readings, navigation_at
-from builder.trial.run import estimates
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 
@@ -25,10 +24,10 @@ def flown_errors(
     """
     read = np.repeat(strain, draws, axis=0)
     read = read + inverse_map.noise_std * random.standard_normal(read.shape)
-    estimator = Estimator(inverse_map)
-    known = navigation_at(flights.conditions, estimator.is_nonlinear)
+    known = navigation_at(flights.conditions)
     known[DYNAMIC_PRESSURE] = np.array([one.dynamic_pressure for one in flights.conditions])
     every = {name: np.repeat(value, draws) if np.ndim(value) else value for name, value in known.items()}
-    found = estimates(estimator, Readings(strain=read, known=every))
-    truth = np.repeat(flights.coefficients, draws, axis=0)
-    return errors_of(found.coefficients - truth, found.std, found.health)
+    truth, flight = np.repeat(flights.coefficients, draws, axis=0), np.repeat(np.arange(len(strain)), draws)
+    readings = Readings(strain=read, known=every, truth=truth, vehicle=0 * flight, flight=flight)
+    made = of_map(inverse_map)(readings)
+    return errors_of(made.value - truth, made.std, made.health)

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from builder.inverse.envelope.tail_quantile import tail_quantile
 from builder.inverse.solution import Problem, Solution
-from builder.trial.tail_quantile import tail_quantile
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -28,16 +28,15 @@ from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import wind_angles
-from builder.trial.readings import readings
-from builder.trial.run import estimates
+from builder.trial.estimators import of_map
+from builder.trial.levels import stated_readings
 from builder.trial.score import score_of
-from builder.trial.vehicles import DrawnVehicles
+from builder.trial.world import World
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -164,13 +163,14 @@ def held_out_score(
             built.append(part)
             random = np.random.default_rng([SEED, number])
             flown = _flown(vehicle, on_grid.chosen(part.flown), truth, made, random)
-            found = estimates(Estimator(made), readings(made, vehicle.noise, flown, random, VEHICLES))
-            true = np.repeat(flown.flights.coefficients, VEHICLES, axis=0)
-            errors.append(found.coefficients - true)
+            world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=made)
+            read = stated_readings(world, flown, random, VEHICLES)
+            found = of_map(made)(read)
+            errors.append(found.value - read.truth)
             stds.append(found.std)
-            truths.append(true)
+            truths.append(read.truth)
             bounds.append(cramer_rao_bound(made, flown.conditions, KNOWN))
-            health.append(found.health)
+            health.append(np.asarray(found.health))
             progress(number + 1, len(parts))
     if not built:
         return None
@@ -203,8 +203,9 @@ def _true_structure(vehicle: Vehicle) -> TrueStructure:
 
 def _flown(
     vehicle: Vehicle, snapshots: Snapshots, structure: TrueStructure, made: InverseMap, random: np.random.Generator
-) -> DrawnVehicles:
-    """Return vehicles in the flows of ``snapshots``: rolled where the map takes every flow at every roll angle."""
+) -> RevolvedFlights:
+    """Return the flights of a vehicle in the flows of ``snapshots``: rolled where the map takes every flow at
+    every roll angle."""
     grid = snapshots.grid
     assert grid is not None
     n_m = structure.n_harmonics
@@ -217,10 +218,7 @@ def _flown(
             harmonic.append(amplitude)
             conditions.append(_rolled(condition, random) if rolled else condition)
     flights = flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
-    return DrawnVehicles(
-        noise=vehicle.noise,
-        flights=RevolvedFlights(structure=structure, flown=flights),
-    )
+    return RevolvedFlights(structure=structure, flown=flights)
 
 
 def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCondition:

@@ -74,7 +74,9 @@ class ShapeFlights:
             internal_pressure=self.internal_pressure[rows],
         )
 
-    def read(self, built: AsBuilt, rows: slice = slice(None)) -> FloatArray:
+    def read(
+        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+    ) -> FloatArray:
         """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
         (v, n_d) of v vehicles in one flight."""
         ambient = self.ambient_pressure[rows, None]

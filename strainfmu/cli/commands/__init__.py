@@ -38,11 +38,12 @@ MODULES = {
     "review": "placements",
     "send": "can_send",
     "snapshots": "flows",
-    "stress": "stress",
+    "stress": "trials",
     "structure": "structures",
     "study": "trade_studies",
     "surface": "flows",
     "tare": "taring",
+    "trial": "trials",
 }
 """Module of each command, whose function has its name; :data:`~help_layout.COMMANDS` has the order in the help."""
 

@@ -40,6 +40,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "place": "docs/howto/place_gauges.md",
         "review": "docs/howto/place_gauges.md",
         "study": "docs/howto/trade_study.md",
+        "trial": "docs/howto/what_a_map_notices.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/evidence/comparison.md",
         "fly": "docs/howto/fly_closed_loop.md",
@@ -109,6 +110,12 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Limits": ("spacing", "forbid", "budget", "costs"),
         "Goals": ("goal", "loads", "estimator", "robust", "starts"),
     },
+    "trial": {
+        "Choice": ("only", "estimators"),
+        "Effort": ("conditions", "draws", "seed"),
+        "Processes": ("scheduler", "workers"),
+        "Files": FILES,
+    },
     "stress": {"Effort": ("conditions", "draws", "seed"), "Files": FILES},
     "compare": {"Effort": ("conditions", "draws", "training", "seed"), "Files": FILES},
     "plant": {
@@ -153,7 +160,7 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "demo": (("perfect", "as_built"),),
     "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
-    "stress": tuple((name, "inverse_map") for name in (*FILES, "estimator")),
+    **dict.fromkeys(("stress", "trial"), tuple((name, "inverse_map") for name in (*FILES, "estimator"))),
     "bench": (("structure", "mesh", "bus", "worst"),),
 }
 """Options of which one at most is given, by the names of the parameters."""

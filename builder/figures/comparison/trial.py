@@ -1,0 +1,85 @@
+"""Figure of a trial: per case what the samples are, with statistical errors, and the error of each load over
+sigma."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from builder.figures.drawing.canvas import blank_figure
+from builder.figures.drawing.words import with_signs
+from builder.trial.rules import LIMITS, MISSED
+from builder.trial.table import TITLES, in_order, loads_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PARTS = {
+    "right_ok": ("right, not flagged", "#9ecae1"),
+    "right_flagged": ("right, flagged", "#fdae6b"),
+    "wrong_flagged": ("wrong, flagged", "#bdbdbd"),
+    "undetected": ("undetected: wrong, not flagged", "#d7301f"),
+    "no_estimate": ("no estimate", "#f0f0f0"),
+}
+"""Label and colour of each part of the samples."""
+
+ROW = 0.22
+"""Height of a row [in]."""
+
+
+def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
+    """Draw the rows of a trial class by class: bars of the samples' parts, and next to them rms z of each load."""
+    table = [dict(row) for row in rows]
+    groups, loads = in_order(table), loads_of(table)
+    several = len({row["estimator"] for row in table}) > 1
+    sizes = [len(group) for group in groups.values()]
+    figure = blank_figure(13.0, 1.8 + ROW * (sum(sizes) + 3 * len(sizes)))
+    panels = figure.subplots(
+        len(groups), 2, sharex="col", squeeze=False, width_ratios=[3, 2], height_ratios=[n + 1 for n in sizes]
+    )
+    names = list(dict.fromkeys(row["load"] for group in loads.values() for row in group))
+    for (bars, sigmas), (name, group) in zip(panels, groups.items(), strict=True):
+        place = np.arange(len(group))
+        start = np.zeros(len(group))
+        for part, (label, colour) in PARTS.items():
+            share = np.array([row[f"{part}_percent"] for row in group])
+            bars.barh(place, share, left=start, color=colour, label=label, height=0.8)
+            start = start + share
+            if part == "undetected":
+                error = [row["undetected_percent_error"] for row in group]
+                shown = share > 0.0
+                bars.errorbar(
+                    start[shown], place[shown], xerr=np.array(error)[shown], fmt="none", ecolor="k", lw=0.8
+                )
+        for y, row in enumerate(group):
+            text = f"{row['undetected_percent']:.1f}{'  missed' if row['verdict'] == MISSED else ''}"
+            colour = "#d7301f" if row["verdict"] == MISSED else "k"
+            bars.text(101.0, y, text, va="center", fontsize=7, clip_on=False, color=colour)
+        labels = [row["case"] + (f" ({row['estimator']})" if several else "") for row in group]
+        bars.set_yticks(place, [with_signs(label) for label in labels], fontsize=7)
+        bars.set_xlim(0.0, 100.0)
+        bars.set_title(TITLES[name], fontsize=9, loc="left")
+        for number, load in enumerate(names):
+            z = [_value(loads[row["case"], row["estimator"]], load) for row in group]
+            sigmas.plot(z, place, "o", ms=3.0, color=f"C{number}", label=load)
+        sigmas.set_yticks([])
+        sigmas.set_xscale("log")
+        sigmas.axvline(1.0, color="k", lw=0.5)
+        for limit in (one for one in LIMITS[name] if one.column == "rms_z"):
+            sigmas.axvspan(limit.low, limit.high, color="#c7e9c0", alpha=0.5)
+        for axis in (bars, sigmas):
+            axis.set_ylim(len(group) - 0.5, -0.5)
+    panels[-1, 0].set_xlabel("samples [%]; right of the bars the undetected ones")
+    panels[-1, 1].set_xlabel("rms error over stated sigma: above 1 sigma is too small, far below too wide")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=5, fontsize=8)
+    handles, labels = panels[0, 1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower right", ncols=7, fontsize=8)
+    figure.suptitle(f"What the map notices: {title}")
+    return figure
+
+
+def _value(loads: Sequence[Mapping[str, Any]], load: str) -> float:
+    return next((row["rms_z"] for row in loads if row["load"] == load), float("nan"))

@@ -1,0 +1,102 @@
+"""Strain that no pressure makes: inertia of masses, vibration, friction, on the mesh of the independent model."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from builder.inverse.noise.inertia import UNLISTED, strain_by_inertia
+from builder.structure.fourier.inertia_strain import inertia_strain
+from builder.structure.fourier.meridian_mesh import MeridianMasses
+from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.loads.applied import STANDARD_GRAVITY
+from builder.structure.wall import wall_of
+from builder.trial.faults import MICRO
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import surface_grid
+from builder.vehicle.structure.mass import Mass
+from builder.vehicle.toml.sections import Section
+from strainfmu.arrays import FloatArray
+
+
+class Inertia(Section):
+    """Acceleration across the axis.
+
+    Attributes
+    ----------
+    load_factor : specific force [g], to leeward, as the normal force accelerates the vehicle.
+    drawn : whether it is the standard deviation along both axes instead, drawn in every sample.
+    listed : whether the masses of the vehicle file strain the gauges.
+    extra_kg : mass at mid-body that the file does not list.
+    bending_um_per_m : amplitude of the first bending mode at the gauge that it strains most, at any phase and
+        axis.
+    """
+
+    load_factor: float = 0.0
+    drawn: bool = False
+    listed: bool = True
+    extra_kg: float = 0.0
+    bending_um_per_m: float = 0.0
+
+    def force(self, leeward: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return (n, 2) the specific force along y and z [m/s2]; ``leeward`` (n,) is the meridian's roll angle."""
+        axes = random.standard_normal((len(leeward), 2)) if self.drawn else _across(leeward)
+        return STANDARD_GRAVITY * self.load_factor * axes
+
+
+class AddedStrain:
+    """Strain of the gauges of a vehicle on its independent mesh, solved where it is needed."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+
+    def inertia(
+        self, inertia: Inertia, force: FloatArray, leeward: FloatArray, random: np.random.Generator
+    ) -> FloatArray:
+        """Return (n, n_d) strain under a specific ``force`` (n, 2) [m/s2], or of the vibrating vehicle [m/m]."""
+        if inertia.bending_um_per_m:
+            phase, axis = 2.0 * np.pi * random.random((2, len(leeward), 1))
+            size = MICRO * inertia.bending_um_per_m * np.sin(phase) * _across(axis[:, 0])
+            return np.asarray(size @ self._by_inertia[2].T)
+        listed, extra, _ = self._by_inertia
+        return np.asarray(force @ (inertia.listed * listed + inertia.extra_kg * extra).T)
+
+    def friction(self, coefficient: float, dynamic_pressure: FloatArray) -> FloatArray:
+        """Return (n, n_d) strain by an axial ``coefficient`` of friction that is even over the surface [m/m]."""
+        force = coefficient * self.vehicle.reference_quantities().area * dynamic_pressure
+        return np.outer(force / self._area, self._by_friction)
+
+    @cached_property
+    def _by_inertia(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n_d, 2) per specific force along y and z of the listed masses and of 1 kg at mid-body [s2/m], and of
+        the first bending mode [1]."""
+        entry, middle = self.vehicle.mass or Mass(), 0.5 * self.vehicle.body().length
+        strain = strain_by_inertia(self.vehicle, entry, self.vehicle.resolution.truth, [middle])
+        return strain.of_listed[:, 1:3], strain.by_part[f"{UNLISTED} 1"][:, 1:3], strain.by_bending
+
+    @cached_property
+    def _by_friction(self) -> FloatArray:
+        """(n_d,) strain per pressure of friction along the axis [1/Pa]."""
+        vehicle, resolution, wall = self.vehicle, self.vehicle.resolution.truth, wall_of(self.vehicle)
+        mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+        layout = vehicle.gauges.layout
+        gauges = place_layouts(vehicle, mesh, [layout])[1][layout]
+        # A cover of 1 kg/m2 under a specific force of 1 m/s2 pulls with 1 Pa, towards the nose.
+        cover = MeridianMasses(
+            density=(0.0,) * (1 + len(mesh.materials)), covers=((0.0, vehicle.body().length, 1.0),)
+        )
+        return -inertia_strain(mesh, wall.material, gauges, {"": cover}, unit=0.0)[""][:, 0]
+
+    @cached_property
+    def _area(self) -> float:
+        """Area of the surface [m2], by frusta."""
+        grid = surface_grid(self.vehicle.body(), self.vehicle.resolution.truth.surface_stations, 4)
+        x, r = grid.x, grid.radius
+        return float(np.sum(np.pi * (r[1:] + r[:-1]) * np.hypot(np.diff(x), np.diff(r))))
+
+
+def _across(angle: FloatArray) -> FloatArray:
+    """Return (n, 2) unit vectors along y and z at roll angles (n,) [rad]."""
+    return np.column_stack([np.sin(angle), np.cos(angle)])

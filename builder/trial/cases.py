@@ -1,0 +1,366 @@
+"""The file of a trial: what is tried, a row for each case; rows for one vehicle, with classes by what its file
+states.
+
+.. code-block:: toml
+
+    [trial]                                # optional: effort and estimators
+    conditions = 100
+    estimators = ["linear", "nonlinear"]
+    [[group]]                              # what the cases of a group have in common
+    class = "beyond"
+    cases = [
+        { error = "bias of one gauge", size = "+50 um/m", fault = { of = 1, add_um_per_m = 50.0 } },
+    ]
+
+The sections of a case stand with what they do: :class:`~builder.trial.conditions.Where`,
+:class:`~builder.trial.faults.Fault`, :class:`~builder.trial.added.Inertia`, :class:`~builder.trial.flows.Flow` and
+:class:`~builder.trial.motion.Motion`; others are here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import ConfigDict, Field, model_validator
+
+from builder.inverse.noise.inertia import manoeuvre_strain
+from builder.structure.as_built_kinds import IN_NOISE, KINDS
+from builder.trial.added import Inertia
+from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, is_inside
+from builder.trial.faults import Fault
+from builder.trial.flows import Flow
+from builder.trial.motion import Motion
+from builder.vehicle.file import Vehicle
+from builder.vehicle.toml.reading import read_sections
+from builder.vehicle.toml.sections import Section
+from strainfmu.errors import InputError
+
+FILES = Path(__file__).with_name("files")
+"""Trials that are shipped, by name."""
+
+CaseClass = Literal["drawn", "alone", "beyond", "unobservable", "stated"]
+"""``drawn``
+    All errors that sigma includes, drawn together at their stated sizes: sigma is as large as the errors, neither
+    smaller nor larger, and health does not object.
+``alone``
+    Some of them, of at most twice their sizes: sigma includes them. Outside the envelope ``beyond``.
+``beyond``
+    Beyond the envelope, beyond the stated sizes, or of a kind that no sigma includes: flagged, or right all the
+    same.
+``unobservable``
+    The strain is the strain of another flight inside the envelope: no function of strain and air data separates
+    the two, only another sensor does. Listed without a verdict. On the shipped vehicle the strain of these differs
+    from the nearest flight's inside by a chi-square of 1 to 3, median over flights, with all hardware errors in
+    the covariance; the strain of cases ``beyond`` with many undetected samples by 60 to 870.
+``stated``
+    ``alone`` up to twice what the vehicle file states, ``beyond`` above."""
+
+LEAST_STRAIN_UM_PER_M = 1.0
+"""Strain [um/m] of a slender vehicle without incidence: 0.76 at most on the shipped one at 20 km."""
+
+_TOLERANCE = 1e-9
+
+
+class Built(Section):
+    """The vehicle.
+
+    Attributes
+    ----------
+    stated : all errors are drawn at so many times their stated sizes.
+    set : single errors by kind, in the unit of the entry that states their size.
+    signs : whether each of these gets a sign of its own, drawn.
+    middle : errors of the gauges of the middle third alone, in the same units.
+    of_stated : an error that is set is at least so many times its stated size.
+    """
+
+    stated: float = Field(default=0.0, ge=0.0)
+    set: dict[str, float] = Field(default_factory=dict)
+    signs: bool = False
+    middle: dict[str, float] = Field(default_factory=dict)
+    of_stated: float = 0.0
+
+
+class Air(Section):
+    """What the estimator is given besides strain: exact q_inf, M and p_inf, but for each entry.
+
+    Attributes
+    ----------
+    navigation : whether M and p_inf are given.
+    drawn : whether M and p_inf have errors of the stated sizes.
+    source : q_inf is computed from M and p_inf, or M and altitude, which have errors of the stated sizes.
+    mach_off, altitude_off : errors of M [1] and of the altitude [m] in all inputs, where q_inf is computed.
+    day : the day's pressure over the pressure of the standard atmosphere, where q_inf is computed [1].
+    angles : whether both angles are measured, with errors of the default standard deviation.
+    inertial : whether an inertial unit measures the specific force, with errors of the stated sizes.
+    vibration_um_per_m : standard deviation of the vibration that is stated with it; 0 for none.
+    parameters_percent : standard deviation of flow parameters that are given, of their ranges [%]; 0 for none.
+    parameters_off : by how many of these each parameter is off, in addition to an error that is drawn.
+    """
+
+    navigation: bool = True
+    drawn: bool = False
+    source: Literal["pressure", "altitude"] | None = None
+    mach_off: float = 0.0
+    altitude_off: float = 0.0
+    day: float = 1.0
+    angles: bool = False
+    inertial: bool = False
+    vibration_um_per_m: float = 0.0
+    parameters_percent: float = 0.0
+    parameters_off: float = 0.0
+
+
+class OverTime(Section):
+    """A filter over time: each condition is flown for ``steps`` samples with gauge noise of their own, the last
+    counts.
+
+    Attributes
+    ----------
+    steps, time_step, time_constant : number, [s], [s].
+    zero, common_zero : standard deviations of the zeros, of each gauge and in common, over the gauges' noise. The
+        errors are drawn once for each vehicle.
+    """
+
+    steps: int = Field(default=20, ge=1)
+    time_step: float = 0.1
+    time_constant: float = 10.0
+    zero: float = 0.0
+    common_zero: float = 0.0
+
+
+class Case(Section):
+    """One row: what is tried.
+
+    Attributes
+    ----------
+    error, size : names; ``{}`` in the size stands for the error that is set.
+    what : what is done, and why the case is of its class.
+    when : properties of the vehicle that the case needs, of :data:`PROPERTIES`; ``not`` before one negates it.
+    class_without : the class of a vehicle without a property.
+    each_stated : stands for a row for each stated error alone, of so many times its size.
+    draws : vehicles of the trial, times this.
+    flagged_at_least : smallest share of flagged samples that is aimed at [%].
+    tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
+    over_single_at_most : largest rms error of a filter over the one of single samples that is aimed at.
+    """
+
+    model_config = ConfigDict(populate_by_name=True)
+
+    error: str
+    size: str = ""
+    group: CaseClass = Field(validation_alias="class")
+    what: str = ""
+    when: list[str] = Field(default_factory=list)
+    class_without: dict[str, CaseClass] = Field(default_factory=dict)
+    each_stated: float = 0.0
+    draws: float = Field(default=1.0, gt=0.0)
+    where: Where = Where()
+    built: Built = Built()
+    fault: Fault | None = None
+    inertia: Inertia | None = None
+    air: Air = Air()
+    flow: Flow | None = None
+    friction: float = 0.0
+    over_time: OverTime | None = None
+    motion: Motion | None = None
+    tenths_by: list[str] = Field(default_factory=list)
+    flagged_at_least: float | None = None
+    over_single_at_most: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Error and size, which the draws of the case follow from."""
+        return f"{self.error} {self.size}"
+
+
+class Group(Section):
+    """Cases, and entries that they have in common unless they say otherwise."""
+
+    cases: list[Case] = Field(min_length=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _common_entries(cls, entries: Any) -> Any:
+        if not isinstance(entries, dict) or not isinstance(entries.get("cases"), list):
+            return entries
+        common = {name: value for name, value in entries.items() if name != "cases"}
+        cases = [{**common, **case} if isinstance(case, dict) else case for case in entries["cases"]]
+        return {"cases": cases}
+
+
+class Plan(Section):
+    """How a trial is flown.
+
+    Attributes
+    ----------
+    conditions : flight conditions of each case.
+    vehicles : vehicles, each with noise of its own, at every condition; draws of a case in time.
+    own_vehicles : whether every sample has a vehicle of its own, instead of each vehicle flying all conditions.
+    seed : of all draws.
+    estimators : by name, see :mod:`builder.trial.estimators`.
+    """
+
+    conditions: int = Field(default=200, ge=1, le=1_000_000)
+    vehicles: int = Field(default=20, ge=1, le=100_000)
+    own_vehicles: bool = False
+    seed: int = Field(default=1, ge=0, le=2**31 - 1)
+    estimators: list[str] = Field(default=["map"], min_length=1)
+
+
+class TrialFile(Section):
+    """The whole file."""
+
+    trial: Plan = Plan()
+    group: list[Group] = Field(min_length=1)
+
+
+def _expects_inertia(vehicle: Vehicle) -> bool:
+    return vehicle.map.estimator != "linear" and manoeuvre_strain(vehicle) is not None
+
+
+PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
+    "revolution": lambda vehicle: vehicle.is_of_revolution,
+    "edges": lambda vehicle: not vehicle.is_of_revolution and bool(edges_of(vehicle)),
+    "per pressure": lambda vehicle: vehicle.map.follows_pressure,
+    "mass": lambda vehicle: vehicle.mass is not None,
+    "density": lambda vehicle: vehicle.material.density_kg_per_m3 is not None,
+    "held": lambda vehicle: vehicle.is_of_revolution and vehicle.structure.support != "free_flight",
+    "inertia expected": _expects_inertia,
+    "sensors": lambda vehicle: vehicle.sensors is not None,
+    "parameters": lambda vehicle: bool(vehicle.conditions.parameters),
+    "faint strain": lambda vehicle: vehicle.noise.apparent_strain_um_per_m >= LEAST_STRAIN_UM_PER_M,
+    "own newtonian": lambda vehicle: not vehicle.is_of_revolution and vehicle.aerodynamics.engine == "newtonian",
+}
+"""Of a vehicle and its map, by name. "faint strain": nearly none is a flight without incidence, where as much
+apparent strain is expected; "inertia expected": sigma includes the mass of the wall in manoeuvres."""
+
+
+def trial_path(name: str | Path) -> Path:
+    """Return the file of a trial, by its path or by the name of a shipped one.
+
+    Raises
+    ------
+    InputError
+        There is neither.
+    """
+    path, shipped = Path(name), FILES / f"{name}.toml"
+    if path.is_file() or path.suffix:
+        return path
+    if not shipped.is_file():
+        names = ", ".join(sorted(one.stem for one in FILES.glob("*.toml")))
+        raise InputError(f"{name}: expected the path of a file, or a trial that is shipped: {names}")
+    return shipped
+
+
+def load_trial(path: Path) -> TrialFile:
+    """Read and check a file.
+
+    Raises
+    ------
+    InputError
+        The file is missing, no TOML, or wrong: one line for each entry.
+    """
+    return read_sections(path, TrialFile, "file of a trial", _faults)
+
+
+def _faults(file: TrialFile) -> list[str]:
+    cases = [case for group in file.group for case in group.cases]
+    known = ", ".join(PROPERTIES)
+    faults = [
+        f"group: '{case.name}': expected properties of the vehicle, {known}, got '{name}'"
+        for case in cases
+        for name in (*(one.removeprefix("not ") for one in case.when), *case.class_without)
+        if name not in PROPERTIES
+    ]
+    kinds = ", ".join(kind.name for kind in IN_NOISE)
+    return faults + [
+        f"group: '{case.name}': expected kinds of error, {kinds}, got '{name}'"
+        for case in cases
+        for name in (*case.built.set, *case.built.middle)
+        if name not in KINDS or not KINDS[name].noise
+    ]
+
+
+def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> list[Case]:
+    """Return the rows of a file for ``vehicle``, with their classes; of ``only`` these errors, all by default.
+
+    Raises
+    ------
+    InputError
+        Two rows have one name, or no row has one of the names ``only``.
+    """
+    has = {name: test(vehicle) for name, test in PROPERTIES.items()}
+    listed = [case for group in file.group for case in group.cases if all(_holds(has, name) for name in case.when)]
+    rows = [row for case in listed for row in _rows(case, vehicle, has)]
+    names = [case.name for case in rows]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise InputError(f"cases: expected each error and size once, got '{twice[0]}' twice")
+    errors = dict.fromkeys(case.error for case in rows)
+    if unknown := [name for name in only if name not in errors]:
+        raise InputError(f"--only: expected errors of {', '.join(errors)}, got '{unknown[0]}'")
+    return [case for case in rows if not only or case.error in only]
+
+
+def _holds(has: dict[str, bool], name: str) -> bool:
+    return has[name] if name in has else not has[name.removeprefix("not ")]
+
+
+def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:
+    """Return the case of ``vehicle``, or a case for each stated error."""
+    if case.each_stated:
+        return _of_stated(case, vehicle)
+    changes: dict[str, Any] = {
+        "group": next((case.class_without[n] for n in case.class_without if not has[n]), None)
+    }
+    if changes["group"] is None:
+        changes["group"] = _class_of(case, vehicle)
+    if not has["revolution"] and case.where.is_beyond:
+        changes["draws"] = FEWER_BEYOND * case.draws
+    if case.built.of_stated:
+        least = case.built.of_stated
+        sizes = {
+            name: max(value, least * float(getattr(vehicle.noise, KINDS[name].noise)))
+            for name, value in case.built.set.items()
+        }
+        changes["built"] = case.built.model_copy(update={"set": sizes, "of_stated": 0.0})
+        changes["size"] = case.size.format(*(f"{size:g}" for size in sizes.values()))
+    return [case.model_copy(update=changes)]
+
+
+def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
+    rows = []
+    for kind in IN_NOISE:
+        size = case.each_stated * float(getattr(vehicle.noise, kind.noise))
+        if size == 0.0:
+            continue
+        unit = f"{kind.unit} of {kind.relative_to}" if kind.relative_to else kind.unit
+        whose = "the sign drawn" if kind.is_one_in_flight else "each with its own sign"
+        changes = {
+            "error": kind.error,
+            "size": f"+-{size:g} {unit}",
+            "what": f"{case.what} {kind.noise}, {whose}; all else exact.",
+            "built": Built(set={kind.name: size}, signs=True),
+            "each_stated": 0.0,
+        }
+        rows.append(case.model_copy(update=changes))
+    return rows
+
+
+def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:
+    """Return the class, by what the vehicle file states where that decides."""
+    if case.group in ("drawn", "alone") and not is_inside(case.where, vehicle):
+        return "beyond"
+    if case.group != "stated":
+        return case.group
+    noise, mass = vehicle.noise, vehicle.mass
+    sizes = [(value, float(getattr(noise, KINDS[name].noise))) for name, value in case.built.set.items()]
+    if (inertia := case.inertia) is not None:
+        across = noise.manoeuvre_load_factor if mass is None else mass.lateral_g
+        sizes += [
+            (0.0 if case.air.inertial else inertia.load_factor, across),
+            (inertia.extra_kg, 0.0 if mass is None else mass.unlisted_kg),
+            (inertia.bending_um_per_m, 0.0 if mass is None else mass.vibration_um_per_m),
+        ]
+    return "alone" if all(abs(value) <= 2.0 * stated + _TOLERANCE for value, stated in sizes) else "beyond"

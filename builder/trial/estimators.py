@@ -1,0 +1,188 @@
+"""Estimators under trial by name: each takes readings and returns estimates of the loads that are scored.
+
+``map``
+    The estimator of the map: the nonlinear one where it has tables.
+``linear``, ``nonlinear``
+    One of them.
+``... 10 s``
+    One of these with a filter over time of that time constant, along a flight in time.
+``... stepping``
+    The nonlinear one as it steps along a flight: from the state that it estimates from the true one. Weights at
+    the true states would give other tests: errors of a vehicle last, and its estimates are wrong by as much in
+    every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from builder.processors import processors
+from builder.trial.readings import Readings
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import ALTITUDE, STATIC_PRESSURE
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+
+STEPPING = "stepping"
+
+N_ANGLES = 2
+"""Air data that are scored along a flight in time: angle of attack and sideslip."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimates:
+    """Estimates of n samples: ``value`` and ``std`` (n, m); ``health`` (n,), None where none is stated."""
+
+    value: FloatArray
+    std: FloatArray
+    health: IntArray | None = None
+
+    def rows(self, rows: IntArray) -> Estimates:
+        """Return the samples ``rows`` alone."""
+        health = None if self.health is None else self.health[rows]
+        return Estimates(value=self.value[rows], std=self.std[rows], health=health)
+
+
+EstimateReadings = Callable[[Readings], Estimates]
+"""An estimator under trial."""
+
+
+def of_map(inverse_map: InverseMap, name: str = "map") -> EstimateReadings:
+    """Return the estimator ``name`` of a map.
+
+    Raises
+    ------
+    InputError
+        There is none of this name, or the map has no tables for it.
+    """
+    kind, _, how = name.partition(" ")
+    seconds = how.removesuffix(" s")
+    if kind not in ("map", "linear", "nonlinear") or not (how in ("", STEPPING) or _is_number(seconds)):
+        raise InputError(f"estimators: expected 'map', 'linear' or 'nonlinear', or 'linear 10 s', got '{name}'")
+    available(inverse_map, [name])
+    estimator = Estimator(inverse_map.without_tables() if kind == "linear" else inverse_map)
+    if how == STEPPING:
+        return lambda read: _stepping(estimator, read)
+    return of_estimator(estimator.filter(float(seconds)) if how else estimator)
+
+
+def available(inverse_map: InverseMap, names: Sequence[str]) -> list[str]:
+    """Return the estimators of ``names`` that a map has, all of them where it has tables.
+
+    Raises
+    ------
+    InputError
+        It has none of them.
+    """
+    linear = inverse_map.manifold is None
+    known = [name for name in names if not (linear and (name.startswith("nonlinear") or name.endswith(STEPPING)))]
+    if not known:
+        raise InputError(f"estimators: {', '.join(names)}: expected a map with tables, got one without")
+    return known
+
+
+def _is_number(text: str) -> bool:
+    return text.replace(".", "", 1).isdigit()
+
+
+def of_estimator(estimator: Estimator) -> EstimateReadings:
+    """Return ``estimator``: of single samples, along flights in time, or at the ends of short flights."""
+
+    def estimate(read: Readings) -> Estimates:
+        known = known_by(estimator, read.known)
+        if read.time is None:
+            return _estimates(estimator.estimate(read.strain, **known))
+        return (_at_ends if read.strain.ndim > 2 else _along)(estimator, replace(read, known=known), read.time)
+
+    return estimate
+
+
+def with_zeros(estimator: Estimator, std: FloatArray, common_std: float, time_constant: float) -> EstimateReadings:
+    """Return the filter of ``time_constant`` [s] whose zeros have standard deviations ``std`` (n_d,), and in
+    common."""
+    zeros = GaugeZeros(value=np.zeros(len(std)), std=std, common_std=common_std)
+    return of_estimator(estimator.with_zeros(zeros).filter(time_constant))
+
+
+def with_gauges(estimate: EstimateReadings, used: BoolArray) -> EstimateReadings:
+    """Return ``estimate`` without the readings of gauges that are not ``used`` (n_d,)."""
+    return lambda read: estimate(replace(read, strain=np.where(used, read.strain, np.nan)))
+
+
+def known_by(estimator: Estimator, known: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what ``estimator`` takes of p_inf and altitude, where both are given."""
+    needless = ALTITUDE if estimator.is_nonlinear else STATIC_PRESSURE
+    both = ALTITUDE in known and STATIC_PRESSURE in known
+    return {name: value for name, value in known.items() if not (both and name == needless)}
+
+
+def _estimates(made: Estimate, with_angles: bool = False) -> Estimates:
+    value, std, air = made.coefficients, made.coefficients_std, made.air_data
+    if with_angles and not np.isnan(air.value[:, :N_ANGLES]).all():
+        value, std = (
+            np.hstack([loads, angles[:, :N_ANGLES]]) for loads, angles in ((value, air.value), (std, air.std))
+        )
+    return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64))
+
+
+def _stepping(estimator: Estimator, read: Readings) -> Estimates:
+    known = known_by(estimator, read.known)
+    made = estimator.estimate(read.strain, **known, start=read.states)
+    return _estimates(estimator.estimate(read.strain, **known, start=made.state))
+
+
+def _along(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
+    """Return the estimates along the flight of each vehicle."""
+    tracks = []
+    for number in dict.fromkeys(read.vehicle.tolist()):
+        of_flight = read.rows(np.flatnonzero(read.vehicle == number))
+        track = estimator.filter(estimator.filter_time_constant)
+        made = track.track(of_flight.strain, time=time[read.vehicle == number], **of_flight.known)
+        tracks.append(_estimates(made, with_angles=True))
+    return together(tracks)
+
+
+def _at_ends(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
+    """Return the estimates at the ends of short flights, each processor a part of them with a track of its own."""
+    count = len(read.strain)
+
+    def of_part(numbers: IntArray) -> list[tuple[FloatArray, FloatArray, int]]:
+        track, ends = estimator.filter(estimator.filter_time_constant), []
+        for k in numbers.tolist():
+            track.restart()
+            last = track.track(read.strain[k], time=time, **_of_sample(read.known, k, count))[-1]
+            ends.append((last.coefficients, last.coefficients_std, int(last.health)))
+        return ends
+
+    parts = np.array_split(np.arange(count), max(1, min(count, processors())))
+    with ThreadPoolExecutor(len(parts)) as pool:
+        value, std, health = zip(*(end for part in pool.map(of_part, parts) for end in part), strict=True)
+    return Estimates(value=np.array(value), std=np.array(std), health=np.array(health))
+
+
+def _of_sample(known: Mapping[str, Any], number: int, count: int) -> dict[str, Any]:
+    """Return what is known in sample ``number`` of ``count``."""
+    return {
+        name: _of_sample(value, number, count)
+        if isinstance(value, Mapping)
+        else float(np.broadcast_to(value, count)[number])
+        for name, value in known.items()
+    }
+
+
+def together(parts: list[Estimates]) -> Estimates:
+    """Return the estimates of ``parts`` one after another."""
+    health = [part.health for part in parts if part.health is not None]
+    return Estimates(
+        value=np.concatenate([part.value for part in parts]),
+        std=np.concatenate([part.std for part in parts]),
+        health=np.concatenate(health) if health else None,
+    )

@@ -1,0 +1,104 @@
+"""What becomes of readings: gauges, or auxiliary sensors, that fail; seven verbs."""
+
+from __future__ import annotations
+
+from math import radians
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from builder.vehicle.toml.sections import Section
+from strainfmu.arrays import FloatArray, IntArray
+
+MICRO = 1e-6
+
+
+class Gauges(NamedTuple):
+    """Gauges, or auxiliary sensors: station [m], roll angle [rad] and noise [m/m, or their unit], each (n_d,)."""
+
+    station: FloatArray
+    roll_angle: FloatArray
+    noise_std: FloatArray
+
+
+class Fault(Section):
+    """What becomes of the readings of ``of`` gauges, drawn, or of all: first another source, then times and added.
+
+    Attributes
+    ----------
+    of : number of gauges, drawn; None for all.
+    sensors : whether auxiliary sensors fail instead of gauges.
+    frozen : they keep what they read in one of the flights.
+    swapped : they read in reverse order.
+    exchanged : opposite rows of equal stations, as by two connectors: all, or in each flight the pair that is
+        nearest to the plane of the flow direction. A row is the gauges of one roll angle.
+    lost : no reading.
+    times : factor.
+    add_um_per_m, add_sigmas : what is added, the latter over the noise of each gauge.
+    shape : of what is added: even, as the cosine from leeward, or linear from 0 at the first station to the last.
+    noise_times : noise over the stated one.
+    """
+
+    of: int | None = Field(default=None, ge=1)
+    sensors: bool = False
+    frozen: bool = False
+    swapped: bool = False
+    exchanged: Literal["nearest", "all"] | None = None
+    lost: bool = False
+    times: float = 1.0
+    add_um_per_m: float = 0.0
+    add_sigmas: float = 0.0
+    shape: Literal["even", "cosine", "linear"] = "even"
+    noise_times: float = Field(default=1.0, ge=1.0)
+
+    def readings(
+        self, strain: FloatArray, gauges: Gauges, leeward: FloatArray, random: np.random.Generator
+    ) -> FloatArray:
+        """Return what is read instead of ``strain`` (n, n_d); ``leeward`` (n,) is the leeward meridian [rad]."""
+        out, n_d = strain.copy(), strain.shape[1]
+        which: Any = slice(None) if self.of is None else random.choice(n_d, size=min(self.of, n_d), replace=False)
+        if self.frozen:
+            out[:, which] = strain[int(random.integers(len(strain))), which]
+        if self.swapped:
+            out[:, which] = strain[:, which[::-1]]
+        if self.exchanged is not None:
+            _exchange(opposite_rows(gauges), self.exchanged == "all", strain, out, leeward)
+        if self.lost:
+            out[:, which] = np.nan
+        added = MICRO * self.add_um_per_m * self._shape(gauges, leeward) + self.add_sigmas * gauges.noise_std
+        out[:, which] = self.times * out[:, which] + np.broadcast_to(added, strain.shape)[:, which]
+        if self.noise_times > 1.0:
+            out += np.sqrt(self.noise_times**2 - 1.0) * gauges.noise_std * random.standard_normal(strain.shape)
+        return out
+
+    def _shape(self, gauges: Gauges, leeward: FloatArray) -> FloatArray:
+        if self.shape == "cosine":
+            return np.cos(gauges.roll_angle - leeward[:, None])
+        x = gauges.station
+        return (x - x.min()) / (np.ptp(x) or 1.0) if self.shape == "linear" else np.ones(len(x))
+
+
+def opposite_rows(gauges: Gauges) -> list[tuple[float, IntArray, IntArray]]:
+    """Return angle [rad] and gauges of each pair of opposite rows of equal stations."""
+    roll = np.mod(np.round(np.degrees(gauges.roll_angle), 3), 360.0)
+    pairs = []
+    for angle in np.unique(roll[roll < 180.0]):
+        near, far = np.flatnonzero(roll == angle), np.flatnonzero(roll == angle + 180.0)
+        if len(near) == len(far) and np.allclose(gauges.station[near], gauges.station[far]):
+            pairs.append((radians(angle), near, far))
+    return pairs
+
+
+def _exchange(
+    pairs: list[tuple[float, IntArray, IntArray]],
+    every: bool,
+    strain: FloatArray,
+    out: FloatArray,
+    leeward: FloatArray,
+) -> None:
+    """Exchange opposite rows in ``out``."""
+    in_plane = np.abs([np.cos(leeward - angle) for angle, _, _ in pairs])
+    for number, (_, near, far) in enumerate(pairs):
+        rows = np.arange(len(strain)) if every else np.flatnonzero(in_plane.argmax(axis=0) == number)
+        out[np.ix_(rows, near)], out[np.ix_(rows, far)] = strain[np.ix_(rows, far)], strain[np.ix_(rows, near)]

@@ -1,0 +1,234 @@
+"""Pressure of a trial: flows beyond the envelope, another engine's, higher all over, and spots of pressure on
+them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from builder.aero.deflections import deflections_of
+from builder.aero.engine import FlowKey
+from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
+from builder.aero.engines.newtonian import NewtonianEngine
+from builder.aero.surface.mesh import mesh_of_grid
+from builder.campaign.journal import Journal
+from builder.campaign.run import complete_flows
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.noise.leeward import other_leeward
+from builder.reporting import Reporter
+from builder.trial.conditions import stress_knots
+from builder.truth.revolution.flow_table import FlowTable, flow_table
+from builder.truth.revolution.flows import truth_engine, truth_surface
+from builder.vehicle.file import Vehicle
+from builder.vehicle.toml.sections import Section
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import FlowReachError
+from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
+
+
+class Spot(Section):
+    """Pressure of ``size`` p_inf more on Gaussian spots that lie symmetric to the plane of the wind.
+
+    Attributes
+    ----------
+    size : largest pressure over p_inf [1].
+    place, length : of the middle, and standard deviation, along the body over its length [1].
+    roll_deg, width_deg : to both sides of the leeward meridian, and standard deviation [deg]; 180 is one spot,
+        windward.
+    """
+
+    size: float
+    place: float
+    length: float
+    roll_deg: float
+    width_deg: float
+
+    def along(self, x: FloatArray) -> FloatArray:
+        """Return the spot along the body, by its stations ``x`` [m]."""
+        return np.asarray(np.exp(-0.5 * ((x / x.max() - self.place) / self.length) ** 2))
+
+    def around(self, from_leeward: FloatArray) -> FloatArray:
+        """Return the spots round the body, by the angle from the leeward meridian [rad]."""
+        roll, width = np.radians(self.roll_deg), np.radians(self.width_deg)
+        sides = (roll,) if self.roll_deg == 180.0 else (roll, -roll)
+        off = (np.mod(from_leeward - side + np.pi, 2.0 * np.pi) - np.pi for side in sides)
+        return np.asarray(sum(np.exp(-0.5 * (angle / width) ** 2) for angle in off))
+
+
+class Flow(Section):
+    """Another pressure at the same conditions; its loads count as true.
+
+    Attributes
+    ----------
+    engine : Modified Newtonian theory, on a shape with another leeward side than the map's; or the cone that is
+        tangent at each point, on a body of revolution.
+    drawn : whether each flight has the difference of the engine's flow times a standard normal number, on a body
+        of revolution.
+    raised : higher by so many p_inf all over the surface.
+    spot : more on spots.
+    """
+
+    engine: Literal["newtonian", "tangent cones"] | None = None
+    drawn: bool = False
+    raised: float = 0.0
+    spot: Spot | None = None
+
+    def table(self, vehicle: Vehicle, own: FlowTable) -> FlowTable:
+        """Return it as harmonics, instead of the harmonics of ``own``."""
+        if self.engine is not None:
+            return (newtonian_flows if self.engine == "newtonian" else _tangent_cones)(vehicle, own)
+        harmonic = own.harmonic.copy()
+        harmonic[..., 0] += self.raised
+        if self.spot is not None:
+            surface, n_m = truth_surface(vehicle), harmonic.shape[3]
+            amplitude = np.fft.rfft(self.spot.around(surface.roll_angle)).real[:n_m] / surface.n_roll
+            amplitude[1:] *= 2.0
+            harmonic = harmonic + self.spot.size * np.outer(self.spot.along(surface.x), amplitude)
+        return replace(own, harmonic=harmonic)
+
+    def surface(self, vehicle: Vehicle, own: Snapshots) -> Snapshots:
+        """Return it at the nodes of ``own``, instead of theirs."""
+        conditions = own.conditions()
+        ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
+        if self.engine is not None:
+            at = _newtonian_at(vehicle, own) if self.engine == "newtonian" else _cones_at(own.surface.node_normal)
+            return replace(own, pressure=ambient * np.array([at(condition) for condition in conditions]))
+        shape: FloatArray | float = self.raised
+        if self.spot is not None:
+            x, y, z = own.point.T
+            leeward = np.array([condition.leeward_roll_angle for condition in conditions])[:, None]
+            shape = self.spot.size * self.spot.around(np.arctan2(y, z) - leeward) * self.spot.along(x)
+        return replace(own, pressure=own.pressure + ambient * shape)
+
+
+def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
+    """Return the pressure of modified Newtonian theory, Prandtl-Meyer leeward, at the knots of ``table``.
+
+    Source: :mod:`builder.aero.engines.local_inclination`.
+    """
+    engine = NewtonianEngine(mesh_of_grid(truth_surface(vehicle)), leeward="prandtl_meyer")
+    # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
+    return _other_table(
+        vehicle,
+        table,
+        lambda mach, incidence: engine.solve((mach, incidence, 0.0)).arrays["pressure_ratio"],
+        "newtonian",
+    )
+
+
+def _tangent_cones(vehicle: Vehicle, table: FlowTable) -> FlowTable:
+    at = _cones_at(mesh_of_grid(truth_surface(vehicle)).node_normal)
+    return _other_table(
+        vehicle, table, lambda mach, incidence: at(FlightCondition(mach, incidence, 0.0, 0.0)), "tangent cones"
+    )
+
+
+def _cones_at(normal: FloatArray) -> Callable[[FlightCondition], FloatArray]:
+    """Return p / p_inf of tangent cones at nodes with outer ``normal`` (n_p, 3), by condition."""
+
+    def at(condition: FlightCondition) -> FloatArray:
+        alpha, beta = condition.angle_of_attack, condition.sideslip_angle
+        stream = np.array([np.cos(alpha) * np.cos(beta), -np.sin(beta), np.sin(alpha) * np.cos(beta)])
+        return tangent_cone_pressure_ratio(condition.mach_number, -normal @ stream)
+
+    return at
+
+
+def _newtonian_at(vehicle: Vehicle, flows: Snapshots) -> Callable[[FlightCondition], FloatArray]:
+    """Return p / p_inf of newtonian theory at the nodes of ``flows``, with another leeward side, by condition."""
+    surface, stagnation = flows.surface, vehicle.aerodynamics.stagnation or "rayleigh_pitot"
+    engine = NewtonianEngine(surface, stagnation, other_leeward(vehicle), deflections_of(vehicle, surface))
+    return lambda condition: engine.pressure_ratio(engine.solve(engine.flow_key(condition)), condition)
+
+
+def _other_table(
+    vehicle: Vehicle, table: FlowTable, ratio_at: Callable[[float, float], FloatArray], engine: str
+) -> FlowTable:
+    """Return ``table`` with p / p_inf of ``ratio_at`` (M, total incidence [rad]) at the nodes of the surface."""
+    surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
+    weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / surface.n_roll
+    harmonic = np.empty_like(table.harmonic)
+    for i, mach in enumerate(table.mach_knots.tolist()):
+        for j, incidence in enumerate(table.incidence_knots.tolist()):
+            ratio = ratio_at(mach, incidence)
+            harmonic[i, j] = np.fft.rfft(surface.as_map(ratio), axis=1).real[:, :n_m] * weight
+    return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": engine})
+
+
+def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    """Return what the flows beyond the envelope depend on."""
+    mach, incidence = stress_knots(vehicle)
+    return {
+        "engine": truth_engine(vehicle).inputs(),
+        MACH_NUMBER: mach.tolist(),
+        "total_incidence": incidence.tolist(),
+        "resolution": vehicle.resolution.truth.model_dump(),
+    }
+
+
+def stress_flows(
+    vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
+) -> FlowTable:
+    """Solve the flows inside the envelope and beyond it as far as the solver reaches, and return their table.
+
+    Raises
+    ------
+    FlowReachError
+        The solver reaches less than two Mach numbers or two incidences.
+    """
+    mach, incidence = stress_knots(vehicle)
+    failed: dict[FlowKey, str] = {}
+    flows, _ = complete_flows(
+        engine=truth_engine(vehicle),
+        keys=[(m, a) for m in mach.tolist() for a in incidence.tolist()],
+        journal=journal,
+        known={},
+        scheduling=scheduling or Scheduling(),
+        reporter=reporter,
+        title="Flow: beyond the envelope",
+        failed=failed,
+    )
+    solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])
+    rows, columns = solved_knots(solved)
+    if rows.sum() < 2 or columns.sum() < 2:
+        raise FlowReachError(f"flows beyond the envelope: {next(iter(failed.values()))}")
+    if failed:
+        reporter.note(
+            f"{len(failed)} of {solved.size} flows beyond the envelope are out of the solver's reach: flights "
+            f"from M {mach[rows][0]:.3g} to {mach[rows][-1]:.3g}, total incidence up to "
+            f"{np.degrees(incidence[columns][-1]):.3g} deg"
+        )
+    return flow_table(
+        vehicle=vehicle.name,
+        mach=mach[rows],
+        incidence=incidence[columns],
+        flows=flows,
+        surface=truth_surface(vehicle),
+        max_harmonic=vehicle.resolution.truth.harmonics,
+        provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
+    )
+
+
+def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:
+    """Return rows and columns of ``solved`` (n_M, n_a) to keep, so that all between them is true.
+
+    The outermost row or column with the largest fraction of failures goes first: lowest or highest Mach number,
+    largest incidence.
+    """
+    rows, columns = np.ones(solved.shape[0], dtype=bool), np.ones(solved.shape[1], dtype=bool)
+    while rows.any() and columns.any() and not solved[np.ix_(rows, columns)].all():
+        row_numbers, column_numbers = np.flatnonzero(rows), np.flatnonzero(columns)
+        failed = ~solved[np.ix_(rows, columns)]
+        fractions = [failed[0].mean(), failed[-1].mean(), failed[:, -1].mean()]
+        if max(fractions) == 0.0:  # a hole in the middle: the largest incidence goes until it is at the border
+            fractions[2] = 1.0
+        worst = int(np.argmax(fractions))
+        if worst == 2:
+            columns[column_numbers[-1]] = False
+        else:
+            rows[row_numbers[0 if worst == 0 else -1]] = False
+    return rows, columns

@@ -1,0 +1,150 @@
+"""The one long table of a trial: a row per case, estimator and load; written as CSV, Parquet and JSON, and
+printed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Sequence
+from math import isfinite, log
+from pathlib import Path
+from typing import Any
+
+from builder.trial.rules import MISSED, NONE, OK, OPEN
+from builder.trial.score import ALL, PARTS, Row
+from strainfmu.errors import StrainfmuError
+from strainfmu.files import write_bytes_atomically
+
+TITLES: dict[str, str] = {
+    "drawn": "All that sigma includes, drawn at its stated size: sigma is as large as the errors, no alarms",
+    "alone": "Stated errors, at most twice their sizes: sigma includes them",
+    "beyond": "Beyond what is stated: flagged, or right all the same",
+    "unobservable": "Unobservable: another flight has the same strain",
+}
+"""Classes in the order of the table."""
+
+FIRST = (
+    *("case", "error", "size", "class", "estimator", "load", "samples", "vehicles", "flights"),
+    *("rms", "rms_error", "bias", "sigma", "rms_z", "rms_z_error"),
+    *(f"{part}_percent{suffix}" for part in ("covered", *PARTS) for suffix in ("", "_error", "_upper")),
+    *("over_bound", "over_single", "verdict", "why"),
+)
+"""Columns, as far as there are any of them; further ones stand behind."""
+
+LOAD_WANTED = 0.9
+"""Rms of the error over sigma that is aimed at: the load that is furthest off is shown."""
+
+_ORDER = {MISSED: 0, OPEN: 1, OK: 2, NONE: 3}
+
+
+def columns_of(rows: Iterable[Row]) -> list[str]:
+    """Return the columns of ``rows``."""
+    there = dict.fromkeys(name for row in rows for name in row)
+    return [name for name in FIRST if name in there] + [name for name in there if name not in FIRST]
+
+
+def write_table(rows: Sequence[Row], path: Path) -> None:
+    """Write ``rows`` to ``path``, in the format of its suffix: ``.csv``, ``.parquet`` or ``.json``.
+
+    Raises
+    ------
+    StrainfmuError
+        The file could not be written, or Parquet needs pyarrow.
+    """
+    columns = columns_of(rows)
+    known = [{name: _known(row.get(name)) for name in columns} for row in rows]
+    if path.suffix == ".json":
+        content = (json.dumps(known, indent=1, allow_nan=False) + "\n").encode()
+    elif path.suffix == ".parquet":
+        content = _parquet(known)
+    else:
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows([[_cell(value) for value in row.values()] for row in known])
+        content = stream.getvalue().encode()
+    write_bytes_atomically(path, content)
+
+
+def _known(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _cell(value: Any) -> str:
+    return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _parquet(rows: list[Row]) -> bytes:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise StrainfmuError("Parquet needs pyarrow: pip install 'strainfmu[parquet]'") from error
+    content = io.BytesIO()
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), content)
+    return content.getvalue()
+
+
+def in_order(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the rows of all loads by class: missed ones first, then by undetected samples and by missing right
+    ones."""
+
+    def rank(row: Row) -> tuple[float, ...]:
+        return _ORDER[row["verdict"]], -round(row["undetected_percent"], 1), round(row["right_ok_percent"])
+
+    groups = {name: [row for row in rows if row["class"] == name and row["load"] == ALL] for name in TITLES}
+    return {name: sorted(of_class, key=rank) for name, of_class in groups.items() if of_class}
+
+
+def loads_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
+    """Return the rows of single loads by case and estimator."""
+    found: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        if "rms" in row:
+            found.setdefault((row["case"], row["estimator"]), []).append(row)
+    return found
+
+
+HEADINGS = (
+    *("case", "estimator", "samples", "right OK", "right flagged", "wrong flagged", "undetected", "no estimate"),
+    *("covered", "rms z", "/bound", "verdict"),
+)
+"""Of the table for a terminal; shares in % of the samples. Of coverage, rms over sigma and rms over bound the load
+that is furthest off."""
+
+
+def cells_of(row: Row, loads: Sequence[Row]) -> list[str]:
+    """Return the cells under :data:`HEADINGS` of the ``row`` of all loads and the rows of single ``loads``."""
+    parts = [row[f"{part}_percent"] for part in PARTS]
+    undetected = f"{parts[3]:.2f} +- {row['undetected_percent_error']:.2f}"
+    shares = [f"{part:.2f}" for part in parts[:3]] + [undetected, f"{parts[4]:.2f}"]
+    z = _furthest(loads, "rms_z", lambda value: abs(log(max(value, 1e-9) / LOAD_WANTED)))
+    covered, bound = (
+        _furthest(loads, "covered_percent", lambda value: -value),
+        _furthest(loads, "over_bound", float),
+    )
+    return [row["case"], row["estimator"], f"{row['samples']}", *shares, covered, z, bound, row["verdict"]]
+
+
+def _furthest(loads: Sequence[Row], column: str, off: Any) -> str:
+    """Return the value in ``column`` that is furthest off, and its load; a dash where none is known."""
+    known = [row for row in loads if (value := row.get(column)) is not None and value == value]
+    if not known:
+        return "-"
+    worst = max(known, key=lambda row: float(off(row[column])))
+    return f"{worst[column]:.2f} {worst['load']}"
+
+
+def reasons(rows: Sequence[Row]) -> list[str]:
+    """Return the largest fractions of stated errors, why cases are missed, and how many are open, a line each."""
+    of_all = [row for row in rows if row["load"] == ALL]
+    stated, lines = [row for row in of_all if row["class"] == "alone"], list[str]()
+    for what in ("flagged", "undetected") if stated else ():
+        largest = sorted(stated, key=lambda row: -row[f"{what}_percent"])[:2]
+        text = "; ".join(f"{row[f'{what}_percent']:.2f} % ({row['case']}, {row['estimator']})" for row in largest)
+        lines.append(f"{what}, the largest of {len(stated)} stated errors: {text}")
+    missed = [row for row in of_all if row["verdict"] == MISSED]
+    lines += [f"missed: {row['case']} ({row['estimator']}): {row['why']}" for row in missed]
+    n_open = sum(row["verdict"] == OPEN for row in of_all)
+    return lines + ([f"open: {n_open} of {len(of_all)}, more samples decide"] if n_open else [])

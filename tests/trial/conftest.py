@@ -1,0 +1,90 @@
+"""The shipped vehicle at a coarse resolution, a map of few conditions, and flows beyond its envelope."""
+
+from __future__ import annotations
+
+import pytest
+from coarse_vehicle import COARSE
+from trial_cases import other_world
+
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
+from builder.pipeline.built_sensors import flown_sensors
+from builder.pipeline.chosen_estimator import with_estimator
+from builder.pipeline.stages import take_snapshots
+from builder.reporting import Silent
+from builder.structure.fourier.model import structural_model
+from builder.trial import conditions
+from builder.trial.flows import stress_flows
+from builder.trial.world import World
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure, true_structure
+from builder.vehicle.file import Vehicle
+from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
+from builder.vehicle.structure.mass import Mass
+from strainfmu.estimator.map.inverse_map import InverseMap
+
+
+@pytest.fixture(scope="session")
+def flown(vehicle: Vehicle) -> Vehicle:
+    """The coarse vehicle with every second listed angle and Mach number."""
+    listed = {"mach_number": [5.0, 6.0, 7.0], "angle_of_attack_deg": [0.0, 3.0, 7.0, 10.0]}
+    return vehicle.model_copy(update={"conditions": vehicle.conditions.model_copy(update=listed)})
+
+
+@pytest.fixture(scope="session")
+def flow_beyond(flown: Vehicle, compiled_solver: None) -> FlowTable:
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(conditions, "MACH_KNOTS", 5)
+        patched.setattr(conditions, "INCIDENCE_KNOTS", 6)
+        return stress_flows(flown, Silent(), scheduling=Scheduling(workers=0))
+
+
+@pytest.fixture(scope="session")
+def flown_snapshots(flown: Vehicle, compiled_solver: None) -> Snapshots:
+    return take_snapshots(flown)
+
+
+@pytest.fixture(scope="session")
+def flying(flown: Vehicle) -> TrueStructure:
+    return true_structure(flown)
+
+
+def linear_map(vehicle: Vehicle, snapshots: Snapshots) -> InverseMap:
+    return build_inverse_map(vehicle, snapshots, structural_model(vehicle, COARSE, [vehicle.gauges.layout]))
+
+
+@pytest.fixture(scope="session")
+def world(flown: Vehicle, flying: TrueStructure, flow_beyond: FlowTable, flown_snapshots: Snapshots) -> World:
+    made = linear_map(flown, flown_snapshots)
+    return World(vehicle=flown, structure=flying, flows=flow_beyond, inverse_map=made, conditions=50)
+
+
+@pytest.fixture(scope="session")
+def sensed_world(world: World, flying: TrueStructure, flown_snapshots: Snapshots) -> World:
+    """The same vehicle with ports and an inertial unit."""
+    sensors = Sensors(
+        ports=Ports(x_m=0.3, roll_deg=[0.0, 90.0, 180.0, 270.0], std_Pa=300.0, range_Pa=2e5, gain_percent=0.25),
+        imu=InertialUnit(x_m=1.2, mass_kg=150.0, center_x_m=2.0, inertia_kg_m2=130.0, thrust_std_N=5.0),
+    )
+    vehicle = world.vehicle.model_copy(update={"sensors": sensors})
+    made, fly = linear_map(vehicle, flown_snapshots), flown_sensors(vehicle, flying.surface)
+    return other_world(world, vehicle=vehicle, inverse_map=made, sensors=fly, conditions=40)
+
+
+@pytest.fixture(scope="session")
+def heavy_world(world: World, flown_snapshots: Snapshots) -> World:
+    """The same vehicle with a section [mass]."""
+    vehicle = world.vehicle.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
+    made = linear_map(vehicle, flown_snapshots)
+    return other_world(world, vehicle=vehicle, inverse_map=made, conditions=40)
+
+
+@pytest.fixture(scope="session")
+def nonlinear_world(world: World, flown_snapshots: Snapshots) -> World:
+    """The same vehicle with a map of the nonlinear estimator."""
+    vehicle = with_estimator(world.vehicle, "nonlinear")
+    structure = structural_model(vehicle, COARSE, [vehicle.gauges.layout])
+    made = with_manifold(world.inverse_map, vehicle, flown_snapshots, structure)
+    return other_world(world, vehicle=vehicle, inverse_map=made)

@@ -1,0 +1,136 @@
+"""Cases of a trial: files that are shipped, rows for a vehicle, and classes by what its file states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
+from builder.trial.cases import FILES, Case, cases_for, load_trial, trial_path
+from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.map.options import HARDWARE_ERRORS, Noise
+from builder.vehicle.structure.mass import Mass
+from strainfmu.errors import FaultsError, InputError
+
+pytestmark = pytest.mark.fast
+
+STRESS = load_trial(trial_path("stress"))
+
+
+def changed(entry: str, **values: object) -> Vehicle:
+    """Return the shipped vehicle with a map of the nonlinear estimator, and other values in a section."""
+    vehicle = load_vehicle(IC3X)
+    section = getattr(vehicle, entry)
+    return vehicle.model_copy(update={entry: section.model_copy(update=values)})
+
+
+def of(vehicle: Vehicle, error: str) -> list[Case]:
+    return [case for case in cases_for(vehicle, STRESS) if case.error == error]
+
+
+@pytest.mark.parametrize("name", sorted(path.stem for path in FILES.glob("*.toml")))
+def test_shipped_files_have_rows_of_distinct_names(name: str) -> None:
+    cases = cases_for(load_vehicle(IC3X), load_trial(trial_path(name)))
+    assert cases
+    assert len({case.name for case in cases}) == len(cases)
+    assert {case.group for case in cases} <= {"drawn", "alone", "beyond", "unobservable"}
+
+
+@pytest.mark.parametrize("name", ["ic3x", "finned_body", "elliptic_cone", "launcher", "blunt_cone"])
+def test_every_shipped_vehicle_has_its_own_rows(name: str) -> None:
+    vehicle = load_vehicle(VEHICLES / f"{name}.toml")
+    errors = {case.error for case in cases_for(vehicle, STRESS)}
+    shape, revolved = {"angle near its largest"}, {"incidence near its largest", "angles mirrored"}
+    assert (revolved if vehicle.is_of_revolution else shape) <= errors
+    assert not (shape if vehicle.is_of_revolution else revolved) & errors
+    sizes = [case.size for case in of(vehicle, "another engine")]
+    assert sizes[0].startswith("newtonian")
+    assert len(sizes) == 1 + vehicle.is_of_revolution
+
+
+def test_every_stated_error_is_tried_alone_and_no_other() -> None:
+    assert {kind.noise for kind in IN_NOISE} == set(HARDWARE_ERRORS)
+
+    def rows(noise: Noise) -> list[Case]:
+        vehicle = load_vehicle(IC3X).model_copy(update={"noise": noise})
+        return [case for case in cases_for(vehicle, STRESS) if case.built.signs]
+
+    assert len(rows(Noise(std_um_per_m=1.0, wall_thickness_percent=0.0))) == len(ALWAYS_DRAWN) - 1
+    turned = rows(Noise(std_um_per_m=1.0, row_orientation_deg=1.5))[-1]
+    assert (turned.error, turned.size) == ("orientation of each row of gauges", "+-3 deg")
+    assert [case.size for case in rows(Noise(std_um_per_m=1.0, clamp_compliance_mm=2.0))][-2:] == ["+-4 mm"] * 2
+    assert rows(Noise(std_um_per_m=1.0, model="paper")) == []
+
+
+@pytest.mark.parametrize(("stated", "group"), [(1.0, "alone"), (0.9, "beyond"), (0.0, "beyond")])
+def test_the_class_follows_from_the_stated_size(stated: float, group: str) -> None:
+    (case,) = of(changed("noise", wall_thickness_percent=stated), "wall thickness")[-1:]
+    assert (case.size, case.group) == ("+2 %", group)
+
+
+def test_the_class_of_a_flight_follows_from_the_map() -> None:
+    listed, absolute = (
+        changed("map", estimator="linear", symmetry="listed"),
+        changed("map", estimator="linear", form="absolute"),
+    )
+    assert of(load_vehicle(IC3X), "angles mirrored")[0].group == "alone"
+    assert of(listed, "angles mirrored")[0].group == "beyond"
+    assert {case.group for case in of(load_vehicle(IC3X), "altitude")} == {"alone"}
+    assert {case.group for case in of(absolute, "altitude")} == {"beyond"}
+    assert of(absolute, "dynamic pressure computed") == []
+
+
+def test_sizes_grow_with_what_is_stated() -> None:
+    assert of(load_vehicle(IC3X), "gain of all gauges")[-1].size == "+5 %"
+    case = of(changed("noise", common_gain_percent=2.0), "gain of all gauges")[-1]
+    assert (case.size, case.built.set) == ("+10 %", {"common_gain": 10.0})
+
+
+def test_the_class_of_inertia_follows_from_the_file() -> None:
+    def groups(vehicle: Vehicle) -> list[str]:
+        return [case.group for case in cases_for(vehicle, STRESS) if case.inertia is not None]
+
+    assert groups(changed("map", estimator="linear")) == 3 * ["unobservable"]
+    assert groups(load_vehicle(IC3X)) == ["alone", "beyond", "beyond"]
+    weak = load_vehicle(IC3X).model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
+    assert groups(weak) == ["beyond", "alone", *(3 * ["beyond"]), "alone"]
+    strong = load_vehicle(IC3X).model_copy(update={"mass": Mass(unlisted_kg=1.0)})
+    assert groups(strong) == 6 * ["alone"]
+
+
+FAULTS = """
+[[group]]
+class = "beyond"
+cases = [{ error = "a", fault = { of = 0 } }, { error = "b", faults = {} }, { error = "c", class = "none" }]
+"""
+
+
+def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
+    path = tmp_path / "trial.toml"
+    path.write_text(FAULTS)
+    with pytest.raises(FaultsError) as error:
+        load_trial(path)
+    lines = sorted(error.value.lines)
+    assert [line.removeprefix(f"{path}: group.1.cases.").partition(",")[0] for line in lines] == [
+        "1.fault.of: expected at least 1",
+        "2.faults: unknown entry",
+        "3.class: expected 'drawn'",
+    ]
+    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a", when = ["not round"] }]')
+    with pytest.raises(InputError, match=r"'a ': expected properties of the vehicle, .*, got 'round'"):
+        load_trial(path)
+    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a", built = { set = { colour = 1.0 } } }]')
+    with pytest.raises(InputError, match=r"'a ': expected kinds of error, .*, got 'colour'"):
+        load_trial(path)
+    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a" }, { error = "a" }]')
+    with pytest.raises(InputError, match="each error and size once, got 'a ' twice"):
+        cases_for(load_vehicle(IC3X), load_trial(path))
+
+
+def test_names_that_are_unknown_are_answered_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^nothing: expected the path of a file, .* stress, uncertainty"):
+        trial_path("nothing")
+    with pytest.raises(InputError, match=r"^--only: expected errors of nothing wrong, .*, got 'colour'$"):
+        cases_for(load_vehicle(IC3X), STRESS, ["colour"])
+    assert trial_path(tmp_path / "mine.toml") == tmp_path / "mine.toml"

@@ -1,0 +1,256 @@
+"""Trials on a coarse vehicle: verdicts that hold, limits that are known, both plans, sensors, masses, a shape."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from trial_cases import case_of, other_world
+
+from builder.pipeline.trial_run import check_fit, of_map
+from builder.trial.cases import Case, Plan
+from builder.trial.readings import joined, read_case
+from builder.trial.rules import MISSED
+from builder.trial.run import readings_of, scored
+from builder.trial.score import Row
+from builder.trial.world import World
+from builder.truth.revolution.flow_table import FlowTable
+from builder.vehicle.file import Vehicle
+from strainfmu.errors import FlowReachError, InputError
+
+PLAN = Plan(conditions=50, vehicles=6)
+
+
+def rows_for(world: World, error: str, size: str = "", trial: str = "stress", plan: Plan = PLAN) -> list[Row]:
+    (rows,) = scored(world, case_of(world.vehicle, error, size, trial), plan).values()
+    return rows
+
+
+def health_of(row: Row) -> dict[str, float]:
+    words = row["health"].split()
+    return {name: float(share) for name, share in zip(words[::2], words[1::2], strict=True)}
+
+
+@pytest.mark.parametrize(
+    ("error", "size"),
+    [
+        ("nothing wrong", "vehicle of the file"),
+        ("all installation errors", "drawn at their stated sizes"),
+        ("Young's modulus", "+1 %"),
+        ("wall thickness", "+2 %"),
+        ("roll of the layout", "+1 deg"),
+        ("altitude", "25 km"),
+        ("angles mirrored", "the other sign of one or both"),
+        ("dynamic pressure", "+10 %"),
+        ("incidence beyond its largest", "+20 %"),
+        ("Mach number below its least", "-20 %"),
+        ("Mach number beyond its largest", "+20 %"),
+        ("friction", "+0.01 in C_A"),
+        ("filter over time, zeros", "exactly known"),
+        ("filter over time, zeros", "wrong by 5 sigma of the noise"),
+        ("filter over time, zeros", "wrong in common by 5 sigma of the noise"),
+    ],
+)
+def test_nothing_is_missed(world: World, error: str, size: str) -> None:
+    # The zeros of a filtered flight are wrong alike in all flights of a vehicle: six vehicles would be few.
+    plan = PLAN.model_copy(update={"vehicles": 24}) if error.startswith("filter") else PLAN
+    every = rows_for(world, error, size, plan=plan)[0]
+    assert every["verdict"] != MISSED, every["why"]
+    assert sum(health_of(every).values()) == pytest.approx(100.0)
+
+
+def test_what_no_strain_shows_is_silent(world: World) -> None:
+    """A tenth too much q_inf: undetected without navigation, flagged with it."""
+    without = rows_for(world, "dynamic pressure, no navigation")[0]
+    assert (without["class"], without["verdict"], without["why"]) == ("unobservable", "-", "")
+    assert without["undetected_percent"] > 20.0
+    assert rows_for(world, "dynamic pressure", "+10 %")[0]["flagged_percent"] == 100.0
+
+
+def test_lost_gauges_widen_sigma_and_are_no_flag(world: World) -> None:
+    every = rows_for(world, "three gauges lost")[0]
+    assert every["health"] == "DEGRADED 100"
+    assert every["flagged_percent"] == 0.0
+    assert every["undetected_percent"] < 3.0
+
+
+def test_a_score_is_the_same_each_time(world: World) -> None:
+    again = other_world(world)
+    assert rows_for(world, "bias of three gauges") == rows_for(again, "bias of three gauges")
+
+
+def test_flights_that_the_flows_do_not_reach_are_refused(world: World, flow_beyond: FlowTable) -> None:
+    short = replace(
+        flow_beyond,
+        mach_knots=flow_beyond.mach_knots[1:],
+        harmonic=flow_beyond.harmonic[1:, :-2],
+        incidence_knots=flow_beyond.incidence_knots[:-2],
+    )
+    low = other_world(world, flows=short)
+    for error, size in (("incidence beyond its largest", "+20 %"), ("Mach number below its least", "-20 %")):
+        with pytest.raises(FlowReachError, match="needed, the flows go up to"):
+            low.flights(case_of(world.vehicle, error, size))
+
+
+def test_a_vehicle_of_its_own_in_every_sample(world: World) -> None:
+    """Each sample has errors of its own; navigation errs as stated."""
+    case = case_of(world.vehicle, "own flows", trial="uncertainty")
+    many = other_world(world, conditions=50)
+    plan = PLAN.model_copy(update={"own_vehicles": True, "vehicles": 8})
+    read = joined(list(readings_of(many, case, plan)))
+    assert read.strain.shape == (400, 54)
+    assert read.vehicle.tolist() == list(range(400))
+    assert read.flight.tolist() == np.repeat(np.arange(50), 8).tolist()
+    mach = read.known["mach_number"] - np.array([one.mach_number for one in read.conditions])[read.flight]
+    assert np.std(mach) == pytest.approx(world.vehicle.noise.navigation_mach_number, rel=0.1)
+    (rows,) = scored(many, case, plan).values()
+    assert (rows[0]["vehicles"], rows[0]["flights"], rows[0]["samples"]) == (400, 50, 400)
+    assert rows[0]["verdict"] != MISSED
+
+
+def test_both_plans_read_the_same_of_one_vehicle(world: World) -> None:
+    """Single errors, without signs, are the same vehicle in either plan; all but the noise is equal."""
+    case = case_of(world.vehicle, "wall thickness", "+2 %")
+    flights, random = world.flights(case), np.random.default_rng(1)
+    lasting = read_case(world, case, flights, number=0, random=random)
+    own = read_case(world, case, flights, number=0, random=random, rows=slice(3, 4), vehicles=2)
+    np.testing.assert_allclose(own.strain[1], lasting.strain[3], atol=7.0 * float(world.noise_std.max()))
+    for name, value in own.known.items():
+        np.testing.assert_array_equal(np.broadcast_to(value, 2), np.broadcast_to(lasting.known[name], 50)[[3, 3]])
+    np.testing.assert_array_equal(own.truth, lasting.truth[[3, 3]])
+
+
+@pytest.mark.parametrize(("error", "size"), [("steady flight", "noise alone"), ("turn", "10 deg/s")])
+def test_a_filter_gains_in_steady_flight_and_loses_nothing_in_turns(world: World, error: str, size: str) -> None:
+    plan = Plan(vehicles=2, estimators=["linear", "linear 1 s"])
+    case = case_of(world.vehicle, error, size, "manoeuvres")
+    single, filtered = scored(world, case, plan).values()
+    assert [row["over_single"] for row in single[1:]] == 5 * [1.0]
+    assert max(row["over_single"] for row in filtered[1:]) < (0.67 if error == "steady flight" else 1.05)
+    assert single[0]["samples"] == 800
+
+
+def test_the_tables_of_a_map_are_as_good_at_small_incidence(ic3x_demo: Path) -> None:
+    """Of the shipped vehicle, 2,000 samples in a band: loads within 0.6 of those of the map's linear one."""
+    from builder.pipeline.trial_run import world_of_files
+    from builder.vehicle.file import IC3X
+
+    world = world_of_files(IC3X, ic3x_demo / "map.h5", ic3x_demo / "independent_flows.h5")
+    plan = Plan(vehicles=10, own_vehicles=True, estimators=["linear", "nonlinear"])
+    for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
+        case = case_of(world.vehicle, "incidence", size, "incidence")
+        linear, nonlinear = scored(replace(world, conditions=200, _flights={}), case, plan).values()
+        for of_linear, row in zip(linear[1:], nonlinear[1:], strict=True):
+            assert row["rms"] <= 0.6 * of_linear["rms"]
+            assert row["covered_percent"] > 99.0
+            assert row["rms_z"] < 1.07
+
+
+# --- auxiliary sensors and masses ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "flagged"),
+    [
+        ("auxiliary sensors", 0.0),
+        ("nothing wrong", 0.0),
+        ("wall thinner over the middle third", 0.0),
+        ("gain of one auxiliary sensor", 2.0),
+        ("bias of one auxiliary sensor", 20.0),
+        ("one auxiliary sensor frozen", 40.0),
+    ],
+)
+def test_an_error_of_one_sensor_is_flagged(sensed_world: World, error: str, flagged: float) -> None:
+    every = rows_for(sensed_world, error)[0]
+    assert every["verdict"] != MISSED, every["why"]
+    assert every["flagged_percent"] >= flagged
+
+
+def test_a_lost_sensor_widens_sigma(sensed_world: World) -> None:
+    for error in ("one auxiliary sensor lost", "three gauges lost"):
+        every = rows_for(sensed_world, error)[0]
+        assert every["health"] == "DEGRADED 100"
+        assert every["undetected_percent"] < 3.0
+
+
+MASSES = (
+    "inertia of the masses",
+    "inertia of the masses, inertial unit",
+    "inertia of a mass that is not listed",
+    "inertia of a mass that is not listed, inertial unit",
+    "vibration",
+    "vibration, stated",
+)
+
+
+@pytest.mark.parametrize("error", MASSES)
+def test_inertia_that_the_file_states_is_included(heavy_world: World, error: str) -> None:
+    every = rows_for(heavy_world, error)[0]
+    assert every["class"] == "alone"
+    assert every["verdict"] != MISSED, every["why"]
+    assert ("DEGRADED" in every["health"]) == (error == "vibration, stated")
+
+
+def test_the_inertial_unit_sharpens(world: World, heavy_world: World) -> None:
+    without, measured = (rows_for(heavy_world, error)[2] for error in MASSES[:2])
+    assert without["load"] == measured["load"] == "C_N"
+    assert measured["rms"] < 0.2 * without["rms"]
+    assert rows_for(world, MASSES[0])[0]["undetected_percent"] > 20.0
+    unit = case_of(heavy_world.vehicle, MASSES[1])
+    known = read_case(
+        heavy_world, unit, heavy_world.flights(unit), number=0, random=np.random.default_rng(1)
+    ).known
+    lateral = np.hypot(known["specific_force_y"], known["specific_force_z"])
+    assert lateral == pytest.approx(5.0 * 9.80665, abs=0.6)
+
+
+@pytest.mark.parametrize("error", [MASSES[0], MASSES[2], MASSES[4]])
+def test_the_nonlinear_estimator_expects_manoeuvres(nonlinear_world: World, error: str) -> None:
+    assert rows_for(nonlinear_world, error)[0]["undetected_percent"] <= 3.0
+    assert nonlinear_world.inverse_map.manifold is not None
+    without = replace(nonlinear_world.inverse_map.manifold, considered_strain=None)
+    blind = other_world(nonlinear_world, inverse_map=replace(nonlinear_world.inverse_map, manifold=without))
+    assert rows_for(blind, error)[0]["undetected_percent"] > 2.0
+
+
+# --- maps that do not fit ------------------------------------------------------------------------------------
+
+
+def test_another_map_is_refused(world: World, sensed_world: World, heavy_world: World) -> None:
+    path, names = Path("map.h5"), tuple(f"other {name}" for name in world.inverse_map.gauge_names)
+    for made in (world, sensed_world, heavy_world):
+        check_fit(made.vehicle, made.inverse_map, path)
+    larger = replace(world.inverse_map, reference_area=1.0)
+    for vehicle, made, message in (
+        (
+            world,
+            replace(world.inverse_map, gauge_names=names),
+            "expected the 54 gauges of layout .*, got 54 gauges",
+        ),
+        (world, larger, r"reference area \[m2\]: expected .* of the vehicle, got 1"),
+        (sensed_world, world.inverse_map, "expected the 9 auxiliary sensors .*, got 0: none"),
+        (world, sensed_world.inverse_map, "expected the 0 auxiliary sensors .*, got 9: port_0deg"),
+        (heavy_world, world.inverse_map, "expected a map with masses as the vehicle file has them"),
+        (world, heavy_world.inverse_map, "expected a map without masses"),
+    ):
+        with pytest.raises(InputError, match=f"^map.h5: {message}"):
+            check_fit(vehicle.vehicle, made, path)
+
+
+def test_the_envelope_is_that_of_the_map(world: World, vehicle: Vehicle) -> None:
+    """A vehicle file with other conditions: those of the map count."""
+    listed = {"mach_number": [2.0], "altitude_km": 5.0}
+    changed = vehicle.model_copy(update={"conditions": vehicle.conditions.model_copy(update=listed)})
+    found = of_map(changed, world.inverse_map).conditions
+    assert found.mach_number == [5.0, 7.0]
+    assert found.angle_of_attack_deg == pytest.approx([0.0, 10.0])
+    assert found.altitudes_km == [20.0]
+
+
+def test_an_estimator_that_the_map_has_not_is_refused(world: World) -> None:
+    case = Case.model_validate({"error": "e", "class": "alone"})
+    for name, message in (("nonlinear", "expected a map with tables"), ("other", "expected 'map', 'linear'")):
+        with pytest.raises(InputError, match=f"^estimators: .*{message}"):
+            scored(world, case, Plan(estimators=[name]))

@@ -1,0 +1,179 @@
+"""A trial of a vehicle that is no body of revolution: conditions, flows, verdicts of a closed-form structure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from deflected_shape import DEFLECTIONS, NAME, deflected, known_map
+from shape_case import flown, shape_map, shape_vehicle
+from shape_truth import beam
+from trial_cases import case_of, other_world
+
+from builder.pipeline.trial_run import shape_conditions
+from builder.trial.cases import Plan, cases_for, load_trial, trial_path
+from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, flown_conditions
+from builder.trial.flows import Flow, Spot
+from builder.trial.rules import MISSED
+from builder.trial.run import scored
+from builder.trial.score import Row
+from builder.trial.world import World
+from builder.truth.shape.flights import at_conditions
+from builder.vehicle.conditions.entries import FlowParameter
+from strainfmu.atmosphere import pressure_and_temperature
+from strainfmu.errors import FlowReachError
+from strainfmu.flight_condition import FlightCondition
+
+PLAN = Plan(conditions=24, vehicles=8)
+
+
+@cache
+def world() -> World:
+    vehicle = shape_vehicle()
+    cases = cases_for(vehicle, load_trial(trial_path("stress")))
+    flows = flown(shape_conditions(vehicle, cases, PLAN.conditions, PLAN.seed))
+    return World(
+        vehicle=vehicle,
+        structure=beam(flows.surface),
+        flows=flows,
+        inverse_map=shape_map(),
+        conditions=PLAN.conditions,
+    )
+
+
+def row_of(error: str, size: str = "") -> Row:
+    (rows,) = scored(world(), case_of(world().vehicle, error, size), PLAN).values()
+    return rows[0]
+
+
+@pytest.mark.parametrize(
+    ("error", "size"),
+    [
+        ("nothing wrong", "vehicle of the file"),
+        ("altitude", "25 km"),
+        ("angle near its largest", "70 to 100 % of it"),
+        ("angle beyond its largest", "+20 %"),
+        ("Mach number below its least", "-20 %"),
+        ("Mach number beyond its largest", "+20 %"),
+        ("bias of one gauge", "+50 um/m"),
+    ],
+)
+def test_nothing_is_missed(error: str, size: str) -> None:
+    row = row_of(error, size)
+    assert row["verdict"] != MISSED, row["why"]
+    assert row["samples"] == 24 * 8  # a quarter of the conditions beyond, four times as many vehicles
+
+
+def test_another_theory_is_noticed() -> None:
+    assert row_of("three gauges lost")["health"] == "DEGRADED 100"
+    right, bump = row_of("nothing wrong"), row_of("local pressure, windward", "+100 % of p_inf")
+    assert right["flagged_percent"] < 5.0
+    assert bump["flagged_percent"] > 15.0
+    assert bump["wrong_flagged_percent"] + bump["undetected_percent"] > 50.0
+
+
+def test_altitudes_and_hardware_share_their_flows() -> None:
+    """One set inside, a quarter of it near the edge, beyond it twice, and below and beyond the Mach numbers."""
+    cases = cases_for(world().vehicle, load_trial(trial_path("stress")))
+    found = shape_conditions(world().vehicle, cases, 24, 1)
+    assert len(found) == 24 + 5 * (24 // FEWER_BEYOND)
+    assert len({(one.mach_number, one.angle_of_attack, one.sideslip_angle) for one in found}) == len(found)
+
+
+@pytest.mark.fast
+def test_edges_are_the_ends_of_both_ranges_but_zero() -> None:
+    vehicle, random = shape_vehicle(), np.random.default_rng(1)
+    for low, high in ((0.7, 1.0), (1.2, 1.2)):
+        found = flown_conditions(Where(edge=[low, high]), vehicle, None, 800, random)
+        assert len(found) == 200
+        off = np.abs(np.degrees([(one.angle_of_attack, one.sideslip_angle) for one in found])) / [4.0, 2.0]
+        assert low - 1e-9 <= off.max(axis=1).min() <= off.max() <= high + 1e-9
+    one_sided = vehicle.conditions.model_copy(update={"sideslip_angle_deg": [0.0, 1.0, 2.0]})
+    ends = edges_of(vehicle.model_copy(update={"conditions": one_sided}))
+    assert [(name, middle + reach) for name, middle, reach in ends] == [
+        ("angle_of_attack", -4.0),
+        ("angle_of_attack", 4.0),
+        ("sideslip_angle", 2.0),
+    ]
+
+
+def test_flows_are_those_of_the_condition_at_any_altitude() -> None:
+    flights = world().flights(case_of(world().vehicle, "altitude", "12 km"))
+    np.testing.assert_allclose(flights.ambient_pressure, pressure_and_temperature(12e3)[0])
+    own = world().flights(case_of(world().vehicle, "nothing wrong"))
+    assert len(own.conditions) == 24
+    np.testing.assert_allclose(flights.coefficients, own.coefficients, rtol=1e-9, atol=1e-12)
+    few = flown(list(own.conditions[:2]))
+    assert at_conditions(few, own.conditions[2:]) is None
+    with pytest.raises(FlowReachError, match="none of its flows"):
+        other_world(world(), flows=few).flights(case_of(world().vehicle, "Mach number below its least"))
+
+
+def test_other_pressure_lies_where_it_should() -> None:
+    vehicle, every = (
+        world().vehicle,
+        flown(list(world().flights(case_of(world().vehicle, "nothing wrong")).conditions)),
+    )
+    flows = at_conditions(every, every.conditions()[:6])
+    assert flows is not None
+    ambient = np.array([one.ambient_pressure for one in flows.conditions()])[:, None]
+    leeward = np.array([one.leeward_roll_angle for one in flows.conditions()])
+
+    def added(size: float, place: float, length: float, roll: float, width: float) -> np.ndarray:
+        spot = Spot(size=size, place=place, length=length, roll_deg=roll, width_deg=width)
+        return (Flow(spot=spot).surface(vehicle, flows).pressure - flows.pressure) / ambient
+
+    bump = added(0.5, 0.5, 0.03, 180.0, 20.0)
+    x, y, z = flows.point[bump.argmax(axis=1)].T
+    length = flows.point[:, 0].max()
+    assert x == pytest.approx(0.5 * length, abs=0.06)
+    off = (x - 0.5 * length) / (0.03 * length)
+    np.testing.assert_allclose(bump.max(axis=1), 0.5 * np.exp(-0.5 * off**2), rtol=0.1)
+    assert np.all(np.cos(np.arctan2(y, z) - leeward) < -0.95)
+    suction = added(-0.3, 0.7, 0.1, 25.0, 10.0)
+    assert suction.max() <= 0.0
+    x, y, z = flows.point[suction.argmin(axis=1)].T
+    off = np.abs(np.angle(np.exp(1j * (np.arctan2(y, z) - leeward))))
+    np.testing.assert_allclose(np.degrees(off), 25.0, atol=12.0)
+    np.testing.assert_allclose(
+        Flow(raised=0.3).surface(vehicle, flows).pressure - flows.pressure, 0.3 * ambient + 0.0 * suction
+    )
+    steep = flown([FlightCondition(6.5, np.radians(15.0), 0.0, 22e3)])
+    other, own = (
+        one.pressure / steep.internal_pressure for one in (Flow(engine="newtonian").surface(vehicle, steep), steep)
+    )
+    leeward_node = own < 1.0 + 1e-9  # where the test's own newtonian flow is ambient
+    assert leeward_node.any()
+    assert np.all(other[leeward_node] <= 1.0 + 1e-9)
+    assert other[leeward_node].min() < 0.95
+    np.testing.assert_allclose(other[own > 1.05], own[own > 1.05], rtol=1e-9)
+
+
+def test_known_parameters_are_honest_and_wrong_ones_are_flagged() -> None:
+    plan = Plan(conditions=20, vehicles=4)
+    parameters = {NAME: FlowParameter(values=list(DEFLECTIONS))}
+    vehicle = shape_vehicle()
+    conditions = vehicle.conditions.model_copy(update={"parameters": parameters})
+    table = vehicle.aerodynamics.model_copy(update={"engine": "table", "manifest": "flows.toml"})
+    vehicle = vehicle.model_copy(update={"conditions": conditions, "aerodynamics": table})
+    drawn = flown_conditions(Where(), vehicle, None, plan.conditions, np.random.default_rng(plan.seed))
+    at_rest = flown([replace(one, parameters=()) for one in drawn])
+    flows = deflected(at_rest, np.array([one.parameters[0] for one in drawn]))
+    made = World(
+        vehicle=vehicle, structure=beam(flows.surface), flows=flows, inverse_map=known_map(), conditions=20
+    )
+    names = (
+        ("flow parameters known", "as stated"),
+        ("flow parameters known", "wrong by 5 sigma"),
+        ("filter over time, flow parameters known", "wrong by 5 sigma"),
+    )
+    cases = [case_of(vehicle, error, size) for error, size in names]
+    right, wrong, filtered = (next(iter(scored(made, case, plan).values()))[0] for case in cases)
+    assert right["class"] == "alone"
+    assert right["undetected_percent"] <= 3.0
+    assert right["flagged_percent"] < 5.0
+    assert MISSED not in (wrong["verdict"], filtered["verdict"])
+    assert wrong["flagged_percent"] > 40.0
+    assert (filtered["estimator"], filtered["samples"]) == ("filter", 80)
