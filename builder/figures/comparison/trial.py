@@ -11,6 +11,7 @@ import numpy as np
 from builder.figures.drawing.canvas import blank_figure
 from builder.figures.drawing.words import with_signs
 from builder.trial.rules import LIMITS, MISSED
+from builder.trial.run import FILTER
 from builder.trial.table import TITLES, in_order, loads_of
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
     """Draw the rows of a trial class by class: bars of the samples' parts, and next to them rms z of each load."""
     table = [dict(row) for row in rows]
     groups, loads = in_order(table), loads_of(table)
-    several = len({row["estimator"] for row in table}) > 1
+    several = len({row["estimator"] for row in table} - {FILTER}) > 1
     sizes = [len(group) for group in groups.values()]
     figure = blank_figure(13.0, 1.8 + ROW * (sum(sizes) + 3 * len(sizes)))
     panels = figure.subplots(
@@ -72,7 +73,7 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
         for axis in (bars, sigmas):
             axis.set_ylim(len(group) - 0.5, -0.5)
     panels[-1, 0].set_xlabel("samples [%]; right of the bars the undetected ones")
-    panels[-1, 1].set_xlabel("rms error over stated sigma: above 1 sigma is too small, far below too wide")
+    panels[-1, 1].set_xlabel("rms error over stated sigma; above 1: sigma is too small")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=5, fontsize=8)
     handles, labels = panels[0, 1].get_legend_handles_labels()
