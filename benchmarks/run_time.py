@@ -8,12 +8,12 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+from fault_injection import FaultySender
 from fmpy import extract
 from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator

@@ -36,8 +36,8 @@ WRONG = {
     ("--set", "trust.max_age=3"): "--set: trust.max_age: unknown entry, did you mean 'max_age_cycles'",
     ("--set", "trsut.max_age=3"): "--set: trsut: unknown table, did you mean 'trust'",
     ("--set", "max_age=3"): "--set: expected TABLE.ENTRY=VALUE such as clock.hidden_ms=5, got 'max_age=3'",
-    ("--set", "faults.kinds=1"): "--set faults.kinds: expected an array of texts, got '1'",
-    ("--set", "input.profile=fd65"): "--set input.profile: expected one of fd64, classic-le, classic-be, float2,",
+    ("--set", "faults.kinds=1"): "--set: faults: expected no such table: faults are injected",
+    ("--set", "input.profile=fd65"): "--set input.profile: expected one of fd64, classic-le, fd64-sec, got 'fd65'",
     (
         "--clock-rate",
         "3",

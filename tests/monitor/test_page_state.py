@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bus_run import live_run, wait_until
+from can_faults import Fault, FaultKind
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bridge.displays.page_message import (
@@ -31,7 +32,6 @@ from strainfmu.can.cycle.gauges.verdicts import (
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.cycle.states.words import BUS_WORDS, CAUSE_WORDS, HEALTH_WORDS, QUALITY_WORDS, all_words
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.estimator.health import HealthState
 from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.events import LISTED

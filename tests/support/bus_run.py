@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from can_faults import Fault
+from fault_injection import FaultySender
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
@@ -25,7 +27,6 @@ from strainfmu.can.bridge.run_loop import Bridge
 from strainfmu.can.bridge.setup import input_layout
 from strainfmu.can.bridge.summary import BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.tools.faults import Fault
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.recording import MicrosecondClock
 from strainfmu.can.tools.sender import send_flight
@@ -223,5 +224,12 @@ def live_run(
         layout, _ = input_layout(options, [f"G{i}" for i in range(N_GAUGES)])
         trip = 1 if layout.key is None or key is None else next_trip(freshness_file(key, "sender"), layout.key)
         samples = flight(n_cycles, navigated)
-        send_flight(paced, layout, samples=samples, faults=faults, clock=paced.clock, sleep=paced.sleep, trip=trip)
+        send_flight(
+            paced,
+            layout,
+            samples=samples,
+            clock=paced.clock,
+            sleep=paced.sleep,
+            sender=FaultySender(layout, list(faults), trip=trip),
+        )
     return LiveRun(results, paced.summary, paced.notes)

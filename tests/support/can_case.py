@@ -8,7 +8,10 @@ from dataclasses import dataclass, field, replace
 from math import ceil, inf
 
 import numpy as np
+from can_faults import Fault, FaultKind
+from fault_injection import FaultySender, frozen_gauges, growth_of
 
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.results.layouts import result_layouts
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
@@ -17,21 +20,18 @@ from strainfmu.can.cycle.gauges.plausibility import MIN_STUCK_CYCLES
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.dbc_export import all_layouts
-from strainfmu.can.tools.fault_injection import FaultySender, frozen_gauges, growth_of
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey
 from strainfmu.can.wire.dbc_writer import dbc_text
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout
+from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout, result_form_of
 from strainfmu.can.wire.strain_encoder import cycles_apart
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
 CYCLE = 0.01
 N_GAUGES = 30
-SIZES = {"fd64": N_GAUGES, "fd64-sec": N_GAUGES, "classic-le": 10, "classic-be": 10, "float2": 6}
+SIZES = {"fd64": N_GAUGES, "fd64-sec": N_GAUGES, "classic-le": 10}
 """Gauges of a layout of each profile."""
 GAP = BridgeSettings().recovery_cycles + 3
 """Cycles between two faults in which the bridge recovers."""
@@ -63,10 +63,20 @@ def layout_of(profile: str, n_gauges: int = N_GAUGES, cycle_time: float = CYCLE)
 
 def dbc_text_of(profile: str, n_gauges: int = 54, extended: bool = False) -> str:
     """The DBC file of a profile and its results."""
-    layouts = all_layouts(
-        profile, gauge_names(n_gauges), cycle_time=CYCLE, identifiers=Identifiers(is_extended=extended)
-    )
-    return dbc_text(layouts, "test")
+    return dbc_text(frames_of(profile, n_gauges, extended), "test")
+
+
+def frames_of(profile: str, n_gauges: int = 54, extended: bool = False) -> list[FrameLayout]:
+    """Every frame of a profile: input, then results."""
+    identifiers = Identifiers(is_extended=extended)
+    layout = profile_layout(profile, gauge_names(n_gauges), cycle_time=CYCLE, identifiers=identifiers)
+    results = result_layouts(result_form_of(profile), identifiers, CYCLE)
+    return [*(frame.layout for frame in layout.frames), *results]
+
+
+def bus_options(profile: str) -> BridgeOptions:
+    """The options of a bus with the frames of a profile, every CYCLE."""
+    return BridgeOptions(interface="virtual", channel="test", profile=profile, cycle_time=CYCLE)
 
 
 LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR, FaultKind.SEQUENCE})

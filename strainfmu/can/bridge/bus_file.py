@@ -36,7 +36,7 @@ class Entry:
     ----------
     sets : the field that it sets: of BridgeOptions, of its ``identifiers.``, or of :class:`BusDescription`.
     text : what it states, for the template.
-    kind : text, file, number, whole, flag, texts (an array), or values (a table of numbers, texts and flags).
+    kind : text, file, number, whole, flag, or values (a table of numbers, texts and flags).
     unit : of the entry.
     scale : factor from the entry to the field's unit.
     low, high : range of numbers, in the entry's unit.
@@ -294,20 +294,6 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
             sets="record", kind="file", text="recording of the bus: .blf, .asc or .log", example='"run.blf"'
         ),
     },
-    "faults": {
-        "number": Entry(
-            sets="faults",
-            kind="whole",
-            low=0,
-            high=100_000,
-            text="faults that 'strainfmu send' injects, spread over the flight",
-            example="0",
-        ),
-        "kinds": Entry(
-            sets="fault_kinds", kind="texts", text="their kinds; default: all", example='["loss", "corruption"]'
-        ),
-        "seed": Entry(sets="fault_seed", kind="whole", low=0, high=2**31 - 1, text="their seed", example="1"),
-    },
     "page": {
         "publish": Entry(
             sets="publish",
@@ -340,12 +326,19 @@ TABLES: Mapping[str, Mapping[str, Entry]] = {
 }
 """All entries by table and name."""
 
+REMOVED = {
+    "faults": "expected no such table: faults are injected by the project's own tests",
+    "input.profile=classic-be": "expected fd64, classic-le or fd64-sec; state its frames as input.dbc",
+    "input.profile=float2": "expected fd64, classic-le or fd64-sec; state its frames as input.dbc",
+    "results.form=classic-be": "expected fd or classic-le",
+}
+"""Tables, entries and values of earlier versions, and what a user is to know of each."""
+
 NEEDS = {
     "input.mapping": "input.dbc",
     "tare.cycles": "tare.map",
     "tare.known": "tare.map",
     "tare.output": "tare.map",
-    "faults.kinds": "faults.number",
     "page.rate_hz": "page.publish",
     "page.field": "page.publish",
 }
@@ -361,7 +354,6 @@ class BusDescription:
     stated : fields of BridgeOptions that are stated, SI; ``identifiers`` holds the fields of Identifiers.
     gauges : map or FMU whose gauges the frames hold.
     tare_at : when a sender asks for a tare [s]; None: never.
-    faults, fault_kinds, fault_seed : number of faults that a sender injects, their kinds (none: all) and seed.
     record : recording of the bus.
     publish, http : addresses of the datagrams and of the page.
     publish_rate : largest number of results sent a second [Hz].
@@ -372,9 +364,6 @@ class BusDescription:
     stated: Mapping[str, Any] = field(default_factory=dict)
     gauges: Path | None = None
     tare_at: float | None = None
-    faults: int = 0
-    fault_kinds: tuple[str, ...] = ()
-    fault_seed: int = 1
     record: Path | None = None
     publish: str | None = None
     publish_rate: float = PUBLISH_RATE
@@ -441,17 +430,25 @@ def read_bus(
 def _entries(content: Mapping[str, Any], where: str, has_mapping: bool) -> Iterator[tuple[str, Any]]:
     """Yield "table.entry" and value of a file's entries but for those that map signals; refuse unknown ones."""
     for table, entries in content.items():
+        _refuse_removed(table, where)
         if table not in TABLES:
             raise InputError(f"{where}: {table}: unknown table, {suggestion(table, list(TABLES))}")
         if not isinstance(entries, dict):
             raise InputError(f"{where}: {table}: expected a table, got {str(entries)[:40]!r}")
         for entry, value in entries.items():
+            _refuse_removed(f"{table}.{entry}", where)
             if entry in TABLES[table]:
                 yield f"{table}.{entry}", value
             elif table != MAPPING_TABLE or not has_mapping or "dbc" not in entries:
                 raise InputError(
                     f"{where}: {table}.{entry}: unknown entry, {suggestion(entry, list(TABLES[table]))}"
                 )
+
+
+def _refuse_removed(name: str, where: str) -> None:
+    """Refuse a table, an entry or a value of an earlier version, with what takes its place."""
+    if name in REMOVED:
+        raise InputError(f"{where}: {name}: {REMOVED[name]}")
 
 
 def _setting(text: str) -> tuple[str, Any]:
@@ -482,11 +479,10 @@ def _checked(name: str, value: Any, where: str, folder: Path) -> Any:
     if entry.kind == "flag" and isinstance(value, bool):
         return value
     if entry.kind in ("text", "file") and isinstance(value, str) and value:
+        _refuse_removed(f"{name}={value}", where)
         if entry.choices and value not in entry.choices:
             raise InputError(f"{where}: expected one of {', '.join(entry.choices)}, got '{value}'")
         return folder / value if entry.kind == "file" else value
-    if entry.kind == "texts" and isinstance(value, list) and all(isinstance(one, str) for one in value):
-        return tuple(value)
     if entry.kind == "values" and isinstance(value, dict):
         return tuple(f"{key}={_plain(one)}" for key, one in value.items())
     is_number = isinstance(value, int) or (entry.kind == "number" and isinstance(value, float))
@@ -502,7 +498,6 @@ def _checked(name: str, value: Any, where: str, folder: Path) -> Any:
         "file": "a path",
         "values": "a table",
         "flag": "true or false",
-        "texts": "an array of texts",
     }
     what = expected.get(entry.kind, f"a {entry.kind}")
     raise InputError(

@@ -8,7 +8,7 @@ from pathlib import Path
 from strainfmu.can.settings import StatedLimits
 from strainfmu.can.wire.profiles import Identifiers
 
-RESULT_FORMS = ("fd", "classic-le", "classic-be")
+RESULT_FORMS = ("fd", "classic-le")
 
 PUBLISH_RATE = 20.0
 """Largest number of results per second that go to displays where none is stated; a page draws fewer."""

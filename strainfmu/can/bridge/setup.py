@@ -220,18 +220,19 @@ def input_layout(
     gauge_names: Sequence[str],
     readings: Mapping[str, str] | None = None,
     step: Step | None = None,
+    needs_key: bool = True,
 ) -> tuple[InputLayout, int]:
     """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
 
     ``readings`` are the units of the estimator's inputs for auxiliary sensors and thrust, by name; ``step`` is the
-    estimator, whose other inputs a mapping may name.
+    estimator, whose other inputs a mapping may name. Without ``needs_key`` frames are described only.
 
     Raises
     ------
     InputError
         A file or an option is wrong.
     """
-    key, readings = key_of(options), readings or {}
+    key, readings = key_of(options) if needs_key else None, readings or {}
     of_all = (*gauge_names, *readings)
     if options.dbc is None or options.mapping is None:
         layout = profile_layout(
@@ -263,8 +264,12 @@ def input_layout(
     return layout, configuration_of(options.dbc.name, of_all)
 
 
-def map_input_layout(options: BridgeOptions, source: Path) -> tuple[InputLayout, tuple[str, ...], dict[str, str]]:
+def map_input_layout(
+    options: BridgeOptions, source: Path, needs_key: bool = True
+) -> tuple[InputLayout, tuple[str, ...], dict[str, str]]:
     """Return the input frames for the gauges of a map or an FMU, their names, and the units of its other readings.
+
+    ``needs_key`` as of :func:`input_layout`.
 
     Raises
     ------
@@ -275,7 +280,7 @@ def map_input_layout(options: BridgeOptions, source: Path) -> tuple[InputLayout,
 
     names, readings = map_gauge_names(source), map_reading_units(source)
     if options.dbc is None:
-        return input_layout(options, names, readings)[0], names, readings
+        return input_layout(options, names, readings, needs_key=needs_key)[0], names, readings
     with open_step(source) as ready:
         return input_layout(options, names, readings, ready.step)[0], names, readings
 

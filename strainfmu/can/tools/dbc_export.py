@@ -1,34 +1,21 @@
-"""The DBC file of a map's frames, for the tools at the other end of the bus."""
+"""The DBC file of a bridge's frames for the tools at the other end of the bus: a profile's input, the results."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.bridge.setup import (
-    map_gauge_names,
-    map_load_groups,
-    map_reading_units,
-)
+from strainfmu.can.bridge.setup import map_input_layout, map_load_groups, result_form
 from strainfmu.can.settings import checked_cycle_time
 from strainfmu.can.wire.frame_layout import FrameLayout
-from strainfmu.can.wire.profiles import Identifiers, profile_layout, result_form_of
-from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.files import write_bytes_atomically
 
 
-def write_dbc(
-    source: Path,
-    output: Path,
-    profile: str,
-    cycle_time: float,
-    identifiers: Identifiers,
-    has_tare: bool = False,
-) -> int:
-    """Write the DBC file of a map's (or its FMU's) frames; return its number of frames.
+def write_dbc(source: Path, output: Path, options: BridgeOptions) -> int:
+    """Write the DBC file of the frames for a map, or its FMU; return its number of frames.
 
-    ``has_tare`` adds the frame that asks for a tare.
+    With a DBC file of the user's own as input, it holds the frames of the results alone.
 
     Raises
     ------
@@ -39,43 +26,25 @@ def write_dbc(
     """
     from strainfmu.can.wire.dbc_writer import dbc_text
 
-    checked_cycle_time(cycle_time, "cycle time")
-    names = map_gauge_names(source)
-    layouts = all_layouts(
-        profile,
-        names,
-        cycle_time=cycle_time,
-        identifiers=identifiers,
-        has_tare=has_tare,
-        groups=map_load_groups(source),
-        readings=map_reading_units(source),
-    )
-    text = dbc_text(layouts, f"{source.name}, profile {profile}")
+    layouts = all_layouts(source, options)
+    of_input = f"profile {options.profile}" if options.dbc is None else f"results for {options.dbc.name}"
+    text = dbc_text(layouts, f"{source.name}, {of_input}")
     write_bytes_atomically(output, text.encode("cp1252", "replace"))
     return len(layouts)
 
 
-def all_layouts(
-    profile: str,
-    gauge_names: Sequence[str],
-    cycle_time: float,
-    identifiers: Identifiers,
-    has_tare: bool = False,
-    groups: Sequence[LoadGroup] = (),
-    readings: Mapping[str, str] | None = None,
-) -> list[FrameLayout]:
-    """Return every frame of a profile: input, then results.
+def all_layouts(source: Path, options: BridgeOptions) -> list[FrameLayout]:
+    """Return every frame of a profile, input, then results; of a user's own DBC file the results alone.
 
-    ``groups`` as of :func:`result_layouts`, ``readings`` as of :func:`profile_layout`.
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
     """
-    layout = profile_layout(
-        profile,
-        gauge_names,
-        cycle_time=cycle_time,
-        identifiers=identifiers,
-        has_tare=has_tare,
-        readings=readings,
-    )
-    results = result_layouts(result_form_of(profile), identifiers, cycle_time, groups)
-    identifiers.checked(len(layout.frames), len(results))
-    return [*(frame.layout for frame in layout.frames), *results]
+    checked_cycle_time(options.cycle_time, "cycle time")
+    layout, _, _ = map_input_layout(options, source, needs_key=False)
+    identifiers = options.identifiers
+    results = result_layouts(result_form(options, layout), identifiers, layout.cycle_time, map_load_groups(source))
+    identifiers.checked(len(layout.frames) if options.dbc is None else 1, len(results))
+    of_input = [frame.layout for frame in layout.frames] if options.dbc is None else []
+    return [*of_input, *results]

@@ -1,11 +1,10 @@
-"""A virtual sender: samples as frames on a bus, paced by a monotonic clock, with optional faults."""
+"""A virtual sender: samples as frames on a bus, paced by a monotonic clock."""
 
 from __future__ import annotations
 
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
 from itertools import count
 from typing import Any
 
@@ -14,16 +13,12 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP
 from strainfmu.can.e2e.clock import Clock, monotonic
-from strainfmu.can.tools.fault_injection import FaultySender
-from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind, random_faults
 from strainfmu.can.tools.strain_sources import FlownSample
 from strainfmu.can.wire.frame import Frame, to_message
 from strainfmu.can.wire.frame_layout import InputLayout
 from strainfmu.can.wire.libraries import error_line, import_can
-from strainfmu.errors import InputError, StrainfmuError
-
-SETTLING_CYCLES = 40
-"""Cycles without faults at the start, in which the bridge comes to trust its input."""
+from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.errors import StrainfmuError
 
 FAILURES_IN_A_ROW = 200
 """Failed frames in a row after which the sender gives up."""
@@ -41,7 +36,6 @@ class SentFlight:
     duration : [s].
     lateness : of each cycle's first frame [s].
     truth : true coefficients (5,) by cycle.
-    faults : number of faults that began, by kind.
     """
 
     cycles: int = 0
@@ -50,20 +44,39 @@ class SentFlight:
     duration: float = 0.0
     lateness: list[float] = field(default_factory=list)
     truth: list[FloatArray] = field(default_factory=list)
-    faults: Counter[str] = field(default_factory=Counter)
+
+
+class Sender:
+    """Encodes cycle after cycle: the frames of a cycle of ``layout`` follow each other within a fifth of it.
+
+    ``trip`` is the trip counter of authenticated frames.
+    """
+
+    def __init__(self, layout: InputLayout, trip: int = FIRST_TRIP) -> None:
+        self._layout, self._encoder = layout, StrainEncoder(layout, trip)
+
+    def cycle(
+        self, number: int, time: float, strain: FloatArray, dynamic_pressure: float, **given: Any
+    ) -> list[Frame]:
+        """Return the frames of the cycle ``number`` at ``time`` [s], with their times, in order.
+
+        ``given`` as of :meth:`StrainEncoder.encode`.
+        """
+        frames = self._encoder.encode(strain, dynamic_pressure, cycle=number, sample_time=time, **given)
+        spacing = 0.2 * self._layout.cycle_time / len(frames)
+        return [replace(frame, time=time + index * spacing) for index, frame in enumerate(frames)]
 
 
 def send_flight(
     bus: Any,
     layout: InputLayout,
     samples: Iterable[FlownSample],
-    faults: Sequence[Fault] = (),
     clock: Clock = monotonic,
     sleep: Callable[[float], None] = time.sleep,
     stopped: Callable[[], bool] = lambda: False,
-    own: Frame | None = None,
     trip: int = FIRST_TRIP,
     tare_at: float | None = None,
+    sender: Any = None,
 ) -> SentFlight:
     """Send one sample per cycle of ``layout`` on ``bus`` until there are no more, or ``stopped`` returns True.
 
@@ -72,16 +85,16 @@ def send_flight(
 
     Parameters
     ----------
-    own : a frame of the bridge, for the fault OWN_IDENTIFIER.
     trip : trip counter of authenticated frames.
     tare_at : when a tare is asked for [s]; None for never.
+    sender : what composes the frames, as :class:`Sender` does; None for that.
 
     Raises
     ------
     StrainfmuError
         The bus accepts no frames any more.
     """
-    sender = FaultySender(layout, list(faults), own, trip=trip)
+    sender = sender or Sender(layout, trip)
     can = import_can()
     sent = SentFlight()
     start = clock()
@@ -122,35 +135,7 @@ def send_flight(
         if wait > _SHORTEST_SLEEP:
             sleep(wait)
     sent.duration = clock() - start
-    sent.faults = Counter(fault.kind.value for fault in faults if fault.start < sent.cycles)
     return sent
-
-
-def planned_faults(
-    kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int, is_authenticated: bool = False
-) -> list[Fault]:
-    """Return ``n_faults`` faults of ``kinds`` (all that act if there are none), spread over ``n_cycles``.
-
-    Raises
-    ------
-    InputError
-        There is no such kind, it does not act on these frames, or the flight is too short for so many.
-    """
-    known = {kind.value: kind for kind in FaultKind if is_authenticated or kind not in NEED_A_KEY}
-    for name in kinds:
-        if name in {kind.value for kind in FaultKind} - set(known):
-            raise InputError(f"fault: '{name}' acts on authenticated frames alone; state --profile fd64-sec")
-        if name not in known:
-            raise InputError(f"fault: expected one of {', '.join(known)}, got '{name}'")
-    if n_faults == 0:
-        return []
-    longest = 12
-    gap = (n_cycles - SETTLING_CYCLES) // n_faults - longest
-    if gap < 1:
-        minimum = SETTLING_CYCLES + n_faults * (longest + 1)
-        raise InputError(f"faults: expected at least {minimum} cycles for {n_faults} of them, got {n_cycles}")
-    chosen = tuple(known[name] for name in kinds) or tuple(known.values())
-    return random_faults(n_faults, chosen, seed=seed, gap=gap, longest=longest, first=SETTLING_CYCLES)
 
 
 def lateness_text(sent: SentFlight) -> str:

@@ -40,7 +40,7 @@ _SHARED = "signals"
 
 SECURED_PROFILE = "fd64-sec"
 
-PROFILES = ("fd64", "classic-le", "classic-be", "float2", SECURED_PROFILE)
+PROFILES = ("fd64", "classic-le", SECURED_PROFILE)
 
 SENDER = "StrainSender"
 BRIDGE = "StrainBridge"

@@ -41,9 +41,6 @@ _ENTRIES = {
     "--tare-cycles": "tare.cycles",
     "--tare-known": "tare.known",
     "--tare-output": "tare.output",
-    "--faults": "faults.number",
-    "--fault": "faults.kinds",
-    "--seed": "faults.seed",
     "--tare-at": "tare.at_s",
 }
 """The entry of the bus file that replaces an option."""
@@ -86,9 +83,6 @@ OLD_OPTIONS: dict[str, dict[str, str]] = {
             "--key",
             "--freshness",
             "--dynamic-pressure",
-            "--faults",
-            "--fault",
-            "--seed",
             "--tare-at",
         ),
         "dbc": (*_FRAMES, "--tare"),

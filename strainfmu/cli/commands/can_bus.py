@@ -45,7 +45,7 @@ BusOptionsOption = Annotated[
 ]
 ProfileOption = Annotated[
     str | None,
-    typer.Option("--profile", help="fd64, classic-le, classic-be, float2 or fd64-sec. Default: fd64."),
+    typer.Option("--profile", help="fd64, classic-le or fd64-sec. Default: fd64."),
 ]
 
 
@@ -130,7 +130,7 @@ def dbc(
         typer.Option(metavar="TOML", help="Write a bus file with every entry instead, to fill in."),
     ] = None,
 ) -> None:
-    """Write the DBC file of the bridge's frames: strains in, results out.
+    """Write the DBC file of the bridge's frames: strains in, results out. With `input.dbc`, results alone.
 
     Examples:
 
@@ -157,16 +157,7 @@ def dbc(
 
     described = read_bus(bus, settings or (), {"input.profile": profile})
     options = described.options(BridgeOptions(interface="", channel=""))
-    if options.dbc is not None:
-        raise InputError(f"{bus or '--set'}: input.dbc: expected a profile, got the DBC file {options.dbc}")
-    n_frames = write_dbc(
-        source,
-        output,
-        profile=options.profile,
-        cycle_time=options.cycle_time,
-        identifiers=options.identifiers,
-        has_tare=options.tare is not None,
-    )
+    n_frames = write_dbc(source, output, options)
     console.print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -46,7 +46,7 @@ def replay(
 
         strainfmu replay run.blf estimator.fmu -o run.csv
 
-        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-be --set input.cycle_time_ms=20
+        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-le --set input.cycle_time_ms=20
 
         strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
     """

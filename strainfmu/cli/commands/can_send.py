@@ -69,16 +69,16 @@ def send(
         ),
     ] = None,
 ) -> None:
-    """Send strains on a CAN bus as a vehicle would, with faults on request.
+    """Send strains on a CAN bus as a vehicle would.
 
     Receives the bridge's results meanwhile (profiles fd64 and fd64-sec), and compares them with the truth
-    where it is known. Faults, a tare, a DBC file and all else are entries of the bus file.
+    where it is known. A tare, a DBC file and all else are entries of the bus file.
 
     Examples:
 
         strainfmu send --plant demo/plant.fmu --map demo/map.h5 --interface socketcan --channel vcan0
 
-        strainfmu send flight.h5 --bus bus.toml --set faults.number=20 --set faults.seed=7
+        strainfmu send flight.h5 --bus bus.toml --set tare.at_s=5
 
         strainfmu send ic3x_flight.toml --map demo/map.h5 --interface socketcan --channel vcan0
     """
@@ -107,15 +107,6 @@ def send(
         raise InputError(
             f"--duration: expected at least the period of {1e3 * layout.cycle_time:g} ms, got {duration:g} s"
         )
-    from strainfmu.can.tools.sender import planned_faults
-
-    planned = planned_faults(
-        described.fault_kinds,
-        described.faults,
-        seed=described.fault_seed,
-        n_cycles=round(duration / layout.cycle_time),
-        is_authenticated=layout.is_authenticated,
-    )
     samples = _samples(
         names,
         readings,
@@ -130,7 +121,7 @@ def send(
     for line in configured(bus_settings(options)):
         console.print(str(line), highlight=False, markup=False, soft_wrap=True)
     with samples as opened:
-        sent, score = _send(options, layout, opened, planned, duration, described.tare_at)
+        sent, score = _send(options, layout, opened, duration, described.tare_at)
     console.print(_sent_table(sent))
     if score is not None and score.has_errors:
         console.print(score_table(score, "Results heard on the bus against truth"))
@@ -170,7 +161,6 @@ def _send(
     options: Any,
     layout: Any,
     samples: Iterator[FlownSample],
-    faults: list[Any],
     duration: float,
     tare_at: float | None,
 ) -> tuple[SentFlight, Score | None]:
@@ -183,13 +173,11 @@ def _send(
     from strainfmu.can.bridge.setup import bus_settings, result_form
     from strainfmu.can.tools.answers import Listener, score_answers
     from strainfmu.can.tools.sender import send_flight
-    from strainfmu.can.wire.strain_encoder import frame_of
 
     settings = bus_settings(options)
-    trip = _first_trip(options, layout, faults)
+    trip = _first_trip(options, layout)
     form = result_form(options, layout)
     answer = result_layouts(form, options.identifiers, layout.cycle_time)[0]
-    own = frame_of(answer, bytes(answer.length))
     bus = open_bus(settings)
     heard = open_bus(settings) if form == "fd" else None
     try:
@@ -200,9 +188,7 @@ def _send(
                 bus,
                 layout,
                 samples=limited,
-                faults=faults,
                 stopped=stopped,
-                own=own,
                 trip=trip,
                 tare_at=tare_at,
             )
@@ -220,15 +206,13 @@ def _send(
             shut_down(heard)
 
 
-def _first_trip(options: Any, layout: Any, faults: list[Any]) -> int:
-    """Return the trip counter of authenticated frames; the counters of the restarts to come follow it."""
+def _first_trip(options: Any, layout: Any) -> int:
+    """Return the trip counter of authenticated frames."""
     from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP, freshness_file, next_trip
-    from strainfmu.can.tools.faults import FaultKind
 
     if layout.key is None:
         return FIRST_TRIP
-    path = options.freshness_file or freshness_file(options.key_file, "sender")
-    return next_trip(path, layout.key, 1 + sum(fault.kind is FaultKind.RESTART for fault in faults))
+    return next_trip(options.freshness_file or freshness_file(options.key_file, "sender"), layout.key)
 
 
 @contextmanager
@@ -259,8 +243,6 @@ def _sent_table(sent: SentFlight) -> Table:
     table.add_row("cycles", f"{sent.cycles} in {sent.duration:.2f} s, {rate:.1f} Hz")
     table.add_row("frames", f"{sent.frames}, not sent {sent.not_sent}")
     table.add_row("behind their time", lateness_text(sent))
-    for name, number in sorted(sent.faults.items()):
-        table.add_row(f"fault {name}", str(number))
     return table
 
 

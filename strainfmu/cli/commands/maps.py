@@ -220,9 +220,7 @@ def bench(
     ] = Path("demo"),
     structure: Annotated[
         Path | None,
-        typer.Option(
-            metavar="VEHICLE", help="Vehicle file whose structure is timed. Not with --mesh, --bus, --worst."
-        ),
+        typer.Option(metavar="VEHICLE", help="Vehicle file whose structure is timed. Not with --mesh, --worst."),
     ] = None,
     solver: Annotated[
         list[str] | None,
@@ -235,7 +233,7 @@ def bench(
     mesh: Annotated[
         Path | None,
         typer.Option(
-            metavar="VEHICLE", help="Vehicle file whose meshes are compared. Not with --structure, --bus, --worst."
+            metavar="VEHICLE", help="Vehicle file whose meshes are compared. Not with --structure, --worst."
         ),
     ] = None,
     snapshots: Annotated[
@@ -244,27 +242,9 @@ def bench(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="With --mesh: table to write (CSV).")
     ] = Path("mesh_study.csv"),
-    bus: Annotated[
-        bool, typer.Option("--bus", help="Time the CAN bridge. Not with --structure, --mesh, --worst.")
-    ] = False,
-    rate: Annotated[
-        float,
-        typer.Option(metavar="HZ", callback=within(1.0, 5000.0, "Hz"), help="With --bus: cycles per second."),
-    ] = 1000.0,
-    duration: Annotated[
-        float, typer.Option(metavar="S", callback=within(1.0, 3600.0, "s"), help="With --bus: length of the run.")
-    ] = 20.0,
-    burners: Annotated[
-        int,
-        typer.Option(
-            callback=within(0, 64), help="With --bus: processes of low priority that compete for the processors."
-        ),
-    ] = 0,
     worst: Annotated[
         bool,
-        typer.Option(
-            "--worst", help="Time the slowest steps of the native FMUs. Not with --structure, --mesh, --bus."
-        ),
+        typer.Option("--worst", help="Time the slowest steps of the native FMUs. Not with --structure, --mesh."),
     ] = False,
     random_steps: Annotated[
         int,
@@ -283,8 +263,6 @@ def bench(
     --worst: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset, and steps
     with events at random.
 
-    --bus: the CAN bridge with page and recorder against a sender, and python-can's own loop for comparison.
-
     --mesh: errors due to the mesh of the structure, in gauge strains and in a map built on each mesh.
 
     --structure: time and memory of the three-dimensional structure, size by size.
@@ -297,17 +275,10 @@ def bench(
 
         strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
 
-        strainfmu bench demo --bus --rate 400 --burners 2
-
         strainfmu bench demo --worst
     """
     if worst:
         _print_worst_steps(folder / "map.h5", random_steps)
-        return
-    if bus:
-        from strainfmu.cli.bench_bus import bench_bus
-
-        bench_bus(folder, rate=rate, duration=duration, burners=burners)
         return
     if mesh is not None:
         _compare_meshes(mesh, snapshots, output, solver[0] if solver else None)

@@ -9,6 +9,8 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
+import can
+import cantools
 import numpy as np
 import pytest
 from recorded_case import read_csv
@@ -37,17 +39,17 @@ def test_entries_reach_the_options_in_si_units_and_files_from_the_folder(tmp_pat
     described = read_bus(
         write(
             tmp_path,
-            'options = { bitrate = 500000, fd = true }\n[input]\nprofile = "classic-be"\ncycle_time_ms = 20\n'
+            'options = { bitrate = 500000, fd = true }\n[input]\nprofile = "classic-le"\ncycle_time_ms = 20\n'
             "id_base = 0x100\n[results]\nid_base = 0x200\n[clock]\nrate_ppm = -50\nhidden_ms = 5\n"
             '[zeros]\nfile = "zeros.toml"\n[record]\nfile = "run.blf"\n[page]\npublish = "127.0.0.1:5"\n'
-            "[faults]\nnumber = 3\nkinds = ['loss']\n[tare]\nat_s = 2\n",
+            "[tare]\nat_s = 2\n",
         )
     )
     assert described.options() == BridgeOptions(
         interface="virtual",
         channel="x",
         bus_options=("bitrate=500000", "fd=true"),
-        profile="classic-be",
+        profile="classic-le",
         cycle_time=0.02,
         identifiers=Identifiers(0x100, 0x200),
         clock_rate=-50 * 1e-6,
@@ -55,7 +57,7 @@ def test_entries_reach_the_options_in_si_units_and_files_from_the_folder(tmp_pat
         zeros=tmp_path / "zeros.toml",
     )
     assert (described.record, described.publish) == (tmp_path / "run.blf", "127.0.0.1:5")
-    assert (described.faults, described.fault_kinds, described.tare_at) == (3, ("loss",), 2.0)
+    assert described.tare_at == 2.0
 
 
 def test_set_overrides_the_file_and_options_override_set(tmp_path: Path) -> None:
@@ -90,6 +92,8 @@ def test_a_replay_keeps_what_is_not_stated() -> None:
         ("[input]\nmapping = 'a.toml'\n", "input.mapping: expected with input.dbc, got it alone"),
         ("[tare]\ncycles = 100\n", "tare.cycles: expected with tare.map, got it alone"),
         ("[page]\nrate_hz = 10\n", "page.rate_hz: expected with page.publish, got it alone"),
+        ("[faults]\nnumber = 3\n", "faults: expected no such table"),
+        ("[input]\nprofile = 'float2'\n", "input.profile=float2: expected fd64, .* input.dbc"),
         ("clock = 3\n", "bus.clock: unknown entry"),
         ("[clock\n", "bus.toml: "),
     ],
@@ -164,6 +168,15 @@ def test_a_dbc_file_of_ones_own_serves_sender_and_bridge(
     assert (code, errors, bridge.returncode, failed) == (0, "", 0, "")
     assert "40 in " in out
     assert "frames: not accounted for" in printed
+    code, _, errors = run("dbc", synthetic.map_1, "-o", tmp_path / "results.dbc", "--bus", bus)
+    assert (code, errors) == (0, "")
+    database = cantools.database.load_file(tmp_path / "results.dbc")
+    assert "R0" not in {message.name for message in database.messages}, "the input's own are the user's"
+    of_results = [m for m in can.LogReader(log) if m.arbitration_id == 0x380]
+    answers = [database.decode_message(m.arbitration_id, bytes(m.data), decode_choices=False) for m in of_results]
+    # This input is classic, and so are its results.
+    assert all(abs(answer["C_N"]) < 16.4 for answer in answers if answer["C_N"] != "NotAvailable")
+    assert len(answers) >= 30
     log.with_name("run.blf.json").unlink()
     out_file = tmp_path / "loads.csv"
     for arguments in (("replay", log, synthetic.map_1), ("estimate", synthetic.map_1, log)):

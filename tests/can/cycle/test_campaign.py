@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from can_case import CYCLE, GAP, LOSING, N_GAUGES, SIZES, Campaign, layout_of, mixed_layout, run_campaign
+from can_faults import NEED_A_KEY, Fault, FaultKind, random_faults
 
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind, random_faults
 from strainfmu.can.wire.profiles import PROFILES
 
 SETTINGS = BridgeSettings()
@@ -141,7 +141,7 @@ def test_dither_that_a_gateway_holds_back_until_it_is_over() -> None:
         for index, cycles in enumerate((3, 7, 11))
         for kind in (FaultKind.DITHER, FaultKind.DELAY)
     ]
-    for profile in ("classic-be", "fd64"):
+    for profile in ("classic-le", "fd64"):
         run = run_campaign(layout_of(profile, SIZES[profile]), faults, 280)
         assert run.false_valid == []
         assert run.late_recovery == []

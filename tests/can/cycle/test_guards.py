@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from can_case import CYCLE, GAP, N_GAUGES, SIZES, Campaign, Projection, layout_of, run_campaign
+from can_faults import Fault, FaultKind, random_faults
 from weakened_bus import WITHOUT, MakeCore, core_without
 from weakened_parts import TakesPartByPart
 
@@ -15,7 +16,6 @@ from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.faults import Fault, FaultKind, random_faults
 from strainfmu.can.wire.frame import Frame
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
@@ -190,7 +190,7 @@ def test_every_guard_has_its_scenario() -> None:
 
 def test_a_core_with_nothing_replaced_is_the_shipped_one() -> None:
     """What the weakened cores differ in is the replaced part alone."""
-    for profile in ("fd64-sec", "classic-be"):
+    for profile in ("fd64-sec", "classic-le"):
         faults = random_faults(8, tuple(FaultKind), seed=5, gap=GAP)
         runs = [
             run_campaign(layout_of(profile, SIZES[profile]), faults, 300, make_core=make_core)

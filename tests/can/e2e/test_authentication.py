@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from can_case import CYCLE, KEY, OWN, Projection, Truth, layout_of, run_campaign
+from can_faults import NEED_A_KEY, Fault, FaultKind
+from fault_injection import FaultySender
 
 from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
@@ -12,8 +14,6 @@ from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.e2e.authentication import Authentication, Authenticity
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
-from strainfmu.can.tools.faults import NEED_A_KEY, Fault, FaultKind
 from strainfmu.can.wire.authenticator import AuthenticationKey, Secured, authenticated, freshness_of
 from strainfmu.can.wire.frame import Frame
 from strainfmu.errors import InputError

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from bus_run import CYCLE, live_run, paced_bridge
+from can_faults import planned_faults
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.bridge.keepers.freshness_file import load_freshness
@@ -17,7 +18,6 @@ from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.log_frames import LogState, log_frames
-from strainfmu.can.tools.sender import planned_faults
 from strainfmu.can.wire.authenticator import load_key
 from strainfmu.can.wire.frame import to_message
 from strainfmu.errors import InputError

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from bus_run import CYCLE, flight
 from can_case import OWN
+from fault_injection import FaultySender
 from mutations import ends_in_one_line, limited, mutated
 from recorded_case import NAMES, read_csv
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout

@@ -15,13 +15,13 @@ import can
 import pytest
 from bus_run import CYCLE, flight
 from can_case import OWN, dbc_text_of
+from fault_injection import FaultySender
 from limited_process import Ended, limited_run
 from mf4_files import write_bus_log
 from mutations import mutated
 from recorded_case import NAMES, samples
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 

@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 from bus_run import CYCLE, LiveRun, live_run
+from can_faults import Fault, FaultKind
 from other_load_maps import with_own_further
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
@@ -19,7 +20,6 @@ from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.summary import summary_rows
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.frames.account import FrameClass
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.tools.log_description import sidecar
 from strainfmu.can.tools.recording import LOG_SUFFIXES
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
@@ -92,7 +92,7 @@ def test_coefficients_of_a_live_run_bit_by_bit(synthetic: SyntheticFiles, tmp_pa
 
 def test_replay_of_a_classic_profile(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     log = tmp_path / "run.log"
-    run = live_run(synthetic.estimator_1, "replay_be", 40, record=log, profile="classic-be")
+    run = live_run(synthetic.estimator_1, "replay_be", 40, record=log, profile="classic-le")
     results, summary = replayed(log, synthetic.estimator_1)
     check_equal(run, results)
     assert summary.compared > 100  # five frames per result

@@ -10,16 +10,15 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
-from can_case import CYCLE, Truth, dbc_text_of, gauge_names, layout_of, run_core
+from can_case import CYCLE, Truth, dbc_text_of, frames_of, gauge_names, layout_of, run_core
 
 from strainfmu.can.cycle.frames.account import FrameClass
 from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.dbc_export import all_layouts
 from strainfmu.can.wire.dbc_files import database_of, load_mapping
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.dbc_writer import dbc_text
 from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.profiles import PROFILES, Identifiers
+from strainfmu.can.wire.profiles import PROFILES
 from strainfmu.errors import InputError
 
 
@@ -29,7 +28,7 @@ def test_a_generated_dbc_file_survives_loading_and_dumping(profile: str, extende
     text = dbc_text_of(profile, extended=extended)
     database = cantools.database.load_string(text, "dbc")
     assert database.as_dbc_string() == text
-    ours = all_layouts(profile, gauge_names(54), cycle_time=CYCLE, identifiers=Identifiers(is_extended=extended))
+    ours = frames_of(profile, 54, extended)
     for layout in ours:
         message = database.get_message_by_name(layout.name)
         assert (message.frame_id, message.length) == (layout.identifier, layout.length)
@@ -204,8 +203,7 @@ def test_a_users_dbc_file_may_state_end_to_end_protection() -> None:
     assert layout.is_protected
     assert layout.is_timed
     from can_case import run_campaign
-
-    from strainfmu.can.tools.faults import Fault, FaultKind
+    from can_faults import Fault, FaultKind
 
     kinds = (FaultKind.CORRUPTION, FaultKind.CONFIGURATION, FaultKind.DELAY, FaultKind.RESTART)
     run = run_campaign(

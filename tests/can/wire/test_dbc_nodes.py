@@ -69,7 +69,7 @@ RESULT = CycleResult(
 )
 
 
-@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+@pytest.mark.parametrize("form", ["fd", "classic-le"])
 def test_results_are_read_by_cantools(form: str, example: ModuleType) -> None:
     layouts = result_layouts(form, Identifiers(), CYCLE)
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
@@ -97,7 +97,7 @@ def test_results_are_read_by_cantools(form: str, example: ModuleType) -> None:
         assert values["UsedPressure"] == pytest.approx(95.8e3)
 
 
-@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+@pytest.mark.parametrize("form", ["fd", "classic-le"])
 def test_a_result_outside_the_map_says_so(form: str) -> None:
     layouts = result_layouts(form, Identifiers(), CYCLE)
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
@@ -112,7 +112,7 @@ def test_a_result_outside_the_map_says_so(form: str) -> None:
             assert str(found) == shown if isinstance(shown, str) else found == pytest.approx(shown)
 
 
-@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+@pytest.mark.parametrize("form", ["fd", "classic-le"])
 def test_causes_above_bit_15_and_the_uncertainty_of_the_age_are_in_a_frame_of_their_own(form: str) -> None:
     layouts = result_layouts(form, Identifiers(), CYCLE)
     database = cantools.database.load_string(dbc_text(layouts, "test"), "dbc")
@@ -155,7 +155,7 @@ def test_navigation_is_that_of_the_dbc_file(profile: str) -> None:
             assert str(values["MachNumber"]) == "NotAvailable"
 
 
-@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+@pytest.mark.parametrize("form", ["fd", "classic-le"])
 @pytest.mark.parametrize("quality", [q for q in Quality if not q.has_coefficients])
 def test_no_coefficients_go_out_without_quality(form: str, quality: Quality) -> None:
     """Even if a result held some by mistake: NaN, or the raw value for "not available"."""
@@ -168,7 +168,7 @@ def test_no_coefficients_go_out_without_quality(form: str, quality: Quality) -> 
                 assert str(decoded[name]) in ("nan", "NotAvailable")
 
 
-@pytest.mark.parametrize("form", ["fd", "classic-le", "classic-be"])
+@pytest.mark.parametrize("form", ["fd", "classic-le"])
 def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -> None:
     from strainfmu.can.cycle.frames.account import FrameAccount
     from strainfmu.can.cycle.states.bus_state import BusState

@@ -226,7 +226,7 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     assert cycle.present.all()
     assert np.flatnonzero(cycle.refused).tolist() == [5]
     # 0.125 um/m of 16 bits; float32 keeps 24 bits of 8191 um/m.
-    tolerance = 0.126e-6 if profile != "float2" else 5e-10
+    tolerance = 0.126e-6
     np.testing.assert_allclose(np.delete(cycle.strain, 5), np.delete(strain, 5), atol=tolerance)
 
 

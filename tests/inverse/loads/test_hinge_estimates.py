@@ -10,7 +10,7 @@ from typing import Any
 import cantools
 import numpy as np
 import pytest
-from can_case import CYCLE
+from can_case import CYCLE, bus_options
 from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from recorded_case import read_csv, write_csv
 from shape_case import flown, grid_conditions, shape_map, shape_structure, shape_vehicle
@@ -165,7 +165,7 @@ def test_frames_of_the_bus(profile: str, form: str, tmp_path: Path) -> None:
     export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions())
     expected, sent = estimated(sample=2).group("hinge_moment"), []
     for source in ("map.h5", "e.fmu"):
-        write_dbc(tmp_path / source, tmp_path / "m.dbc", profile, cycle_time=CYCLE, identifiers=Identifiers())
+        write_dbc(tmp_path / source, tmp_path / "m.dbc", bus_options(profile))
         database = cantools.database.load_file(tmp_path / "m.dbc")
         with open_step(tmp_path / source) as ready:
             layouts = result_layouts(form, Identifiers(), CYCLE, load_groups_of(ready.step))

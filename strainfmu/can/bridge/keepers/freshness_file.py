@@ -90,8 +90,8 @@ def save_freshness(path: Path, key: AuthenticationKey, freshness: int) -> None:
     write_bytes_atomically(path, json.dumps(content, indent=1).encode(), is_private=True)
 
 
-def next_trip(path: Path, key: AuthenticationKey, count: int = 1) -> int:
-    """Return the first of ``count`` trip counters of a sender that starts now; the last is written first.
+def next_trip(path: Path, key: AuthenticationKey) -> int:
+    """Return the trip counter of a sender that starts now; it is written first.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def next_trip(path: Path, key: AuthenticationKey, count: int = 1) -> int:
     """
     before = load_freshness(path, key)
     trip = FIRST_TRIP if before is None else (before >> MESSAGE_BITS) + 1
-    save_freshness(path, key, freshness_of(trip + count - 1, 0))
+    save_freshness(path, key, freshness_of(trip, 0))
     return trip
 
 

@@ -9,7 +9,7 @@ from strainfmu.can.bridge.results import other_load_layouts
 from strainfmu.can.cycle.states.bus_state import BusState
 from strainfmu.can.cycle.states.quality import Quality
 from strainfmu.can.wire.crc import Protection
-from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.wire.profiles import BRIDGE, Identifiers, header_1, header_5
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -38,18 +38,17 @@ def result_layouts(
 
     Parameters
     ----------
-    form : "fd", "classic-le" or "classic-be".
+    form : "fd" or "classic-le".
     cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
     groups : of the loads behind the five, which are sent too.
     """
-    order = BIG if form == "classic-be" else LITTLE
-    layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(order, cycle_time)
+    layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(cycle_time)
     if form == "fd":
         first = (*header_5(), _quality(24), _sample_time())
         layouts += other_load_layouts.fd_layouts(first, _answered(0), groups, cycle_time)
     else:
         head = (*header_1(), _quality(12))
-        layouts += other_load_layouts.classic_layouts(head, _answered(0), order, groups, cycle_time)
+        layouts += other_load_layouts.classic_layouts(head, _answered(0), groups, cycle_time)
     return tuple(
         replace(
             layout,
@@ -103,9 +102,7 @@ def _usable(start: int) -> SignalLayout:
 def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
     """Return LoadEstimate and BridgeStatus in CAN FD frames of 64 bytes."""
     floats = [
-        SignalLayout(
-            name=name, start=64 + 32 * i, length=32, byte_order=LITTLE, kind=FLOAT, comment="NaN: not available"
-        )
+        SignalLayout(name=name, start=64 + 32 * i, length=32, kind=FLOAT, comment="NaN: not available")
         for i, name in enumerate((*COEFFICIENT_NAMES, *SIGMA_NAMES, "ChiSquare"))
     ]
     estimate = (
@@ -114,7 +111,7 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         _health(28, 4),
         _sample_time(),
         *floats,
-        _age(416, LITTLE),
+        _age(416),
         SignalLayout(name="Causes", start=432, length=16, comment=_CAUSES_TEXT),
         SignalLayout(name="GaugesUsed", start=448, length=8),
         _answered(456),
@@ -123,15 +120,13 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
             name="UsedPressure",
             start=480,
             length=32,
-            byte_order=LITTLE,
             kind=FLOAT,
             unit="Pa",
             comment="q_inf used; NaN: none",
         ),
     )
     lasts = [
-        SignalLayout(name=name, start=64 + 32 * i, length=32, byte_order=LITTLE, kind=FLOAT)
-        for i, name in enumerate(LAST_NAMES)
+        SignalLayout(name=name, start=64 + 32 * i, length=32, kind=FLOAT) for i, name in enumerate(LAST_NAMES)
     ]
     counts = [
         SignalLayout(name=name, start=256 + 32 * i, length=32, comment="Wraps")
@@ -154,12 +149,11 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
         SignalLayout(name="SendFailures", start=416, length=16, comment="Wraps"),
         SignalLayout(name="Reconnects", start=432, length=8),
         SignalLayout(name="Configuration", start=448, length=16),
-        _drift(464, LITTLE),
+        _drift(464),
         SignalLayout(
             name="EnvelopeScore",
             start=480,
             length=32,
-            byte_order=LITTLE,
             kind=FLOAT,
             comment="Deviations by which the last result leaves what the map covers, 0 inside; NaN: none",
         ),
@@ -175,14 +169,14 @@ def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
             name=DETAIL,
             identifier=0,
             length=12,
-            signals=(*header_5(), _quality(24), *_details(32, LITTLE), _answered(80), _usable(88)),
+            signals=(*header_5(), _quality(24), *_details(32), _answered(80), _usable(88)),
             is_fd=True,
             comment=_DETAIL_TEXT,
         ),
     ]
 
 
-def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
+def _classic_layouts(cycle_time: float) -> list[FrameLayout]:
     """Return five result and three status frames of 8 bytes: 3 x 16 bit behind the header of E2E profile 1."""
     head = (*header_1(), _quality(12))
 
@@ -190,12 +184,7 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
         placed = []
         bit = 16
         for signal in signals:
-            msb = 8 * (bit // 8) + 7
-            placed.append(
-                replace(signal, start=msb if order == BIG and signal.length > 8 else bit, byte_order=order)
-                if signal.length > 8
-                else replace(signal, start=bit)
-            )
+            placed.append(replace(signal, start=bit))
             bit += signal.length
         comment = "" if period else "Every 100 ms"
         return FrameLayout(
@@ -233,7 +222,7 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
         words("Coefficients1", *coefficients[:3]),
         words("Coefficients2", *coefficients[3:], chi_square),
         words("Deviations1", *deviations[:3]),
-        words("Deviations2", *deviations[3:], _age(0, order)),
+        words("Deviations2", *deviations[3:], _age(0)),
         words("Verdict", *verdict),
         words("LastValid1", *lasts[:3], period=None),
         words("LastValid2", *lasts[3:], last_age, period=None),
@@ -249,7 +238,7 @@ def _classic_layouts(order: str, cycle_time: float) -> list[FrameLayout]:
             name=DETAIL,
             identifier=0,
             length=8,
-            signals=(*head, *_details(16, order)),
+            signals=(*head, *_details(16)),
             comment=_DETAIL_TEXT,
         ),
     ]
@@ -261,7 +250,6 @@ def _coefficient(name: str) -> SignalLayout:
         name=name,
         start=0,
         length=16,
-        byte_order=LITTLE,
         kind=SIGNED,
         scale=5e-4,
         not_available=-32768,
@@ -269,12 +257,11 @@ def _coefficient(name: str) -> SignalLayout:
     )
 
 
-def _age(start: int, order: str) -> SignalLayout:
+def _age(start: int) -> SignalLayout:
     return SignalLayout(
         name="Age",
         start=start,
         length=16,
-        byte_order=order,
         scale=1e3 * _AGE_TICK,
         unit="ms",
         not_available=65535,
@@ -282,22 +269,19 @@ def _age(start: int, order: str) -> SignalLayout:
     )
 
 
-def _details(start: int, order: str) -> tuple[SignalLayout, SignalLayout]:
+def _details(start: int) -> tuple[SignalLayout, SignalLayout]:
     """Return all causes in 32 bits from bit ``start`` on, and the uncertainty of the age in 16 behind them."""
-    first, second = (start + 7, start + 39) if order == BIG else (start, start + 32)
     return (
         SignalLayout(
             name="AllCauses",
-            start=first,
+            start=start,
             length=32,
-            byte_order=order,
             comment="Why the result is not Valid, one bit each, bits 16 and above too",
         ),
         SignalLayout(
             name="AgeUncertainty",
-            start=second,
+            start=start + 32,
             length=16,
-            byte_order=order,
             scale=1e3 * _AGE_TICK,
             unit="ms",
             not_available=65535,
@@ -312,12 +296,11 @@ def _answered(start: int) -> SignalLayout:
     )
 
 
-def _drift(start: int, order: str) -> SignalLayout:
+def _drift(start: int) -> SignalLayout:
     return SignalLayout(
         name="Drift",
         start=start,
         length=16,
-        byte_order=order,
         kind=SIGNED,
         scale=0.1,
         unit="ppm",

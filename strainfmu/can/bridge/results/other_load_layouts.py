@@ -12,7 +12,7 @@ from itertools import count
 from math import ceil, isfinite, nan
 
 from strainfmu.can.wire.frame import FD_LENGTHS
-from strainfmu.can.wire.frame_layout import BIG, FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
+from strainfmu.can.wire.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
 from strainfmu.estimator.other_loads import FAMILIES, SIGMA, LoadFamily, LoadGroup, LoadKind
 
 _NAN = "NaN: not available"
@@ -80,7 +80,6 @@ def fd_layouts(
                 name=signal_name(output),
                 start=64 + 32 * index,
                 length=32,
-                byte_order=LITTLE,
                 kind=FLOAT,
                 unit=unit,
                 comment=_NAN,
@@ -105,7 +104,6 @@ def fd_layouts(
 def classic_layouts(
     head: Sequence[SignalLayout],
     answered: SignalLayout,
-    order: str,
     groups: Sequence[LoadGroup],
     cycle_time: float,
 ) -> list[FrameLayout]:
@@ -116,8 +114,7 @@ def classic_layouts(
     """
 
     def at(signal: SignalLayout, byte: int) -> SignalLayout:
-        is_big = order == BIG and signal.length > 8
-        return replace(signal, start=8 * byte + (7 if is_big else 0), byte_order=order if is_big else LITTLE)
+        return replace(signal, start=8 * byte)
 
     layouts = []
     for place in _places(groups):

@@ -94,7 +94,7 @@ class Run:
         return [result for result in self.results if result.causes & cause]
 
 
-@pytest.mark.parametrize("profile", ["fd64", "fd64-sec", "classic-be"])
+@pytest.mark.parametrize("profile", ["fd64", "fd64-sec", "classic-le"])
 def test_zeros_are_taken_at_rest_and_used_in_flight(
     synthetic: SyntheticFiles, tmp_path: Path, profile: str, run: Callable[..., tuple[int, str, str]]
 ) -> None:

@@ -9,6 +9,8 @@ from math import isnan, nan
 import numpy as np
 import pytest
 from can_case import CYCLE, OWN, Projection, Truth, layout_of
+from can_faults import Fault, FaultKind
+from fault_injection import FaultySender
 from weakened_bus import core_without
 from weakened_parts import HoldsAnyRange, HoldsForEver, HoldsNoValueCodes
 
@@ -16,8 +18,6 @@ from strainfmu.can.cycle.core import BridgeCore, bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.frame_layout import ALTITUDE, MACH_NUMBER, InputLayout
 from strainfmu.can.wire.profiles import PROFILES
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, StepResult

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bus_run import paced_bridge
-from can_case import CYCLE
+from can_case import CYCLE, bus_options
 from flight_fmu import whole_map
 from flight_maps import exact_response
 from scaled_maps import NOMINAL, whole_scaled_map
@@ -32,7 +32,7 @@ from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.dbc_mapping import mapped_layout
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import PROFILES, Identifiers
+from strainfmu.can.wire.profiles import PROFILES
 from strainfmu.can.wire.strain_encoder import StrainEncoder
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult
@@ -289,7 +289,7 @@ def test_every_profile_holds_them(profile: str, tmp_path: Path) -> None:
     )
     samples = samples_of(held, 12)
     check_results(held, through_core(tmp_path / "map.h5", options, samples), samples)
-    write_dbc(tmp_path / "map.h5", tmp_path / "m.dbc", profile, cycle_time=CYCLE, identifiers=Identifiers())
+    write_dbc(tmp_path / "map.h5", tmp_path / "m.dbc", bus_options(profile))
     text = (tmp_path / "m.dbc").read_text(encoding="cp1252")
     assert all(f" SG_ {name.removeprefix('sensor.')} :" in text for name in map_reading_units(tmp_path / "map.h5"))
     assert map_gauge_names(tmp_path / "map.h5") == held.gauge_names[: held.n_strain_gauges]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from can_case import CYCLE, OWN, Projection, layout_of
+from fault_injection import FaultySender
 from flight_fmu import whole_map
 from flight_maps import NOISE_STD, exact_response
 
@@ -16,7 +17,6 @@ from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, InputLayout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import Step

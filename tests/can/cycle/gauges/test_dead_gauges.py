@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from can_case import CYCLE, OWN, SIZES, Projection, Truth, layout_of, mixed_layout
+from fault_injection import FaultySender
 
 from strainfmu.can.cycle.core import bridge_core
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.gauges.verdicts import NOT_TRUSTED, OUT_OF_RANGE, ZERO, gauge_reasons
 from strainfmu.can.cycle.states.quality import Cause, Quality
 from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.tools.fault_injection import FaultySender
 from strainfmu.can.wire.frame_layout import InputLayout
 
 pytestmark = pytest.mark.fast

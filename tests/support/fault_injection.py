@@ -13,12 +13,12 @@ from itertools import count
 from math import nan
 
 import numpy as np
+from altered_frames import AlteredFrames, of_other_length, with_flipped_bits
+from can_faults import Fault, FaultKind
 
 from strainfmu.arrays import FloatArray
 from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP
 from strainfmu.can.cycle.gauges.noise import gauge_noise
-from strainfmu.can.tools.altered_frames import AlteredFrames, of_other_length, with_flipped_bits
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.frame import Frame
 from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, NAVIGATION, InputLayout
 from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of

@@ -6,6 +6,7 @@ it is late itself: a cycle counts for the bridge only if it was sent on time.
 
 from __future__ import annotations
 
+import argparse
 import os
 import tempfile
 import threading
@@ -20,16 +21,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.console import Console
+from rich.table import Table
 
+from benchmarks.bench_flight import PROFILE, BenchFlight, bench_flight
 from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
 from strainfmu.can.bridge.bus.raw_bus import raw_bus
 from strainfmu.can.bridge.options import PUBLISH_RATE, BridgeOptions
 from strainfmu.can.bridge.results.frames import ResultFrames
 from strainfmu.can.bridge.setup import make_core
-from strainfmu.can.bridge.summary import BridgeSummary
+from strainfmu.can.bridge.summary import PERCENTILES, BridgeSummary
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.bench_flight import PROFILE, BenchFlight, bench_flight
 from strainfmu.can.tools.observed import observed_bridge
 from strainfmu.can.tools.recording import MicrosecondClock, Recorder
 from strainfmu.can.tools.two_processes import GROUP, check_multicast, private_port
@@ -364,3 +367,84 @@ def _ended(end: Connection) -> Any:
     """Tell a process to stop and return its report."""
     end.send("stop")
     return _expect(end)
+
+
+# --- the table ---------------------------------------------------------------------------------------------------
+
+
+def bench_bus(folder: Path, rate: float, duration: float, burners: int) -> None:
+    """Run the benchmark of the bus on the map and the estimator FMU in ``folder``, and print its table.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`bus_run`.
+    """
+    cost, linear = core_cost(folder), linear_cost(folder)
+    run = bus_run(folder, rate, duration, burners)
+    title = f"Bus, {folder}: fd64, {rate:g} Hz for {duration:g} s, {burners} niced burners"
+    table = Table(title=title, show_header=False)
+    for name, text in bus_rows(cost, run, linear):
+        table.add_row(name, text)
+    Console().print(table)
+
+
+def bus_rows(cost: CoreCost, run: BusRun, linear: CoreCost | None = None) -> list[tuple[str, str]]:
+    """Return the rows of the table; ``linear`` is the cost with the linear estimator of the same map."""
+    account = run.summary.account
+    rows = [
+        ("virtual time: core", _cost_text(cost.core)),
+        ("virtual time: with results, page, recorder", _cost_text(cost.observed)),
+    ]
+    if linear is not None:
+        rows += [
+            ("virtual time, linear estimator: core", _cost_text(linear.core)),
+            ("virtual time, linear estimator: with results, page, recorder", _cost_text(linear.observed)),
+        ]
+    rows += [
+        ("cycles sent, of these on time", f"{run.sent}, {run.on_time}"),
+        ("sender's own lateness", _percentiles((50, 99, 100), run.lateness)),
+        ("on-time cycles VALID", f"{run.outcome['VALID']} ({run.valid:.2%})"),
+    ]
+    rows += [(f"on-time cycles {text}", str(n)) for text, n in run.outcome.most_common() if text != "VALID"]
+    if len(run.summary.latency):
+        values = tuple(_of(run.summary.latency, PERCENTILES))
+        rows.append(("last frame in to results out", _percentiles(PERCENTILES, values)))
+    rows += [(f"frames: {name}", str(count)) for name, count in account.rows()]
+    rows.append(("frames: not accounted for", str(account.unaccounted)))
+    drops = run.summary.kernel_drops
+    rows.append(("dropped by the system", "not known" if drops is None else str(drops)))
+    heard = f"{run.python_can_received} of {run.python_can_sent} frames"
+    rows += [
+        ("load of the bridge, page and recorder on", f"{run.load:.1%} of a core"),
+        ("load of python-can's own loop", f"{run.python_can_load:.1%} of a core, {heard}"),
+    ]
+    return rows
+
+
+def _cost_text(seconds: float) -> str:
+    return f"{1e6 * seconds:.1f} us a cycle, {1.0 / seconds:,.0f} cycles/s"
+
+
+def _of(values: object, percentiles: tuple[float, ...]) -> list[float]:
+    found: list[float] = np.percentile(np.asarray(values), percentiles).tolist()
+    return found
+
+
+def _percentiles(names: tuple[float, ...], values: tuple[float, ...]) -> str:
+    return ", ".join(f"p{name:g} {1e3 * value:.2f}" for name, value in zip(names, values, strict=True)) + " ms"
+
+
+def main() -> None:
+    """Print the table for the folder of a demonstration: ``python -m benchmarks.bus_bench demo``."""
+    parser = argparse.ArgumentParser(description="Time the CAN bridge of the demonstration in a folder.")
+    parser.add_argument("folder", type=Path, help="with map.h5 and estimator.fmu")
+    parser.add_argument("--rate", type=float, default=1000.0, help="cycles per second")
+    parser.add_argument("--duration", type=float, default=20.0, help="length of the run [s]")
+    parser.add_argument("--burners", type=int, default=0, help="niced processes that compete for the processors")
+    given = parser.parse_args()
+    bench_bus(given.folder, rate=given.rate, duration=given.duration, burners=given.burners)
+
+
+if __name__ == "__main__":
+    main()

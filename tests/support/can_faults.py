@@ -5,6 +5,7 @@ Names follow ISO 26262-6 (annex D) and IEC 61784-3 where they have one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -136,3 +137,34 @@ def random_faults(
             faults.append(Fault(kind=kind, start=start, cycles=cycles, seed=int(random.integers(1 << 31))))
         start += cycles + gap
     return faults
+
+
+SETTLING_CYCLES = 40
+"""Cycles without faults at the start, in which the bridge comes to trust its input."""
+
+
+def planned_faults(
+    kinds: Sequence[str], n_faults: int, seed: int, n_cycles: int, is_authenticated: bool = False
+) -> list[Fault]:
+    """Return ``n_faults`` faults of ``kinds`` (all that act if there are none), spread over ``n_cycles``.
+
+    Raises
+    ------
+    InputError
+        There is no such kind, it does not act on these frames, or the flight is too short for so many.
+    """
+    known = {kind.value: kind for kind in FaultKind if is_authenticated or kind not in NEED_A_KEY}
+    for name in kinds:
+        if name in {kind.value for kind in FaultKind} - set(known):
+            raise InputError(f"fault: '{name}' acts on authenticated frames alone; state --profile fd64-sec")
+        if name not in known:
+            raise InputError(f"fault: expected one of {', '.join(known)}, got '{name}'")
+    if n_faults == 0:
+        return []
+    longest = 12
+    gap = (n_cycles - SETTLING_CYCLES) // n_faults - longest
+    if gap < 1:
+        minimum = SETTLING_CYCLES + n_faults * (longest + 1)
+        raise InputError(f"faults: expected at least {minimum} cycles for {n_faults} of them, got {n_cycles}")
+    chosen = tuple(known[name] for name in kinds) or tuple(known.values())
+    return random_faults(n_faults, chosen, seed=seed, gap=gap, longest=longest, first=SETTLING_CYCLES)

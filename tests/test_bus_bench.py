@@ -13,12 +13,11 @@ from flight_fmu import whole_map
 from flight_maps import NOISE_STD
 from synthetic_vehicle import SyntheticFiles
 
+from benchmarks.bench_flight import PROFILE, bench_flight
+from benchmarks.bus_bench import SETTLING_CYCLES, _outcome, bus_rows, bus_run, core_cost, linear_cost
 from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.bridge.setup import make_core
 from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.bench_flight import PROFILE, bench_flight
-from strainfmu.can.tools.bus_bench import SETTLING_CYCLES, _outcome, bus_run, core_cost, linear_cost
-from strainfmu.cli.bench_bus import bus_rows
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import export_estimator

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from can_faults import Fault, FaultKind
 
-from strainfmu.can.tools.faults import Fault, FaultKind
 from strainfmu.can.wire.authenticator import authenticated, freshness_of, is_authentic, sent_freshness
 from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
 from strainfmu.can.wire.frame import FD_LENGTHS, Frame
