@@ -31,7 +31,7 @@ class MarchingGrid:
     n_radial: int = 24
     n_circumferential: int = 36
     clustering: float = 2.5
-    conical_tolerance: float = 1e-4
+    conical_tolerance: float = 3e-4
     corner: Literal["fan", "marched"] = "fan"
 
     def spacing(self, n_radial: int) -> FloatArray:
