@@ -38,6 +38,7 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.flight_condition import FlightCondition
 
 BATCH = 20_000
@@ -124,7 +125,7 @@ def joined(parts: Sequence[Readings]) -> Readings:
         every = [getattr(part, name) for part in parts]
         return None if every[0] is None else np.concatenate(every)
 
-    names = ("strain", "truth", "vehicle", "flight", "bound", "quiet")
+    names = (STRAIN, "truth", "vehicle", "flight", "bound", "quiet")
     return replace(
         first,
         **{name: arrays(name) for name in names},
