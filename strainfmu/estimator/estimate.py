@@ -24,13 +24,12 @@ if TYPE_CHECKING:
 
     from strainfmu.estimator.core import Core
     from strainfmu.estimator.map.flow_parameters import FlowParameters
-    from strainfmu.estimator.numpy_core import NumpyCore
 
 
 class Source(Protocol):
     """What an estimate reads of the estimator that made it."""
 
-    core: Core | NumpyCore
+    core: Core
     is_nonlinear: bool
     parameters: FlowParameters
     section_station: FloatArray

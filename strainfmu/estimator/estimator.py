@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,7 +32,7 @@ from strainfmu.estimator.air_inputs import (
     QSource,
 )
 from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
-from strainfmu.estimator.core import Core, NoCoreError, Series
+from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.flow_parameters import flow_parameters
@@ -46,9 +46,6 @@ from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.numpy_core import NumpyCore
 
 _NO_THRUST = 0.0
 
@@ -197,8 +194,8 @@ class Estimator:
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
         self._set_up(self.core)
-        self._tracks: Core | NumpyCore | None = None
-        self._others: list[Core | NumpyCore] = []
+        self._tracks: Core | None = None
+        self._others: list[Core] = []
         n, inputs = inverse_map.n_gauges, self.core.inputs
         first_air = inputs[AIR_INPUT_NAMES[0]].start
         self._n, self._shape = n, (n,)
@@ -212,18 +209,11 @@ class Estimator:
         self._pack_behind: Callable[..., None] = Struct(f"{self.core.n_inputs - first_air}d").pack_into
         self._behind_offset = first_air * self.core.sample.itemsize
 
-    def _new_core(self, resource: bytes) -> Core | NumpyCore:
-        """Return the compiled core of the map or, of a linear map on a machine that has none, numpy's."""
-        try:
-            return Core(resource)
-        except NoCoreError as error:
-            if self.is_nonlinear:
-                raise NoCoreError(f"the nonlinear estimator needs the compiled core: {error}") from None
-            from strainfmu.estimator.numpy_core import NumpyCore
+    def _new_core(self, resource: bytes) -> Core:
+        """Return the compiled core of the map."""
+        return Core(resource)
 
-            return NumpyCore(self.inverse_map, resource)
-
-    def _set_up(self, core: Core | NumpyCore, filter_time_constant: float = 0.0) -> None:
+    def _set_up(self, core: Core, filter_time_constant: float = 0.0) -> None:
         """Give ``core`` the settings of this estimator."""
         settings, zeros = self.settings, self.zeros
         if len(zeros.value) != self.inverse_map.n_strain_gauges:
@@ -486,7 +476,7 @@ class Estimator:
         core.state = state
         self._set_up(core, self.filter_time_constant)  # the state holds the settings of its sample
 
-    def _new_track(self, state: bytes | None = None) -> Core | NumpyCore:
+    def _new_track(self, state: bytes | None = None) -> Core:
         core = self._new_core(self.core.resource)
         if state is not None:
             core.state = state
@@ -512,7 +502,7 @@ class Estimator:
         air: tuple[Any, ...],
         more: tuple[Any, ...],
         *,
-        core: Core | NumpyCore,
+        core: Core,
         how: Series,
         time: float = 0.0,
     ) -> Estimate:
@@ -529,7 +519,7 @@ class Estimator:
             record, inputs = core.step(time, how, with_fit, mask)
         return Estimate(record, self, inputs, mask, None if with_fit else self._fit_of_one)
 
-    def _write_plain(self, core: Core | NumpyCore, strain: ArrayLike, air: tuple[Any, ...]) -> bool:
+    def _write_plain(self, core: Core, strain: ArrayLike, air: tuple[Any, ...]) -> bool:
         """Write readings and ``air`` of one sample, of which nothing else is known, to the record of ``core``.
 
         Return whether it is done: the way of many samples takes, or refuses, what is no array of floats and

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy_core import NumpyCore
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.atmosphere import dynamic_pressure
@@ -15,7 +16,6 @@ from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.envelope import FlightRanges
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.neutral import nothing_of
-from strainfmu.estimator.numpy_core import NumpyCore
 
 pytestmark = pytest.mark.fast
 
@@ -40,7 +40,7 @@ def enclosed(**changes: Any) -> InverseMap:
 
 
 class ByNumpy(Estimator):
-    """An estimator on a machine without a compiled core."""
+    """An estimator on a oracle of the compiled core."""
 
     def _new_core(self, resource: bytes) -> NumpyCore:
         return NumpyCore(self.inverse_map, resource)

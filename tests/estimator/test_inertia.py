@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from flight_maps import exact_response, whole_map
 from inertia_maps import ERRORS, PRIOR, with_masses
+from numpy_core import NumpyCore
 from raw_fmu import Fmu2, write_resource
 from recorded_case import write_csv
 from scaled_maps import NOMINAL, scaled_map
@@ -21,7 +22,6 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inertia import LATERAL_FORCES, channels_of, vibration_ratio, with_inertia
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.numpy_core import NumpyCore
 from strainfmu.estimator.reference.readings import amplitudes
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references

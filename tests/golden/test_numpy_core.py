@@ -8,9 +8,9 @@ from comparison import differences
 from estimator_carrier import by_estimator, estimator_for
 from inputs import recorded
 from kinds import KINDS, map_of_kind
+from numpy_core import NumpyCore
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.numpy_core import NumpyCore
 
 pytestmark = pytest.mark.fast
 
@@ -20,7 +20,7 @@ SAMPLES = 120
 
 
 class ByNumpy(Estimator):
-    """An estimator on a machine without a compiled core."""
+    """An estimator on a oracle of the compiled core."""
 
     def _new_core(self, resource: bytes) -> NumpyCore:
         return NumpyCore(self.inverse_map, resource)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy_core import NumpyCore
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.errors import InputError
@@ -13,7 +14,6 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
-from strainfmu.estimator.numpy_core import NumpyCore
 
 pytestmark = pytest.mark.fast
 

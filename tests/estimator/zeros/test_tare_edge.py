@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy_core import NumpyCore
 from random_map import map_of, random_model
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import NoCoreError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.numpy_core import NumpyCore
 from strainfmu.estimator.zeros.tare import TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from fmpy.simulation import simulate_fmu
 from fmu_host import COEFFICIENTS, OPTIONS
+from numpy_core import NumpyCore
 from recorded_case import NAMES, read_csv, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
@@ -17,7 +18,6 @@ from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.numpy_core import NumpyCore
 from strainfmu.estimator.signal_names import ZERO
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator

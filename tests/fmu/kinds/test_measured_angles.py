@@ -76,7 +76,7 @@ def test_an_angle_that_does_not_count_is_logged_once(run: Callable[..., Experime
 def test_descriptions_say_so(run: Callable[..., Experiment]) -> None:
     texts = run().descriptions
     for name in MEASURED_ANGLES:
-        assert texts[name].endswith(f"; counts where its _std is above 0")
+        assert texts[name].endswith("; counts where its _std is above 0")
         assert texts[f"{name}_std"].endswith("; 0 or below (or NaN) leaves the angle out")
 
 

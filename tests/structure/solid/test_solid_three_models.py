@@ -28,7 +28,7 @@ VEHICLE = load_vehicle(IC3X)
 BODY, WALL = VEHICLE.body(), wall_of(VEHICLE)
 STATIONS, ROLLS = np.linspace(0.35, 3.30, 9), 0.1 + 0.25 * np.pi * np.arange(8)
 HARMONICS = np.arange(5)
-FASTEST = ("pardiso", "mumps", "cholmod", "superlu")
+FASTEST = ("pardiso", "superlu")
 """Direct solvers by their time on tetrahedra; the last is always there, and slow on 650,000 components."""
 
 

@@ -12,10 +12,8 @@ from scipy.sparse import csc_array, csr_array, issparse
 
 from builder.structure.solid.operators.cyclic_operator import CyclicProblem
 from builder.structure.solid.solvers.back_end import BackEnd
-from builder.structure.solid.solvers.cholmod import CHOLMOD, CVXOPT
 from builder.structure.solid.solvers.cyclic import CyclicSolver
 from builder.structure.solid.solvers.iterative import ITERATIVE
-from builder.structure.solid.solvers.mumps import MUMPS
 from builder.structure.solid.solvers.pardiso import PARDISO
 from builder.structure.solid.solvers.petsc import petsc_back_end
 from builder.structure.solid.solvers.problem import (
@@ -36,11 +34,10 @@ from strainfmu.errors import InputError
 BLOCK = 64
 """Right-hand sides solved at once."""
 
-BACK_ENDS = (SUPERLU, MUMPS, CHOLMOD, CVXOPT, PARDISO, ITERATIVE, petsc_back_end())
-AUTOMATIC = (MUMPS, SUPERLU)
-"""Back ends chosen where none is named, fastest first: their licences bind no program that calls them.
+BACK_ENDS = (SUPERLU, PARDISO, ITERATIVE, petsc_back_end())
+"""The first is chosen where none is named: its licence binds no program that calls it.
 
-GPL and Intel's licence are a user's decision; petsc starts other processes; iterative may not converge.
+Intel's licence is a user's decision; petsc starts other processes; iterative may not converge.
 """
 CYCLIC = "cyclic"
 
@@ -144,9 +141,9 @@ class SparseSolver:
 
 
 def choose_solver(problem: SparseProblem | CyclicProblem, name: str | None = None) -> SparseSolver | CyclicSolver:
-    """Prepare a problem with the named solver, or with the best installed one.
+    """Prepare a problem with the named solver, or with the one that fits it.
 
-    A problem made of sectors goes to ``cyclic``, any other to the fastest installed one of :data:`AUTOMATIC`.
+    A problem made of sectors goes to ``cyclic``, any other to ``superlu``.
 
     Raises
     ------
@@ -162,9 +159,7 @@ def choose_solver(problem: SparseProblem | CyclicProblem, name: str | None = Non
         return CyclicSolver(problem)
     if name == CYCLIC:
         raise InputError(f"solver '{CYCLIC}' needs a mesh of equal sectors, such as one swept round the axis")
-    if name is None:
-        return SparseSolver(problem, next(back_end for back_end in AUTOMATIC if back_end.installed()))
-    return SparseSolver(problem, named_back_end(name))
+    return SparseSolver(problem, SUPERLU if name is None else named_back_end(name))
 
 
 def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackEnd:

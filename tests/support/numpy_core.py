@@ -1,6 +1,6 @@
 """The linear estimator in numpy behind the interface of :class:`~strainfmu.estimator.core.Core`.
 
-For machines without a library of the compiled estimator and without a compiler. The reference estimates; here are
+An oracle of the compiled core: the reference estimates; here are
 settings, and the rules of health. It has no filter and no tables, and names the worst gauge alone as a suspect.
 """
 
