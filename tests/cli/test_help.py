@@ -96,7 +96,7 @@ def test_options_that_need_or_exclude_others_say_so() -> None:
             assert any(option(command, one) in said for one in needed) or "options below" in said, (command, name)
     for command, groups in EXCLUDES.items():
         for group in groups:
-            for name in group if command not in ("stress", "loadtest") else ():
+            for name in group if command not in ("stress", "trial", "loadtest") else ():
                 said = parameter(command, name).help
                 assert all(option(command, one) in said for one in group if one != name), (command, name)
 

@@ -13,7 +13,7 @@ from ogive import OGIVE, copied_ogive
 from snippets import ROOT, snippets
 
 from builder.campaign import run as campaign
-from builder.stress import flights
+from builder.trial import conditions
 from builder.vehicle.file import load_vehicle
 from strainfmu.files import fingerprint
 
@@ -34,8 +34,8 @@ def test_no_flow_is_solved_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     """Snapshots and independent model by the build, flows beyond the envelope by the stress test."""
     copied_ogive(tmp_path / "ogive").rename(tmp_path / "ogive" / "my_vehicle.toml")
     monkeypatch.chdir(tmp_path / "ogive")
-    monkeypatch.setattr(flights, "MACH_KNOTS", KNOTS)
-    monkeypatch.setattr(flights, "INCIDENCE_KNOTS", KNOTS)
+    monkeypatch.setattr(conditions, "MACH_KNOTS", KNOTS)
+    monkeypatch.setattr(conditions, "INCIDENCE_KNOTS", KNOTS)
     solved, by_command = Counter[Any](), dict[str, int]()
     solve_flows = campaign.solve_flows
 

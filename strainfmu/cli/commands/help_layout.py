@@ -125,7 +125,6 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "bench": {
         "Structure": ("structure", "solver", "largest"),
         "Mesh": ("mesh", "snapshots", "output"),
-        "Bus": ("bus", "rate", "duration", "burners"),
     },
 }
 """Panels of the options of a command; options in none of them stand in the first panel, *Options*."""
@@ -146,9 +145,6 @@ NEEDS: dict[str, dict[str, tuple[str, ...]]] = {
         "largest": ("structure",),
         "snapshots": ("mesh",),
         "output": ("mesh",),
-        "rate": ("bus",),
-        "duration": ("bus",),
-        "burners": ("bus",),
     },
 }
 """Options that are refused without one of others, by the names of the parameters."""
@@ -161,6 +157,6 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
     **dict.fromkeys(("stress", "trial"), tuple((name, "inverse_map") for name in (*FILES, "estimator"))),
-    "bench": (("structure", "mesh", "bus", "worst"),),
+    "bench": (("structure", "mesh", "worst"),),
 }
 """Options of which one at most is given, by the names of the parameters."""

@@ -23,7 +23,6 @@ from strainfmu.cli.commands.maps import (
 )
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.cli.named_vehicle import naming
-from strainfmu.files import write_bytes_atomically
 
 if TYPE_CHECKING:
     from builder.pipeline.trial_run import TrialOptions, TrialResult
@@ -183,6 +182,8 @@ def stress(
     )
     result = _run("manoeuvres" if flights else "stress", vehicle, output, options)
     text = json.dumps(stress_entries(result.cases, result.rows), indent=1, allow_nan=False) + "\n"
+    from strainfmu.files import write_bytes_atomically
+
     write_bytes_atomically(output / "stress.json", text.encode())
 
 
