@@ -201,11 +201,18 @@ def solid_structure_of(pipeline: Pipeline) -> Structure | None:
 def map_parts(pipeline: Pipeline) -> tuple[Snapshots, AnyStructure]:
     """Return what the map is made from, solved once per run."""
     if pipeline.map_parts is None:
-        vehicle, reporter = pipeline.vehicle, pipeline.reporter
-        snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
-        structure = solid_structure_of(pipeline) or fourier_structure(vehicle, used_layouts(vehicle), reporter)
-        pipeline.map_parts = snapshots, on_snapshots(structure, snapshots, reporter)
+        solid = pipeline.path(STRUCTURE) if pipeline.vehicle.structure.model == "solid" else None
+        pipeline.map_parts = load_map_parts(pipeline.vehicle, pipeline.path(SNAPSHOTS), solid, pipeline.reporter)
     return pipeline.map_parts
+
+
+def load_map_parts(
+    vehicle: Vehicle, snapshots: Path, solid: Path | None, reporter: Reporter
+) -> tuple[Snapshots, AnyStructure]:
+    """Return snapshots and structure of their files; without a file the structure is the Fourier model."""
+    loaded = load_snapshots(snapshots)
+    structure = load_structure(solid) if solid else fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    return loaded, on_snapshots(structure, loaded, reporter)
 
 
 def _inverse_map(pipeline: Pipeline) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -21,18 +22,20 @@ from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.shape_flows import make_shape_flows
 from builder.pipeline.stages import check_before_long_work
+from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
 from builder.pipeline.used_files import MAP, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure
-from builder.trial.cases import Case, TrialFile, cases_for, load_trial
+from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial
 from builder.trial.conditions import flown_conditions
 from builder.trial.estimators import available
 from builder.trial.flows import stress_flow_inputs, stress_flows
+from builder.trial.heating import temperature_of
 from builder.trial.run import run_cases
-from builder.trial.score import Row
+from builder.trial.score import ALL, Row
 from builder.trial.table import write_table
 from builder.trial.world import World
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
@@ -47,6 +50,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import RECORDED_KEYS
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.files import content_hash_of
 from strainfmu.flight_condition import ALTITUDE, CONDITION_QUANTITIES, FlightCondition
 
@@ -72,7 +76,7 @@ class TrialOptions:
     Attributes
     ----------
     only : errors to try; all by default.
-    changes : of the plan in the file, by entry.
+    changes : of sections of the file, by entry.
     map_path, flows : map and flows of the independent model that are there; None to make them.
     given, estimator : of the build of a map.
     formats : of the table, by suffix.
@@ -107,21 +111,23 @@ def run_trial(
     StrainfmuError
         A file could not be written.
     """
-    trial = load_trial(file)
-    plan = trial.trial.model_copy(update=options.changes)
-    trial = trial.model_copy(update={"trial": plan})
+    trial = load_trial(file).changed(options.changes)
+    plan, entry = trial.trial, with_estimator(load_vehicle(vehicle_path), options.estimator)
+    if any(case.heating for case in trial.cases):
+        entry = entry.model_copy(update={TEMPERATURE: temperature_of(entry)})
     if options.map_path is None:
-        entry = with_estimator(load_vehicle(vehicle_path), options.estimator)
         pipeline, conditions = open_pipeline(entry, folder, reporter, options.given or FilesGiven())
-        _refuse(pipeline.flown or pipeline.vehicle, trial)
+        refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
         check_before_long_work(pipeline.vehicle, conditions)
+        if options.flows is not None and pipeline.vehicle.is_of_revolution:
+            pipeline.use(LEVEL_FLOWS, options.flows, _content_of_flows(options.flows, pipeline.vehicle))
         make_map(pipeline)
         inverse_map = load_inverse_map(pipeline.path(MAP))
         vehicle = of_estimator(pipeline.flown or pipeline.vehicle, inverse_map)
     else:
         inverse_map = load_inverse_map(options.map_path)
-        vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
-        _refuse(vehicle, trial)
+        vehicle = of_map(entry, inverse_map)
+        refuse_vehicle(vehicle, trial)
         check_fit(vehicle, inverse_map, options.map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
         schema = inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION
@@ -130,7 +136,7 @@ def run_trial(
         reporter.note(line)
     cases = cases_for(vehicle, trial, options.only)
     plan = plan.model_copy(update={"estimators": available(inverse_map, plan.estimators)})
-    _flows(pipeline, vehicle, cases_for(vehicle, trial), trial, options.flows)
+    make_trial_flows(pipeline, vehicle, cases_for(vehicle, trial), plan, options.flows)
     structure = pipeline.path(STRUCTURE)
     rows = run_cases(
         cases,
@@ -154,18 +160,23 @@ def run_trial(
         workers=options.workers,
         scheduler=options.scheduler,
     )
-    files = [pipeline.workspace.path(TABLE).with_suffix(suffix) for suffix in options.formats]
+    return written(vehicle.name, cases, rows, folder, options.formats)
+
+
+def written(vehicle: str, cases: list[Case], rows: list[Row], folder: Path, formats: Sequence[str]) -> TrialResult:
+    """Write the rows to ``folder``, and the figure of samples where there are some."""
+    files = [Workspace(folder).path(TABLE).with_suffix(suffix) for suffix in formats]
     for path in files:
         write_table(rows, path)
-    if rows and find_spec("matplotlib") is not None:
-        files.append(pipeline.workspace.path(FIGURE))
-        save(trial_figure(rows, vehicle.name), files[-1])
-    return TrialResult(vehicle=vehicle.name, cases=cases, rows=rows, files=files)
+    if any(row["load"] == ALL for row in rows) and find_spec("matplotlib") is not None:
+        files.append(folder / FIGURE)
+        save(trial_figure(rows, vehicle), files[-1])
+    return TrialResult(vehicle=vehicle, cases=cases, rows=rows, files=files)
 
 
-def _refuse(vehicle: Vehicle, trial: TrialFile) -> None:
+def refuse_vehicle(vehicle: Vehicle, trial: TrialFile) -> None:
     """Refuse a vehicle that the trial cannot be flown with, before anything is solved."""
-    moves = any(case.motion is not None for group in trial.group for case in group.cases)
+    moves = any(case.motion is not None for case in trial.cases)
     if moves and not vehicle.is_of_revolution:
         raise InputError("motion: expected a body of revolution, got a shape that needs a flow for every sample")
     refuse_without_independent_model(vehicle)
@@ -188,9 +199,17 @@ def world_of_files(vehicle_path: Path, map_path: Path, flows: Path) -> World:
 
 
 @lru_cache(maxsize=1)
-def _world(key: str) -> list[World]:
+def _place(key: str) -> list[Any]:
     """Return a place for the world of a worker."""
     return []
+
+
+def once(key: str, make: Callable[[], Any]) -> Any:
+    """Return what ``make`` returns; the next time the same, as long as ``key`` is the same."""
+    place = _place(key)
+    if not place:
+        place.append(make())
+    return place[0]
 
 
 def world_of(
@@ -201,60 +220,66 @@ def world_of(
     ``structure`` is the file of the map's structure, whose check is the mesh that flies, of another shape than a
     body of revolution.
     """
-    place = _world(f"{vehicle.model_dump_json()} {inverse_map} {flows} {structure} {conditions} {seed}")
-    if not place:
-        place.append(_made(vehicle, inverse_map, flows, structure, conditions=conditions, seed=seed))
-    return place[0]
+    key = f"{vehicle.model_dump_json()} {inverse_map} {flows} {structure} {conditions} {seed}"
+    world: World = once(
+        key, lambda: _made(vehicle, inverse_map, flows, structure, conditions=conditions, seed=seed)
+    )
+    return world
 
 
 def _made(
     vehicle: Vehicle, inverse_map: Path, flows: Path, structure: Path | None, *, conditions: int, seed: int
 ) -> World:
-    made = load_inverse_map(inverse_map)
+    made, world = load_inverse_map(inverse_map), true_world(vehicle, flows, structure)
+    return World(**world, inverse_map=made, conditions=conditions, seed=seed)
+
+
+def true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[str, Any]:
+    """Return the independent model of a vehicle: the arguments of a world by name."""
     if vehicle.is_of_revolution:
         true = true_structure(vehicle)
-        return World(
-            vehicle=vehicle,
-            structure=true,
-            flows=load_truth_flows(flows, vehicle),
-            inverse_map=made,
-            sensors=flown_sensors(vehicle, true.surface),
-            conditions=conditions,
-            seed=seed,
-        )
+        sensors = flown_sensors(vehicle, true.surface)
+        return {
+            "vehicle": vehicle,
+            "structure": true,
+            "flows": load_truth_flows(flows, vehicle),
+            "sensors": sensors,
+        }
     known = None if structure is None else load_structure(structure)
-    return World(
-        vehicle=vehicle,
-        structure=flying_structure(vehicle, known, Silent()),
-        flows=load_snapshots(flows),
-        inverse_map=made,
-        conditions=conditions,
-        seed=seed,
-    )
+    true_shape = flying_structure(vehicle, known, Silent())
+    return {"vehicle": vehicle, "structure": true_shape, "flows": load_snapshots(flows)}
 
 
-def _flows(
-    pipeline: Pipeline, vehicle: Vehicle, cases: Sequence[Case], trial: TrialFile, given: Path | None
+def make_trial_flows(
+    pipeline: Pipeline, vehicle: Vehicle, cases: Sequence[Case], plan: Plan, given: Path | None
 ) -> None:
-    """Make the flows of the independent model, or take the ones that are given."""
-    holds = "flows of the independent model beyond the envelope"
-    module = flow_table_file if vehicle.is_of_revolution else snapshots_file
+    """Make the flows of the independent model, or take the ones that are given.
+
+    They go beyond the envelope, but for cases that all fly in the same square of angles.
+    """
+    squares = {case.where.square for case in cases}
+    square = squares.pop() if len(squares) == 1 else None
+    holds = f"flows of the independent model {'beyond' if square is None else 'inside'} the envelope"
     if given is not None:
-        pipeline.use(FLOWS, given, content_hash_of(given, module.SCHEMA, module.SCHEMA_VERSION))
+        pipeline.use(FLOWS, given, _content_of_flows(given, vehicle))
         return
     if not vehicle.is_of_revolution:
-        plan = trial.trial
         conditions = shape_conditions(vehicle, cases, plan.conditions, plan.seed)
         make_shape_flows(pipeline, vehicle, conditions, FLOWS, holds)
         return
 
     def write(path: Path) -> None:
         with Journal(path) as journal:
-            save_flow_table(stress_flows(vehicle, pipeline.reporter, journal), path)
+            save_flow_table(stress_flows(vehicle, pipeline.reporter, journal, square=square), path)
             journal.remove()
 
-    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle)}
+    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle, square)}
     pipeline.make(FLOWS, holds, inputs, write)
+
+
+def _content_of_flows(path: Path, vehicle: Vehicle) -> str:
+    module = flow_table_file if vehicle.is_of_revolution else snapshots_file
+    return content_hash_of(path, module.SCHEMA, module.SCHEMA_VERSION)
 
 
 def shape_conditions(vehicle: Vehicle, cases: Sequence[Case], count: int, seed: int) -> list[FlightCondition]:
@@ -279,7 +304,9 @@ def of_map(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
     conditions = vehicle.conditions.model_copy(update=ranges)
     of_form = {} if inverse_map.form == "absolute" else {"gamma": 1.0}
     entries = vehicle.map.model_copy(update={"form": inverse_map.form, **of_form})
-    return of_estimator(vehicle.model_copy(update={"conditions": conditions, "map": entries}), inverse_map)
+    changes: dict[str, object] = {"conditions": conditions, "map": entries}
+    changes |= {} if inverse_map.has_temperature else {TEMPERATURE: None}
+    return of_estimator(vehicle.model_copy(update=changes), inverse_map)
 
 
 def of_estimator(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:

@@ -1,4 +1,5 @@
-"""Strain that no pressure makes: inertia of masses, vibration, friction, on the mesh of the independent model."""
+"""Strain that no pressure makes: inertia of masses, vibration, friction, heat, on the mesh of the independent
+model."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.wall import wall_of
 from builder.trial.faults import MICRO
+from builder.trial.heating import AtEnd, Heating, heated, temperature_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import surface_grid
 from builder.vehicle.structure.mass import Mass
@@ -51,6 +53,7 @@ class AddedStrain:
 
     def __init__(self, vehicle: Vehicle) -> None:
         self.vehicle = vehicle
+        self._heated: dict[Heating, AtEnd] = {}
 
     def inertia(
         self, inertia: Inertia, force: FloatArray, leeward: FloatArray, random: np.random.Generator
@@ -67,6 +70,16 @@ class AddedStrain:
         """Return (n, n_d) strain by an axial ``coefficient`` of friction that is even over the surface [m/m]."""
         force = coefficient * self.vehicle.reference_quantities().area * dynamic_pressure
         return np.outer(force / self._area, self._by_friction)
+
+    def heat(
+        self, heating: Heating, strain: FloatArray, vehicles: int, random: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return readings of a wall that warms and what its sensors measure, as
+        :func:`~builder.trial.heating.heated`, of ``vehicles``, one or as many as samples."""
+        if heating not in self._heated:
+            self._heated[heating] = heating.at_end(self.vehicle)
+        scatter = random.standard_normal((vehicles, strain.shape[1]))
+        return heated(temperature_of(self.vehicle), self._heated[heating], strain, scatter, random)
 
     @cached_property
     def _by_inertia(self) -> tuple[FloatArray, FloatArray, FloatArray]:

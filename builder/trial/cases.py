@@ -13,13 +13,14 @@ states.
     ]
 
 The sections of a case stand with what they do: :class:`~builder.trial.conditions.Where`,
-:class:`~builder.trial.faults.Fault`, :class:`~builder.trial.added.Inertia`, :class:`~builder.trial.flows.Flow` and
+:class:`~builder.trial.faults.Fault`, :class:`~builder.trial.faults.Lost`, :class:`~builder.trial.added.Inertia`,
+:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.heating.Heating` and
 :class:`~builder.trial.motion.Motion`; others are here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -29,8 +30,9 @@ from builder.inverse.noise.inertia import manoeuvre_strain
 from builder.structure.as_built_kinds import IN_NOISE, KINDS
 from builder.trial.added import Inertia
 from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, is_inside
-from builder.trial.faults import Fault
+from builder.trial.faults import Fault, Lost
 from builder.trial.flows import Flow
+from builder.trial.heating import Heating
 from builder.trial.motion import Motion
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.reading import read_sections
@@ -97,6 +99,7 @@ class Air(Section):
     vibration_um_per_m : standard deviation of the vibration that is stated with it; 0 for none.
     parameters_percent : standard deviation of flow parameters that are given, of their ranges [%]; 0 for none.
     parameters_off : by how many of these each parameter is off, in addition to an error that is drawn.
+    temperature : whether the temperature sensors of the map give readings, of a wall that warms.
     """
 
     navigation: bool = True
@@ -110,6 +113,7 @@ class Air(Section):
     vibration_um_per_m: float = 0.0
     parameters_percent: float = 0.0
     parameters_off: float = 0.0
+    temperature: bool = True
 
 
 class OverTime(Section):
@@ -143,6 +147,7 @@ class Case(Section):
     draws : vehicles of the trial, times this.
     flagged_at_least : smallest share of flagged samples that is aimed at [%].
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
+    covered_at_least : smallest share of covered samples of each load that is aimed at [%].
     over_single_at_most : largest rms error of a filter over the one of single samples that is aimed at.
     """
 
@@ -162,11 +167,14 @@ class Case(Section):
     inertia: Inertia | None = None
     air: Air = Air()
     flow: Flow | None = None
+    heating: Heating | None = None
     friction: float = 0.0
+    lost: Lost | None = None
     over_time: OverTime | None = None
     motion: Motion | None = None
     tenths_by: list[str] = Field(default_factory=list)
     flagged_at_least: float | None = None
+    covered_at_least: float | None = None
     over_single_at_most: float | None = None
 
     @property
@@ -209,11 +217,54 @@ class Plan(Section):
     estimators: list[str] = Field(default=["map"], min_length=1)
 
 
+class LoopFault(Section):
+    """A fault of a gauge in a closed loop: its name, kind, and value [um/m, um/m per s]."""
+
+    error: str
+    kind: Literal["dropout", "bias", "drift", "stuck", "frozen"]
+    value: float = 0.0
+
+
+class ClosedLoop(Section):
+    """A scenario of ``strainfmu fly``, flown with ``seeds`` of noise, then with each fault of ``every`` so many-th
+    gauge from ``fails_at`` on, over the time of the scenario."""
+
+    seeds: int = Field(default=5, ge=1)
+    every: int = Field(default=3, ge=1)
+    fails_at: float = Field(default=0.5, ge=0.0, le=1.0)
+    fault: list[LoopFault] = Field(min_length=1)
+
+
+class Compare(Section):
+    """Estimators of several kinds: ``training`` flights for each regression, a third as many for its bands."""
+
+    training: int = Field(default=12_000, ge=1200, le=10_000_000)
+
+
 class TrialFile(Section):
-    """The whole file."""
+    """The whole file: cases, or a closed loop."""
 
     trial: Plan = Plan()
-    group: list[Group] = Field(min_length=1)
+    group: list[Group] = Field(default_factory=list)
+    closed_loop: ClosedLoop | None = None
+    compare: Compare | None = None
+
+    @property
+    def cases(self) -> list[Case]:
+        """All of them, for any vehicle."""
+        return [case for group in self.group for case in group.cases]
+
+    def changed(self, changes: Mapping[str, Any]) -> TrialFile:
+        """Return the file with other entries of its sections [trial] and [compare], by name."""
+        sections = {name: part for name in ("trial", "compare") if (part := getattr(self, name)) is not None}
+        return self.model_copy(
+            update={
+                name: part.model_copy(
+                    update={key: changes[key] for key in type(part).model_fields if key in changes}
+                )
+                for name, part in sections.items()
+            }
+        )
 
 
 def _expects_inertia(vehicle: Vehicle) -> bool:
@@ -225,6 +276,7 @@ PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
     "edges": lambda vehicle: not vehicle.is_of_revolution and bool(edges_of(vehicle)),
     "per pressure": lambda vehicle: vehicle.map.follows_pressure,
     "mass": lambda vehicle: vehicle.mass is not None,
+    "temperature": lambda vehicle: vehicle.temperature is not None,
     "density": lambda vehicle: vehicle.material.density_kg_per_m3 is not None,
     "held": lambda vehicle: vehicle.is_of_revolution and vehicle.structure.support != "free_flight",
     "inertia expected": _expects_inertia,
@@ -266,9 +318,9 @@ def load_trial(path: Path) -> TrialFile:
 
 
 def _faults(file: TrialFile) -> list[str]:
-    cases = [case for group in file.group for case in group.cases]
-    known = ", ".join(PROPERTIES)
-    faults = [
+    cases, known = file.cases, ", ".join(PROPERTIES)
+    faults = ["group: expected cases, or a section closed_loop"] * (bool(cases) == bool(file.closed_loop))
+    faults += [
         f"group: '{case.name}': expected properties of the vehicle, {known}, got '{name}'"
         for case in cases
         for name in (*(one.removeprefix("not ") for one in case.when), *case.class_without)
@@ -292,7 +344,7 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
         Two rows have one name, or no row has one of the names ``only``.
     """
     has = {name: test(vehicle) for name, test in PROPERTIES.items()}
-    listed = [case for group in file.group for case in group.cases if all(_holds(has, name) for name in case.when)]
+    listed = [case for case in file.cases if all(_holds(has, name) for name in case.when)]
     rows = [row for case in listed for row in _rows(case, vehicle, has)]
     names = [case.name for case in rows]
     if twice := sorted({name for name in names if names.count(name) > 1}):

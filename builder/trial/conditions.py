@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import degrees, pi, radians
+from math import degrees, hypot, pi, radians, sqrt
 from typing import Any, Literal
 
 import numpy as np
@@ -51,7 +51,12 @@ class Where(Section):
     Attributes
     ----------
     altitudes : of the conditions of the vehicle file, or 12 to 30 km as far as the map holds there.
+    altitudes_km : range that is drawn, as far as the map holds there.
     altitude_km : the same altitude for all.
+    square : angle of attack and sideslip of a body of revolution are each uniform up to this part of the smaller
+        of their largest listed values, or in the disc of the envelope where only one of them is listed.
+    corner : all at one condition that linear maps find hard: the smallest Mach number, both angles this part of
+        the largest of the square; on another shape this part of the way from the middle of each range to its end.
     incidence : range of the total incidence, over the largest of the envelope, at any roll angle of the wind.
     incidence_deg : the same [deg], on the flows of a body of revolution.
     from_deg : smallest total incidence [deg], where the envelope goes that far.
@@ -62,7 +67,10 @@ class Where(Section):
     """
 
     altitudes: Literal["listed", "map"] = "listed"
+    altitudes_km: Pair | None = Field(default=None, min_length=2, max_length=2)
     altitude_km: Altitude | None = None
+    square: float | None = Field(default=None, gt=0.0, le=1.0)
+    corner: float | None = Field(default=None, ge=0.0, le=1.0)
     incidence: Pair | None = Field(default=None, min_length=2, max_length=2)
     incidence_deg: Pair | None = Field(default=None, min_length=2, max_length=2)
     from_deg: float | None = None
@@ -116,8 +124,14 @@ def _inside(
     """Return conditions inside the envelope, between the snapshots."""
     listed = where.altitudes == "listed"
     heights = listed_altitudes_km(vehicle) if listed else drawn_altitudes_km(vehicle)
+    if where.altitudes_km is not None:
+        heights = drawn_altitudes_km(vehicle, (where.altitudes_km[0], where.altitudes_km[1]))
+    if where.corner is not None:
+        return [_corner(where, where.corner, vehicle, heights[0])] * count
     if table is None:
         return conditions_in_ranges(vehicle, heights, count, random)
+    if where.square is not None:
+        return _in_square(where.square, vehicle, heights, count, random)
     band = (
         None if where.incidence_deg is None else (radians(where.incidence_deg[0]), radians(where.incidence_deg[1]))
     )
@@ -127,6 +141,51 @@ def _inside(
     if not listed:
         return conditions
     return [replace(one, altitude=1e3 * float(random.uniform(*heights))) for one in conditions]
+
+
+def _in_square(
+    part: float, vehicle: Vehicle, heights_km: tuple[float, float], count: int, random: np.random.Generator
+) -> list[FlightCondition]:
+    entry, angle, largest = vehicle.conditions, square_angle(part, vehicle), largest_incidence(vehicle)
+    half = largest if angle is None else angle
+
+    def angles() -> tuple[float, float]:
+        alpha, beta = random.uniform(-half, half, 2).tolist()
+        return alpha, beta
+
+    return drawn_conditions(
+        count,
+        random,
+        angles=angles,
+        mach_numbers=(min(entry.mach_number), max(entry.mach_number)),
+        altitudes_km=heights_km,
+        is_inside=lambda one: angle is not None or hypot(one.angle_of_attack, one.sideslip_angle) <= largest,
+    )
+
+
+def square_angle(part: float, vehicle: Vehicle) -> float | None:
+    """Return the largest angle of attack and sideslip [rad] of a square; None for the disc of the envelope."""
+    entry = vehicle.conditions
+    listed = (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
+    largest = min(max(map(abs, one), default=0.0) for one in listed)
+    return radians(part * largest) if largest > 0.0 else None
+
+
+def _corner(where: Where, part: float, vehicle: Vehicle, height_km: float) -> FlightCondition:
+    entry = vehicle.conditions
+    if vehicle.is_of_revolution:
+        angle = square_angle(where.square or 1.0, vehicle)
+        angle = part * (largest_incidence(vehicle) / sqrt(2.0) if angle is None else angle)
+        return FlightCondition(min(entry.mach_number), angle, angle, 1e3 * height_km)
+    listed = [
+        entry.angle_of_attack_deg,
+        entry.sideslip_angle_deg,
+        *(one.values for one in entry.parameters.values()),
+    ]
+    low, high = 0.5 * (1.0 - part), 0.5 * (1.0 + part)
+    alpha, beta, *parameters = (low * min(one) + high * max(one) for one in listed)
+    angles = radians(alpha), radians(beta)
+    return FlightCondition(min(entry.mach_number), *angles, 1e3 * height_km, tuple(parameters))
 
 
 def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:
@@ -196,11 +255,15 @@ def is_inside(where: Where, vehicle: Vehicle) -> bool:
     return symmetric or not where.mirrored
 
 
-def stress_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
-    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of flows, beyond the envelope."""
-    listed = vehicle.conditions.mach_number
-    mach = np.linspace((1.0 - MACH_REACH) * min(listed), (1.0 + MACH_REACH) * max(listed), MACH_KNOTS)
-    largest = (1.0 + INCIDENCE_REACH) * envelope_incidence(vehicle)
+def stress_knots(vehicle: Vehicle, square: float | None = None) -> tuple[FloatArray, FloatArray]:
+    """Return Mach numbers (n_M,) and positive total incidences (n_a,) [rad] of flows, beyond the envelope; of
+    flights in a ``square`` alone up to their largest incidence."""
+    listed, reach, largest = vehicle.conditions.mach_number, MACH_REACH, envelope_incidence(vehicle)
+    largest = (1.0 + INCIDENCE_REACH) * largest
+    if square is not None:
+        angle, reach = square_angle(square, vehicle), 0.0
+        largest = 1.01 * (largest_incidence(vehicle) if angle is None else float(np.arccos(np.cos(angle) ** 2)))
+    mach = np.linspace((1.0 - reach) * min(listed), (1.0 + reach) * max(listed), MACH_KNOTS)
     incidence = largest * np.arange(1, INCIDENCE_KNOTS + 1) / INCIDENCE_KNOTS
     return np.round(mach, 9), np.round(incidence, 9)
 

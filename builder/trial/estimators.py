@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,7 @@ from builder.processors import processors
 from builder.trial.readings import Readings
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import ALTITUDE, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -39,16 +39,25 @@ N_ANGLES = 2
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimates:
-    """Estimates of n samples: ``value`` and ``std`` (n, m); ``health`` (n,), None where none is stated."""
+    """Estimates of n samples.
+
+    Attributes
+    ----------
+    value, std : (n, m) of the loads.
+    health : (n,); None where none is stated.
+    others : value and standard deviation (n,) of what is no load, by name: air data, errors of a field.
+    """
 
     value: FloatArray
     std: FloatArray
     health: IntArray | None = None
+    others: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
 
     def rows(self, rows: IntArray) -> Estimates:
         """Return the samples ``rows`` alone."""
         health = None if self.health is None else self.health[rows]
-        return Estimates(value=self.value[rows], std=self.std[rows], health=health)
+        others = {name: (value[rows], std[rows]) for name, (value, std) in self.others.items()}
+        return Estimates(value=self.value[rows], std=self.std[rows], health=health, others=others)
 
 
 EstimateReadings = Callable[[Readings], Estimates]
@@ -117,6 +126,16 @@ def with_gauges(estimate: EstimateReadings, used: BoolArray) -> EstimateReadings
     return lambda read: estimate(replace(read, strain=np.where(used, read.strain, np.nan)))
 
 
+def with_inputs(estimate: EstimateReadings, names: Sequence[str]) -> EstimateReadings:
+    """Return ``estimate`` that is given the air data ``names`` alone, and a dynamic pressure of NaN without it."""
+
+    def of_some(read: Readings) -> Estimates:
+        known = {name: value for name, value in read.known.items() if name in (*names, Q_SOURCE)}
+        return estimate(replace(read, known={DYNAMIC_PRESSURE: np.nan, **known}))
+
+    return of_some
+
+
 def known_by(estimator: Estimator, known: Mapping[str, Any]) -> dict[str, Any]:
     """Return what ``estimator`` takes of p_inf and altitude, where both are given."""
     needless = ALTITUDE if estimator.is_nonlinear else STATIC_PRESSURE
@@ -181,8 +200,13 @@ def _of_sample(known: Mapping[str, Any], number: int, count: int) -> dict[str, A
 def together(parts: list[Estimates]) -> Estimates:
     """Return the estimates of ``parts`` one after another."""
     health = [part.health for part in parts if part.health is not None]
+    others = {name: [part.others[name] for part in parts] for name in parts[0].others}
     return Estimates(
         value=np.concatenate([part.value for part in parts]),
         std=np.concatenate([part.std for part in parts]),
         health=np.concatenate(health) if health else None,
+        others={
+            name: (np.concatenate([value for value, _ in pairs]), np.concatenate([std for _, std in pairs]))
+            for name, pairs in others.items()
+        },
     )

@@ -1,7 +1,9 @@
-"""What becomes of readings: gauges, or auxiliary sensors, that fail; seven verbs."""
+"""What becomes of readings: gauges, or auxiliary sensors, that fail; seven verbs; and sets of gauges that are
+lost."""
 
 from __future__ import annotations
 
+from itertools import combinations
 from math import radians
 from typing import Any, Literal, NamedTuple
 
@@ -9,7 +11,9 @@ import numpy as np
 from pydantic import Field
 
 from builder.vehicle.toml.sections import Section
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import InverseMap
 
 MICRO = 1e-6
 
@@ -102,3 +106,63 @@ def _exchange(
     for number, (_, near, far) in enumerate(pairs):
         rows = np.arange(len(strain)) if every else np.flatnonzero(in_plane.argmax(axis=0) == number)
         out[np.ix_(rows, near)], out[np.ix_(rows, far)] = strain[np.ix_(rows, far)], strain[np.ix_(rows, near)]
+
+
+class NoSuchGaugesError(InputError):
+    """A layout has no such gauges to lose."""
+
+
+class Lost(Section):
+    """Sets of gauges that are lost, one set after another, in the same flights.
+
+    Attributes
+    ----------
+    gauges : ``count`` rows, every combination; each direction, axial or hoop; each direction of each row; each
+        direction and each row; or all but ``count``, drawn.
+    count : number of them; 0 for half of the gauges.
+    sets : number of sets that are drawn.
+    samples : of each set, the next ones of the trial; 0 for all.
+    """
+
+    gauges: Literal["rows", "direction", "direction of a row", "direction and row", "all but"]
+    count: int = Field(default=1, ge=0)
+    sets: int = Field(default=20, ge=1)
+    samples: int = Field(default=0, ge=0)
+
+    def in_use(self, inverse_map: InverseMap, random: np.random.Generator) -> dict[str, BoolArray]:
+        """Return the gauges that are in use (n_d,), by the name of what is lost.
+
+        Raises
+        ------
+        NoSuchGaugesError
+            The layout has no such set.
+        """
+        roll, axial = gauge_rows(inverse_map)
+        rows, n_d, sets = np.unique(roll).tolist(), len(roll), dict[str, BoolArray]()
+        if self.gauges == "rows":
+            for lost in combinations(rows, self.count):
+                sets[" and ".join(f"{row:g}" for row in lost) + " deg"] = ~np.isin(roll, lost)
+        elif self.gauges == "all but":
+            for _ in range(self.sets if self.count < n_d else 0):
+                gauges = np.sort(random.choice(n_d, size=self.count or n_d // 2, replace=False))
+                sets["all but " + " ".join(f"{gauge + 1}" for gauge in gauges)] = np.isin(np.arange(n_d), gauges)
+        else:
+            for direction, other in (("hoop", axial), ("axial", ~axial)):
+                if self.gauges == "direction":
+                    sets[direction] = other
+                for row in rows if self.gauges != "direction" else ():
+                    if self.gauges == "direction of a row":
+                        sets[f"{direction} at {row:g} deg"] = other | (roll != row)
+                    else:
+                        sets[f"{direction} and {row:g} deg"] = other & (roll != row)
+        if not (sensible := {name: gauges for name, gauges in sets.items() if 0 < gauges.sum() < n_d}):
+            raise NoSuchGaugesError(f"no such gauges to lose among {n_d} in {len(rows)} rows")
+        return sensible
+
+
+def gauge_rows(inverse_map: InverseMap) -> tuple[FloatArray, BoolArray]:
+    """Return the roll angle (n_d,) [deg] of the meridian that each gauge is on, and whether it reads along the
+    axis."""
+    _, y, z = inverse_map.gauge_position.T
+    roll = np.round(np.mod(np.degrees(np.arctan2(y, z)), 360.0), 3) % 360.0
+    return np.asarray(roll), np.abs(inverse_map.gauge_direction[:, 0]) > np.sqrt(0.5)

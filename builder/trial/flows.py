@@ -159,9 +159,9 @@ def _other_table(
     return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": engine})
 
 
-def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
-    """Return what the flows beyond the envelope depend on."""
-    mach, incidence = stress_knots(vehicle)
+def stress_flow_inputs(vehicle: Vehicle, square: float | None = None) -> dict[str, Any]:
+    """Return what the flows of :func:`stress_flows` depend on."""
+    mach, incidence = stress_knots(vehicle, square)
     return {
         "engine": truth_engine(vehicle).inputs(),
         MACH_NUMBER: mach.tolist(),
@@ -171,16 +171,21 @@ def stress_flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def stress_flows(
-    vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
+    vehicle: Vehicle,
+    reporter: Reporter,
+    journal: Journal | None = None,
+    scheduling: Scheduling | None = None,
+    square: float | None = None,
 ) -> FlowTable:
-    """Solve the flows inside the envelope and beyond it as far as the solver reaches, and return their table.
+    """Solve the flows inside the envelope and beyond it as far as the solver reaches, and return their table; the
+    flows of a ``square`` alone where there is one.
 
     Raises
     ------
     FlowReachError
         The solver reaches less than two Mach numbers or two incidences.
     """
-    mach, incidence = stress_knots(vehicle)
+    mach, incidence = stress_knots(vehicle, square)
     failed: dict[FlowKey, str] = {}
     flows, _ = complete_flows(
         engine=truth_engine(vehicle),
@@ -189,7 +194,7 @@ def stress_flows(
         known={},
         scheduling=scheduling or Scheduling(),
         reporter=reporter,
-        title="Flow: beyond the envelope",
+        title="Flow: inside the envelope" if square else "Flow: beyond the envelope",
         failed=failed,
     )
     solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])

@@ -38,7 +38,7 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.flight_condition import FlightCondition
 
 BATCH = 20_000
@@ -60,8 +60,8 @@ class Readings:
     strain : (n, n_d) readings [m/m], of auxiliary sensors in units of their own; (n, s, n_d) where each sample is
         the last of s readings in a flight of its own.
     known : what else is known: arguments of :meth:`strainfmu.estimator.estimator.Estimator.estimate` by name,
-        each one value for all samples, (n,), or a mapping of such. Where p_inf and altitude are both given, an
-        estimator takes the one that it knows.
+        each one value for all samples, (n,), (n, k), or a mapping of such. Where p_inf and altitude are both
+        given, an estimator takes the one that it knows.
     truth : (n, m) of what is scored.
     vehicle, flight : (n,) numbers of what a sample is of: samples of one resemble each other.
     bound : (n, 5) Cramer-Rao bound of the coefficients [1]; None where it is not known.
@@ -69,6 +69,7 @@ class Readings:
         its start. None where each sample is one reading.
     conditions : of the flights by their numbers, as far as they are of interest.
     quiet : (n, n_d) strain without noise, where rms errors are about the estimates of these.
+    name : what is lost, where gauges are.
     """
 
     strain: FloatArray
@@ -80,11 +81,17 @@ class Readings:
     time: FloatArray | None = None
     conditions: tuple[FlightCondition, ...] = ()
     quiet: FloatArray | None = None
+    name: str = ""
 
     @property
     def states(self) -> FloatArray:
         """(n, 4) true flight states of the samples."""
         return flight_states(self.conditions)[self.flight]
+
+    @property
+    def last(self) -> FloatArray:
+        """(n, n_d) the last reading of each sample."""
+        return self.strain if self.strain.ndim == 2 else self.strain[:, -1]
 
     def rows(self, rows: IntArray | slice) -> Readings:
         """Return the samples ``rows`` alone."""
@@ -92,7 +99,7 @@ class Readings:
         return replace(
             self,
             strain=self.strain[rows],
-            known=_each(self.known, lambda value: np.broadcast_to(value, n)[rows]),
+            known=_each(self.known, lambda value: _of_samples(value, n)[rows]),
             truth=self.truth[rows],
             vehicle=self.vehicle[rows],
             flight=self.flight[rows],
@@ -109,6 +116,11 @@ def _each(known: Mapping[str, Any], change: Callable[[Any], Any]) -> dict[str, A
     }
 
 
+def _of_samples(value: Any, count: int) -> Any:
+    """Return ``value`` with a row for each of ``count`` samples."""
+    return value if np.ndim(value) > 1 else np.broadcast_to(value, count)
+
+
 def joined(parts: Sequence[Readings]) -> Readings:
     """Return the samples of ``parts`` one after another; what is known in them has the same names."""
     first = parts[0]
@@ -119,7 +131,7 @@ def joined(parts: Sequence[Readings]) -> Readings:
         if isinstance(values[0], Mapping):
             return {name: all_of([value[name] for value in values]) for name in values[0]}
         counts = [len(part.strain) for part in parts]
-        return np.concatenate([np.broadcast_to(value, n) for value, n in zip(values, counts, strict=True)])
+        return np.concatenate([_of_samples(value, n) for value, n in zip(values, counts, strict=True)])
 
     def arrays(name: str) -> Any:
         every = [getattr(part, name) for part in parts]
@@ -167,6 +179,10 @@ def read_case(
     known = _given(world.vehicle, case.air, known, of, force, random)
     if case.friction:
         strain[:, :n_d] += world.added.friction(case.friction, dynamic)
+    if case.heating is not None:
+        strain[:, :n_d], warm = world.added.heat(case.heating, strain[:, :n_d], vehicles or 1, random)
+        if world.inverse_map.has_temperature:
+            known[TEMPERATURE] = warm if case.air.temperature else np.full_like(warm, np.nan)
     time, quiet, shape = None, strain, strain.shape
     if how is not None:
         of_noise = float(np.mean(gauges.noise_std))
@@ -182,10 +198,12 @@ def read_case(
         strain[:, part] = case.fault.readings(strain[:, part], failing, leeward, random)
     if inertia is not None:
         strain[:, :n_d] += world.added.inertia(inertia, force, leeward, random)
+    truth, rolling = flights.coefficients[rows], flights.rolling
+    truth = truth if rolling is None else np.column_stack([truth, rolling[rows]])
     return Readings(
         strain=strain,
         known=known,
-        truth=np.repeat(flights.coefficients[rows], n // len(conditions), axis=0),
+        truth=np.repeat(truth, n // len(conditions), axis=0),
         vehicle=np.full(n, number) if vehicles is None else number + np.arange(n),
         flight=np.repeat(np.arange(len(flights.conditions))[rows], n // len(conditions)),
         time=time,

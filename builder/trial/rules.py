@@ -73,6 +73,8 @@ def judged(case: Case, rows: Sequence[Row]) -> tuple[str, str]:
     limits = LIMITS[case.group]
     if case.flagged_at_least is not None:
         limits = (*limits, Limit(column="flagged_percent", low=case.flagged_at_least))
+    if case.covered_at_least is not None:
+        limits = (*limits, Limit(column="covered_percent", of_each=True, low=case.covered_at_least))
     if case.over_single_at_most is not None:
         limits = (*limits, Limit(column="over_single", of_each=True, high=case.over_single_at_most))
     verdicts = [limit.verdict(rows) for limit in limits]

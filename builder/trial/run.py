@@ -19,9 +19,10 @@ from builder.campaign.dask_workers import on_dask
 from builder.reporting import Reporter
 from builder.trial.cases import Case, Plan
 from builder.trial.estimators import EstimateReadings, Estimates, of_map, together, with_zeros
+from builder.trial.faults import Lost, NoSuchGaugesError
 from builder.trial.readings import ANGLES, BATCH, Readings, joined, read_case, read_motion, read_own_vehicles
 from builder.trial.rules import NONE, judged
-from builder.trial.score import ALL, Row, rows_of
+from builder.trial.score import ALL, ROLLING, Row, rows_of
 from builder.trial.world import World
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -29,7 +30,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import fingerprint, write_bytes_atomically
 
-VERSION = 6
+VERSION = 7
 """Raised whenever scores change otherwise than by their inputs, so that they are made again."""
 
 TENTHS = 10
@@ -38,6 +39,13 @@ WORKER_MEMORY = "4 GiB"
 
 FILTER = "filter"
 """Name of the estimator of a case whose flights last for a while."""
+
+
+MakeEstimators = Callable[[Any, Case, Sequence[str]], dict[str, EstimateReadings]]
+"""Returns estimators by name, of a world and a case."""
+
+Score = Callable[[Any, Case, Plan], dict[str, list[Row]]]
+"""Returns the rows of a case by estimator, of a world."""
 
 
 def estimators_for(world: World, case: Case, names: Sequence[str]) -> dict[str, EstimateReadings]:
@@ -61,6 +69,10 @@ def readings_of(
 ) -> Iterator[Readings]:
     """Yield what vehicles read in a case, in batches."""
     random = random or np.random.default_rng([world.seed, crc32(case.name.encode())])
+    if case.lost is not None:
+        every = joined(list(readings_of(world, case.model_copy(update={"lost": None}), plan, random)))
+        yield from with_lost_gauges(world, case.lost, every, random)
+        return
     count = max(1, round(plan.vehicles * case.draws))
     if case.motion is not None:
         yield from (read_motion(world, case, number, random) for number in range(count))
@@ -78,8 +90,22 @@ def readings_of(
         yield joined(batch)
 
 
+def with_lost_gauges(world: World, lost: Lost, read: Readings, random: np.random.Generator) -> Iterator[Readings]:
+    """Yield readings without the gauges of each set, the next samples for each; from the first again after the
+    last."""
+    count, first = min(lost.samples or len(read.strain), len(read.strain)), 0
+    for name, used in lost.in_use(world.inverse_map, random).items():
+        part = read.rows(slice(first, first + count))
+        yield replace(part, strain=np.where(used, part.strain, np.nan), name=name)
+        first = first + count if first + 2 * count <= len(read.strain) else 0
+
+
 def scored(
-    world: World, case: Case, plan: Plan, random: np.random.Generator | None = None
+    world: World,
+    case: Case,
+    plan: Plan,
+    random: np.random.Generator | None = None,
+    make_estimators: MakeEstimators = estimators_for,
 ) -> dict[str, list[Row]]:
     """Return the rows of one case by estimator.
 
@@ -88,7 +114,7 @@ def scored(
     FlowReachError
         The flows do not go as far.
     """
-    estimators = estimators_for(world, case, plan.estimators)
+    estimators = make_estimators(world, case, plan.estimators)
     read, parts = list[Readings](), {name: list[Estimates]() for name in estimators}
     for batch in readings_of(world, case, plan, random):
         for name, estimate in estimators.items():
@@ -96,13 +122,15 @@ def scored(
         # Strain is needed no more, but for a flight in time.
         none = np.empty((len(batch.strain), 0))
         read.append(batch if case.motion is not None else replace(batch, strain=none, time=None))
-    bound = world.bound(case)
-    every = joined(read)
-    every = every if bound is None else replace(every, bound=bound[every.flight])
+    every, sixth = joined(read), (ROLLING,) if case.motion is None else ANGLES
     whole, rows = {name: together(made) for name, made in parts.items()}, dict[str, list[Row]]()
     single = cache(partial(_of_single, world, read))
     for name, made in whole.items():
-        rows[name] = rows_of((*COEFFICIENT_NAMES, *ANGLES)[: made.value.shape[1]], made, every)
+        bound = world.bound(case, name)
+        bounded = every if bound is None else replace(every, bound=bound[every.flight])
+        rows[name] = rows_of((*COEFFICIENT_NAMES, *sixth)[: made.value.shape[1]], made, bounded)
+        if case.lost is not None:
+            _add_worst_set(rows[name], parts[name], read)
         if case.motion is not None:
             ratio = _over_single(made, *single(name.partition(" ")[0]), every)
             for row, value in zip(rows[name][1:], ratio.tolist(), strict=True):
@@ -118,11 +146,22 @@ def _tenths(case: Case, estimator: str, made: Estimates, read: Readings) -> list
     rows = []
     for quantity in case.tenths_by:
         order = np.argsort([getattr(condition, quantity) for condition in read.conditions], kind="stable")
-        for number, flights in enumerate(np.array_split(order, TENTHS), start=1):
+        for number, flights in enumerate(np.array_split(order, min(TENTHS, len(order))), start=1):
             part = np.flatnonzero(np.isin(read.flight, flights))
-            row = rows_of((), made.rows(part), read.rows(part))[0]
-            rows.append({**row, "load": f"{ALL}, tenth {number} by {quantity}"})
+            row, *loads = rows_of(COEFFICIENT_NAMES, made.rows(part), read.rows(part))
+            rms = {f"rms_{load['load']}": load["rms"] for load in loads[: len(COEFFICIENT_NAMES)]}
+            rows.append({**row, **rms, "load": f"{ALL}, tenth {number} by {quantity}"})
     return [{**row, "verdict": NONE, "why": ""} for row in labelled(case, estimator, rows)]
+
+
+def _add_worst_set(rows: list[Row], made: Sequence[Estimates], read: Sequence[Readings]) -> None:
+    """Add the set of lost gauges with the smallest coverage of each load, and the coverage [%], to ``rows``."""
+    names = [row["load"] for row in rows[1:]]
+    of_sets = [rows_of(names, *both) for both in zip(made, read, strict=True)]
+    for number, row in enumerate(rows):
+        covered = [np.nan_to_num(of_set[number]["covered_percent"], nan=100.0) for of_set in of_sets]
+        worst = int(np.argmin(covered))
+        row |= {"sets": len(read), "worst_set_percent": float(covered[worst]), "worst_set": read[worst].name}
 
 
 def _of_single(world: World, read: Sequence[Readings], name: str) -> tuple[Estimates, Estimates | None]:
@@ -171,11 +210,11 @@ class Task:
     world: tuple[Any, ...]
 
 
-def run_task(make_world: Callable[..., World], task: Task) -> tuple[Task, list[Row] | str]:
-    """Score one case; of a case beyond the flows return why it is left out."""
+def run_task(make_world: Callable[..., Any], score: Score, task: Task) -> tuple[Task, list[Row] | str]:
+    """Score one case; of a case beyond the flows, or without such gauges, return why it is left out."""
     try:
-        rows = scored(make_world(*task.world), task.case, task.plan)
-    except FlowReachError as error:
+        rows = score(make_world(*task.world), task.case, task.plan)
+    except (FlowReachError, NoSuchGaugesError) as error:
         return task, f"{task.case.error}, {task.case.size}: left out: {error}"
     return task, [row for of_estimator in rows.values() for row in of_estimator]
 
@@ -186,9 +225,10 @@ def run_cases(
     folder: Path,
     reporter: Reporter,
     *,
-    make_world: Callable[..., World],
+    make_world: Callable[..., Any],
     world: tuple[Any, ...],
     inputs: dict[str, Any],
+    score: Score = scored,
     workers: int = 1,
     scheduler: str | None = None,
 ) -> list[Row]:
@@ -198,6 +238,7 @@ def run_cases(
     ----------
     make_world, world : a function that a worker imports, and its arguments: paths and numbers.
     inputs : what the world is made from.
+    score : makes the rows of a case; a worker imports it.
     workers, scheduler : local processes, or the address of a Dask scheduler whose workers share the files.
     """
     folder.mkdir(parents=True, exist_ok=True)
@@ -212,7 +253,7 @@ def run_cases(
         for case in cases
     ]
     todo = [task for task in tasks if not _file(folder, task).is_file()]
-    run = partial(run_task, make_world)
+    run = partial(run_task, make_world, score)
     with reporter.stage("Cases" if len(todo) == len(tasks) else f"Cases: {len(todo)} of {len(tasks)}") as progress:
         if workers == 1 and scheduler is None:
             results: Any = map(run, todo)

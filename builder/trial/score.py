@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import sqrt
+from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STATIC_PRESSURE
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.other_loads import ROLLING as ROLLING
 
@@ -40,6 +41,9 @@ ALL = "all"
 
 PARTS = ("right_ok", "right_flagged", "wrong_flagged", "undetected", "no_estimate")
 """What a sample is, one of five: columns of a row, in percent."""
+
+RELATIVE = {STATIC_PRESSURE: "ambient_pressure", DYNAMIC_PRESSURE: DYNAMIC_PRESSURE}
+"""Air data whose errors are over the true value, which the flight condition has by these names."""
 
 Row = dict[str, Any]
 """A row of the long table, by column."""
@@ -110,18 +114,35 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
             **_parts(clusters, right, flagged, everything),
         }
     ]
+    spread = np.ptp(read.truth, axis=0)
     for column, name in enumerate(names):
         own = error[:, column]
         row: Row = {"load": name, **shared, **_parts(clusters, covered[:, column], flagged, given[:, column])}
-        rms, rms_z = _rms(clusters, own), _rms(clusters, z[:, column])
-        row |= {"rms": rms[0], "rms_error": rms[1], "bias": clusters.mean(own)[0]}
-        row |= {"sigma": clusters.mean(std[:, column])[0], "rms_z": rms_z[0], "rms_z_error": rms_z[1]}
+        rms_z = _rms(clusters, z[:, column])
+        row |= _errors(clusters, own, std[:, column])
+        row |= {"rms_z": rms_z[0], "rms_z_error": rms_z[1]}
+        row["rms_of_range"] = row["rms"] / spread[column] if spread[column] > CONSTANT else np.nan
         row |= clusters.percent("covered_1", is_within(own, std[:, column], 1.0))
         if read.bound is not None and column < read.bound.shape[1]:
             row["bound"] = float(np.sqrt(mean_square(read.bound[:, [column]])[0]))
-            row["over_bound"] = rms[0] / row["bound"]
+            row["over_bound"] = row["rms"] / row["bound"]
         rows.append(row)
-    return rows
+    return rows + [{"load": name, **shared, **_of_other(clusters, name, made, read)} for name in made.others]
+
+
+def _of_other(clusters: Clusters, name: str, made: Estimates, read: Readings) -> Row:
+    """Return the errors of what is no load: of a quantity of the flight, or an error of a field as it is."""
+    value, std = made.others[name]
+    truth = np.array([getattr(one, RELATIVE.get(name, name), 0.0) for one in read.conditions])[read.flight]
+    scale = truth if name in RELATIVE else np.ones(len(truth))
+    error = (value - truth) / scale
+    median, p95 = np.quantile(np.abs(error), [0.5, 0.95]).tolist()
+    return {**_errors(clusters, error, std / scale), "median": median, "p95": p95}
+
+
+def _errors(clusters: Clusters, error: FloatArray, std: FloatArray) -> Row:
+    rms, of_rms = _rms(clusters, error)
+    return {"rms": rms, "rms_error": of_rms, "bias": clusters.mean(error)[0], "sigma": clusters.mean(std)[0]}
 
 
 def _parts(clusters: Clusters, right: BoolArray, flagged: BoolArray, given: BoolArray) -> Row:
@@ -132,6 +153,15 @@ def _parts(clusters: Clusters, right: BoolArray, flagged: BoolArray, given: Bool
     parts = [clusters.percent(name, event) for name, event in zip(PARTS, events, strict=True)]
     covered = clusters.percent("covered", np.where(given, right, np.nan))
     return {name: value for part in (covered, *parts) for name, value in part.items()}
+
+
+def by_load(rows: Sequence[Row], column: str, factor: float = 1.0) -> dict[str, float | None]:
+    """Return a column of ``rows``, times ``factor``, by the load; None where nothing is known."""
+    values = {row["load"]: row.get(column) for row in rows}
+    return {
+        load: None if value is None or not isfinite(value) else factor * float(value)
+        for load, value in values.items()
+    }
 
 
 def _rms(clusters: Clusters, values: FloatArray) -> tuple[float, float]:

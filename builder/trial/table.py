@@ -7,6 +7,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Sequence
+from itertools import takewhile
 from math import isfinite, log
 from pathlib import Path
 from typing import Any
@@ -39,9 +40,11 @@ _ORDER = {MISSED: 0, OPEN: 1, OK: 2, NONE: 3}
 
 
 def columns_of(rows: Iterable[Row]) -> list[str]:
-    """Return the columns of ``rows``."""
-    there = dict.fromkeys(name for row in rows for name in row)
-    return [name for name in FIRST if name in there] + [name for name in there if name not in FIRST]
+    """Return the columns of ``rows``: what stands ahead in them, :data:`FIRST`, others."""
+    names = dict.fromkeys(name for row in rows for name in row)
+    ahead = list(takewhile(lambda name: name not in FIRST, names))
+    known = [name for name in FIRST if name in names]
+    return [*ahead, *known, *(name for name in names if name not in FIRST and name not in ahead)]
 
 
 def write_table(rows: Sequence[Row], path: Path) -> None:
@@ -62,7 +65,7 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
         stream = io.StringIO()
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows([[_cell(value) for value in row.values()] for row in known])
+        writer.writerows([[text_of(value) for value in row.values()] for row in known])
         content = stream.getvalue().encode()
     write_bytes_atomically(path, content)
 
@@ -71,7 +74,8 @@ def _known(value: Any) -> Any:
     return None if isinstance(value, float) and not isfinite(value) else value
 
 
-def _cell(value: Any) -> str:
+def text_of(value: Any) -> str:
+    """Return the text of a cell."""
     return "" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
@@ -101,7 +105,7 @@ def loads_of(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
     """Return the rows of single loads by case and estimator."""
     found: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        if "rms" in row:
+        if "rms_z" in row:
             found.setdefault((row["case"], row["estimator"]), []).append(row)
     return found
 
@@ -134,6 +138,25 @@ def _furthest(loads: Sequence[Row], column: str, off: Any) -> str:
         return "-"
     worst = max(known, key=lambda row: float(off(row[column])))
     return f"{worst[column]:.2f} {worst['load']}"
+
+
+ERROR_TITLE = "rms errors [1e-4]; of what is no load the 95th percentile of the error [1, rad]"
+
+
+def error_cells(rows: Sequence[Row]) -> list[list[str]]:
+    """Return headings and the errors of each case and estimator, where there are estimators of several kinds."""
+    if not any("p95" in row for row in rows):
+        return []
+    of_each, names = dict[tuple[str, str], dict[str, str]](), dict[str, None]()
+    for row in rows:
+        if (value := row.get("p95", row.get("rms"))) is not None:
+            names[row["load"]] = None
+            text = f"{value:.3g}" if "p95" in row else f"{1e4 * value:.1f}"
+            of_each.setdefault((row["case"], row["estimator"]), {})[row["load"]] = text
+    return [
+        ["case", "estimator", *names],
+        *([*key, *(texts.get(name, "-") for name in names)] for key, texts in of_each.items()),
+    ]
 
 
 def reasons(rows: Sequence[Row]) -> list[str]:

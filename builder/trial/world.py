@@ -200,11 +200,11 @@ class World:
             )
         return vehicle
 
-    def bound(self, case: Case) -> FloatArray | None:
-        """Return (k, 5) the Cramer-Rao bound of one reading in each flight; None of a filter, of other air data
-        than exact ones, and of a map without tables."""
+    def bound(self, case: Case, estimator: str = "") -> FloatArray | None:
+        """Return (k, 5) the Cramer-Rao bound of one reading in each flight; None of a filter, of lost gauges, of
+        other air data than exact ones, and of a map without tables."""
         air = case.air
-        if case.over_time or case.motion or air.source or air.angles or air.inertial:
+        if case.over_time or case.motion or case.lost or air.source or air.angles or air.inertial:
             return None
         key = f"{case.where}{case.flow}", air.navigation
         if key not in self._bounds:

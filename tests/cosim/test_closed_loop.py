@@ -1,34 +1,43 @@
-"""The closed loop in many flights: scores of seeds, and of a fault of every third gauge."""
+"""The closed loop in many flights: errors over seeds, and a fault of every third gauge."""
 
 from __future__ import annotations
 
-import pytest
+from pathlib import Path
 
-from builder.stress import closed_loop
+import pytest
+from slender_vehicle import SlenderFiles
+
+from builder.pipeline.closed_loop_trial import run_closed_loop, with_fault, without_fault
+from builder.pipeline.trial_run import TrialOptions
+from builder.reporting import Silent
+from builder.trial.cases import ClosedLoop, load_trial, trial_path
 from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import Scenario
-from strainfmu.interface.plant_variables import GaugeFault
+from strainfmu.errors import InputError
 
 
-def test_seeds_differ_and_stand_in_the_table(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(closed_loop, "SEEDS", (1, 2))
-    found = closed_loop.without_fault(scenario, scenario.inverse_map)
-    assert list(found) == ["feedback of truth", "nonlinear estimator", "linear estimator"]
-    one, other = found["linear estimator"]
-    assert one.angle_error != other.angle_error
-    assert one.health == other.health == {"OK": 1.0}
-    head, *lines = closed_loop.lines_of_seeds(found)
-    assert head.startswith("deg")
-    assert [line.split("  ")[0] for line in lines] == list(found)
+def short(**changes: object) -> ClosedLoop:
+    loop = load_trial(trial_path("closed_loop")).closed_loop
+    assert loop is not None
+    return loop.model_copy(update=changes)
 
 
-def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(closed_loop, "FAULTS", {"dropout": (GaugeFault.DROPOUT, 0.0)})
-    monkeypatch.setattr(closed_loop, "FAILS_AT", 0.5 * scenario.stop_time)
-    ((name, flights),) = closed_loop.with_faults(scenario)
-    gauges = load_flight_model(scenario.flight_model).n_strain_gauges
-    assert len(flights) == len(range(0, gauges, closed_loop.EVERY))
-    line = closed_loop.line_of_fault(name, flights)
-    assert line.startswith("dropout")
-    assert f"holds in {len(flights)} of {len(flights)}; reported after 10, 10, 10 ms; isolated after -" in line
-    assert line.endswith("healthy gauges out of use: 0")
+def test_seeds_differ(scenario: Scenario) -> None:
+    rows = without_fault(scenario, "linear", short(seeds=2))
+    assert [row["load"] for row in rows] == ["tracking error, rms", "settled error, largest", "angle error, rms"]
+    assert all(row["estimator"] == "feedback of linear" for row in rows)
+    assert 0.0 < rows[2]["smallest_deg"] < rows[2]["largest_deg"]
+
+
+def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario) -> None:
+    loop = short()
+    (row,) = with_fault(scenario, loop.fault[0], loop)
+    count = len(range(0, load_flight_model(scenario.flight_model).n_strain_gauges, 3))
+    assert (row["case"], row["samples"], row["holds"], row["healthy_out_of_use"]) == ("dropout", count, count, 0)
+    assert (row["reported_first_ms"], row["reported_last_ms"]) == pytest.approx((10.0, 10.0))
+    assert (row["reported_never"], row["isolated_never"]) == (0, count)
+
+
+def test_the_nonlinear_estimator_needs_tables(files: SlenderFiles, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"map\.h5: expected a map with tables"):
+        run_closed_loop(short(), files.scenario, tmp_path, Silent(), TrialOptions(changes={}))

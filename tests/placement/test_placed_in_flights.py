@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import pytest
@@ -14,7 +13,7 @@ from builder.placement.candidates import CandidateGrid
 from builder.placement.design import Aim, place, placement_study
 from builder.placement.limits import Limits
 from builder.reporting import Silent
-from builder.study.run import CSV, run_study
+from builder.study.run import run_study
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -46,10 +45,10 @@ def rms(folder: Path, file: Path, layouts: list[str], draws: int) -> dict[str, l
     names = "[" + ", ".join(f'"{one}"' for one in layouts) + "]"
     path = folder / "study.toml"
     path.write_text(STUDY.format(vehicle=file.name, layouts=names, draws=draws))
-    assert run_study(path, folder / "out", Silent(), workers=1).faults == []
-    with (folder / "out" / CSV).open(newline="") as table:
-        rows = list(csv.DictReader(table))
-    return {one["gauges.layout"]: [float(one[f"rms_{name}"]) for name in COEFFICIENT_NAMES] for one in rows}
+    study = run_study(path, folder / "out", Silent(), workers=1)
+    assert study.faults == []
+    of_loads = [row for row in study.rows if row["load"] in COEFFICIENT_NAMES]
+    return {name: [row["rms"] for row in of_loads if row["gauges.layout"] == name] for name in layouts}
 
 
 def test_36_placed_gauges_do_what_54_published_ones_do_and_18_err_by_1_6_times_at_most(tmp_path: Path) -> None:

@@ -14,8 +14,9 @@ from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.stages import take_snapshots
 from builder.reporting import Silent
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.trial import conditions
+from builder.trial.compared import knowing
 from builder.trial.flows import stress_flows
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
@@ -24,6 +25,18 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
 from builder.vehicle.structure.mass import Mass
 from strainfmu.estimator.map.inverse_map import InverseMap
+
+
+@pytest.fixture(scope="session")
+def noise_only(vehicle: Vehicle) -> Vehicle:
+    """The coarse vehicle with a map that knows of gauge noise alone."""
+    return knowing(vehicle, is_exact=True, case=2)
+
+
+@pytest.fixture(scope="session")
+def noise_map(noise_only: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
+    """The map of Case 2 for gauge noise."""
+    return build_inverse_map(noise_only, snapshots, structure)
 
 
 @pytest.fixture(scope="session")

@@ -10,12 +10,12 @@ import pytest
 from flight_maps import N_D, flight_map
 from scaled_maps import scaled_map
 
-from builder.compare.training import with_drawn_errors
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import flight_states
 from builder.trial.estimators import of_map
 from builder.trial.readings import Readings, joined
 from builder.trial.score import rows_of
+from builder.trial.training_flights import with_drawn_errors
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from builder.trial.run import labelled
 from builder.trial.score import PARTS, Clusters, Row, rows_of
 from builder.trial.table import cells_of, columns_of, in_order, loads_of, reasons, write_table
 from strainfmu.estimator.health import HealthState
+from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast
 
@@ -40,6 +42,25 @@ def six_samples() -> list[Row]:
     health = np.array([OK, SUSPECT, OUTSIDE, DEGRADED, OK, OUTSIDE])
     bound = np.full((6, 1), 2.0)
     return rows_of(("a", "b"), Estimates(value=error, std=std, health=health), read(np.zeros((6, 2)), bound=bound))
+
+
+def test_air_data_have_errors_in_their_units_and_pressures_over_the_true_ones() -> None:
+    """What is no quantity of the flight is an error as it is."""
+    condition = FlightCondition(mach_number=6.0, angle_of_attack=0.05, sideslip_angle=0.02, altitude=20e3)
+    p_inf, two = condition.ambient_pressure, np.ones(2)
+    others = {
+        "angle_of_attack": (np.array([0.06, 0.05]), 0.01 * two),
+        "static_pressure": (1.02 * p_inf * two, 0.01 * p_inf * two),
+        "pressure field": (np.array([0.1, 0.3]), np.nan * two),
+    }
+    estimates = Estimates(value=np.zeros((2, 1)), std=np.ones((2, 1)), others=others)
+    flights = replace(read(np.zeros((2, 1))), conditions=(condition,) * 2)
+    _, _, angle, pressure, field = rows_of(("a",), estimates, flights)
+    assert (angle["rms"], angle["sigma"]) == pytest.approx((0.01 / np.sqrt(2.0), 0.01))
+    assert pressure["load"] == "static_pressure"
+    assert (pressure["p95"], pressure["sigma"]) == pytest.approx((0.02, 0.01))
+    assert (field["median"], field["p95"]) == pytest.approx((0.2, 0.29))
+    assert "covered_percent" not in field
 
 
 def test_each_sample_is_one_of_five() -> None:

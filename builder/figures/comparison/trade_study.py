@@ -28,7 +28,10 @@ def along(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -> str:
 
 
 def trade_study_figure(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -> Figure:
-    """Draw rms error and mean standard deviation of each coefficient; a line for each choice of other entries."""
+    """Draw rms error and mean standard deviation of each coefficient; a line for each choice of other entries.
+
+    ``rows`` are of each design and load.
+    """
     over = along(rows, entries)
     others = [name for name in entries if name != over and len({row[name] for row in rows}) > 1]
     lines: dict[str, list[dict[str, Any]]] = {}
@@ -42,11 +45,12 @@ def trade_study_figure(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -
     words = list(dict.fromkeys(str(row[over]) for row in rows))
     for axis, name in zip(panels, COEFFICIENT_NAMES, strict=True):
         for number, (label, found) in enumerate(shown.items()):
-            x = [row[over] if is_number else words.index(str(row[over])) for row in found]
+            of_load = [row for row in found if row["load"] == name]
+            x = [row[over] if is_number else words.index(str(row[over])) for row in of_load]
             order = np.argsort(x)
             colour = f"C{number}"
             for quantity, style in (("rms", "-o"), ("sigma", "--")):
-                y = [np.nan if row[f"{quantity}_{name}"] is None else row[f"{quantity}_{name}"] for row in found]
+                y = [row[quantity] for row in of_load]
                 text = label if quantity == "rms" else None
                 axis.plot(np.array(x)[order], np.array(y)[order], style, color=colour, label=text, markersize=3.0)
         if not is_number:

@@ -37,11 +37,17 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
     several = len({row["estimator"] for row in table} - {FILTER}) > 1
     sizes = [len(group) for group in groups.values()]
     figure = blank_figure(13.0, 1.8 + ROW * (sum(sizes) + 3 * len(sizes)))
+    widths = [3, 2, 2] if several else [3, 2]
     panels = figure.subplots(
-        len(groups), 2, sharex="col", squeeze=False, width_ratios=[3, 2], height_ratios=[n + 1 for n in sizes]
+        len(groups),
+        len(widths),
+        sharex="col",
+        squeeze=False,
+        width_ratios=widths,
+        height_ratios=[n + 1 for n in sizes],
     )
     names = list(dict.fromkeys(row["load"] for group in loads.values() for row in group))
-    for (bars, sigmas), (name, group) in zip(panels, groups.items(), strict=True):
+    for (bars, sigmas, *errors), (name, group) in zip(panels, groups.items(), strict=True):
         place = np.arange(len(group))
         start = np.zeros(len(group))
         for part, (label, colour) in PARTS.items():
@@ -63,17 +69,21 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
         bars.set_xlim(0.0, 100.0)
         bars.set_title(TITLES[name], fontsize=9, loc="left")
         for number, load in enumerate(names):
-            z = [_value(loads[row["case"], row["estimator"]], load) for row in group]
-            sigmas.plot(z, place, "o", ms=3.0, color=f"C{number}", label=load)
-        sigmas.set_yticks([])
-        sigmas.set_xscale("log")
+            for axis, column in zip((sigmas, *errors), ("rms_z", "rms"), strict=False):
+                value = [_value(loads[row["case"], row["estimator"]], load, column) for row in group]
+                axis.plot(value, place, "o", ms=3.0, color=f"C{number}", label=load)
+        for axis in (sigmas, *errors):
+            axis.set_yticks([])
+            axis.set_xscale("log")
         sigmas.axvline(1.0, color="k", lw=0.5)
         for limit in (one for one in LIMITS[name] if one.column == "rms_z"):
             sigmas.axvspan(limit.low, limit.high, color="#c7e9c0", alpha=0.5)
-        for axis in (bars, sigmas):
+        for axis in (bars, sigmas, *errors):
             axis.set_ylim(len(group) - 0.5, -0.5)
     panels[-1, 0].set_xlabel("samples [%]; right of the bars the undetected ones")
     panels[-1, 1].set_xlabel("rms error over stated sigma; above 1: sigma is too small")
+    if several:
+        panels[-1, 2].set_xlabel("rms error [1]")
     handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=5, fontsize=8)
     handles, labels = panels[0, 1].get_legend_handles_labels()
@@ -82,5 +92,5 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
     return figure
 
 
-def _value(loads: Sequence[Mapping[str, Any]], load: str) -> float:
-    return next((row["rms_z"] for row in loads if row["load"] == load), float("nan"))
+def _value(loads: Sequence[Mapping[str, Any]], load: str, column: str) -> float:
+    return next((row[column] for row in loads if row["load"] == load), float("nan"))

@@ -19,7 +19,7 @@ MODULES = {
     "calibrate": "calibration",
     "channels": "can_data",
     "check": "whole_way",
-    "compare": "comparison",
+    "compare": "trials",
     "convert": "flows",
     "crosscheck": "maps",
     "dbc": "can_bus",

@@ -31,11 +31,11 @@ def show_result(console: Console, result: DemoResult, is_verbose: bool = False) 
     if result.held_out:
         _show_held_out(console, result.held_out)
     _say(console, f"{result.vehicle}: {result.flight}; the FMU's estimate against truth, {result.physics.model}")
-    console.print(_score_table(result.score.record()))
+    console.print(_score_table(result.score))
     if not result.physics.is_that_of_map:
         _say(console, result.physics.sentence)
-    _say(console, _health_line(result.score.record()))
-    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in result.score.step_time.items())
+    _say(console, _health_line(result.score))
+    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in result.score["step_time"].items())
     _say(console, f"Time per step (median, through fmpy): {times}.")
     if result.states:
         _show_states(console, result.states)

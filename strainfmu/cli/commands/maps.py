@@ -344,9 +344,9 @@ def _rival_costs(map_path: Path) -> dict[str, float]:
     if find_spec("sklearn") is None:
         print("learning estimators: not timed, they need strainfmu[rivals]")
         return {}
-    from builder.compare.rival_costs import rival_costs
+    from builder.trial.regressions import step_costs
 
-    return rival_costs(manifold)
+    return step_costs(manifold)
 
 
 def _compare_meshes(vehicle: Path, snapshots: Path | None, output: Path, solver: str | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -74,19 +74,20 @@ def study(
 
 
 def _show(console: Console, result: StudyResult) -> None:
-    first = result.rows[0]
+    first, designs = result.rows[0], dict[int, list[dict[str, Any]]]()
+    for row in result.rows:
+        designs.setdefault(row["design"], []).append(row)
     entries = list(first)[1 : list(first).index("gauges")]
     table = Table(title="rms error of the coefficients [1]")
     for heading in ("design", *entries, *COEFFICIENT_NAMES, "undetected [%]"):
         table.add_column(escape(heading.rpartition(".")[2]), justify="right")
-    for row in result.rows[:ROWS]:
-        errors = (row[f"rms_{name}"] for name in COEFFICIENT_NAMES)
+    for number, (every, *loads) in list(designs.items())[:ROWS]:
         table.add_row(
-            str(row["design"]),
-            *(escape(str(row[name])) for name in entries),
-            *("-" if one is None else f"{one:.2e}" for one in errors),
-            f"{row['undetected_percent']:.2f}",
+            str(number),
+            *(escape(str(every[name])) for name in entries),
+            *(f"{row['rms']:.2e}" for row in loads[: len(COEFFICIENT_NAMES)]),
+            f"{every['undetected_percent']:.2f} +- {every['undetected_percent_error']:.2f}",
         )
     Console(width=max(console.width, WIDTH)).print(table)
-    if len(result.rows) > ROWS:
-        console.print(f"{len(result.rows) - ROWS} more designs in the files", highlight=False)
+    if len(designs) > ROWS:
+        console.print(f"{len(designs) - ROWS} more designs in the files", highlight=False)

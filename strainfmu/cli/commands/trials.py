@@ -1,4 +1,4 @@
-"""Trials of a map: ``strainfmu trial`` and ``strainfmu stress``."""
+"""Trials: ``strainfmu trial``, ``strainfmu stress`` and ``strainfmu compare``."""
 
 from __future__ import annotations
 
@@ -95,7 +95,8 @@ def trial(
     """Try errors on a map: which it includes in sigma, which health flags, which stay undetected.
 
     The file lists cases: where they fly, what is wrong with vehicle, gauges, air data or flow. A truth model of
-    the vehicle flies them. Shipped files: stress, manoeuvres, uncertainty, incidence, false_alarms.
+    the vehicle flies them. Shipped files: stress, manoeuvres, uncertainty, incidence, false_alarms, lost_gauges,
+    heating; closed_loop takes a scenario of `strainfmu fly` instead of the vehicle.
 
     A load is wrong outside 3 sigma. A sample is flagged when health is neither OK nor DEGRADED, and undetected
     when it is wrong and not flagged. Each fraction has its statistical error; a verdict is ok, missed or open (too
@@ -187,6 +188,51 @@ def stress(
     write_bytes_atomically(output / "stress.json", text.encode())
 
 
+def compare(
+    vehicle: Annotated[Path | None, VEHICLE_ARGUMENT] = None,
+    output: Annotated[Path, OUTPUT_OPTION] = Path("compare"),
+    conditions: Annotated[int | None, CONDITIONS_OPTION] = None,
+    draws: Annotated[int | None, DRAWS_OPTION] = None,
+    training: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N", callback=within(1200, 10_000_000), help="Flights that train each learning estimator."
+        ),
+    ] = None,
+    seed: Annotated[int | None, SEED_OPTION] = None,
+    workers: Annotated[int, WORKERS_OPTION] = 1,
+    snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
+    structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
+    rebuild: Annotated[bool, REBUILD_OPTION] = False,
+) -> None:
+    """Try estimators of eight kinds on the same readings: the trial `compare`.
+
+    The kinds are the linear maps of both cases, the nonlinear estimator and a Kalman filter with a random
+    walk. The extra `rivals` adds regression tree, random forest, gradient boosting and multi-layer perceptron.
+
+    Each is scored with gauge noise alone and with installation errors, with all air-data inputs and with q_inf
+    only: rms errors over the Cramer-Rao bound, coverage of 3 sigma, air data, error of the pressure field.
+
+    Writes trial.csv and trial.png. Flows are kept as they are solved: an interrupted run continues, and a second
+    run reuses what is up to date.
+
+    Examples:
+
+        strainfmu compare my_vehicle.toml -o compare
+
+        strainfmu compare my_vehicle.toml -o compare --snapshots flows/fine.h5 --conditions 1000
+    """
+    from builder.pipeline.trial_run import TrialOptions
+
+    training_changes = {} if training is None else {"training": training}
+    options = TrialOptions(
+        changes=_changes(conditions, draws, seed, None) | training_changes,
+        given=_given(snapshots, structure, rebuild),
+        workers=workers,
+    )
+    _run("compare", vehicle, output, options)
+
+
 def _changes(
     conditions: int | None, draws: int | None, seed: int | None, names: list[str] | None
 ) -> dict[str, Any]:
@@ -202,13 +248,22 @@ def _given(snapshots: Path | None, structure: Path | None, rebuild: bool) -> Any
 
 
 def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -> TrialResult:
+    from builder.pipeline.closed_loop_trial import run_closed_loop
+    from builder.pipeline.compare_trial import run_comparison
     from builder.pipeline.trial_run import run_trial
-    from builder.trial.cases import trial_path
-    from builder.vehicle.file import IC3X
+    from builder.trial.cases import load_trial, trial_path
+    from builder.vehicle.file import IC3X, VEHICLES
 
     console, start = Console(), perf_counter()
-    with naming(vehicle or IC3X):
-        result = run_trial(trial_path(file), vehicle or IC3X, output, ConsoleReporter(console), options)
+    reporter, path = ConsoleReporter(console), trial_path(file)
+    trial = load_trial(path)
+    if trial.closed_loop is not None:
+        loop = trial.closed_loop
+        result = run_closed_loop(loop, vehicle or VEHICLES / "ic3x_flight.toml", output, reporter, options)
+    else:
+        run = run_trial if trial.compare is None else run_comparison
+        with naming(vehicle or IC3X):
+            result = run(path, vehicle or IC3X, output, reporter, options)
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(
@@ -218,7 +273,16 @@ def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -
 
 
 def _show(console: Console, result: TrialResult) -> None:
-    from builder.trial.table import HEADINGS, TITLES, cells_of, in_order, loads_of, reasons
+    from builder.trial.table import (
+        ERROR_TITLE,
+        HEADINGS,
+        TITLES,
+        cells_of,
+        error_cells,
+        in_order,
+        loads_of,
+        reasons,
+    )
 
     wide, loads = Console(width=max(console.width, WIDTH)), loads_of(result.rows)
     for name, rows in in_order(result.rows).items():
@@ -229,6 +293,13 @@ def _show(console: Console, result: TrialResult) -> None:
             table.add_column(heading, justify="left" if is_text else "right", no_wrap=not is_text)
         for row in rows:
             table.add_row(*(escape(cell) for cell in cells_of(row, loads[row["case"], row["estimator"]])))
+        wide.print(table)
+    if errors := error_cells(result.rows):
+        table = Table(title=f"{escape(result.vehicle)}: {ERROR_TITLE}", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+        for number, heading in enumerate(errors[0]):
+            table.add_column(escape(heading), justify="left" if number < 2 else "right", no_wrap=number > 1)
+        for cells in errors[1:]:
+            table.add_row(*(escape(cell) for cell in cells))
         wide.print(table)
     for line in reasons(result.rows):
         console.print(line, highlight=False, markup=False, soft_wrap=True)

@@ -1,0 +1,125 @@
+"""A trial of the closed loop: seeds of noise without a fault, then faults of single gauges.
+
+Each flight is a scenario of ``strainfmu fly`` with four FMUs of its own. Without a fault the autopilot gets the
+plant's true coefficients, the nonlinear estimator's and the linear estimator's; with a fault it gets the nonlinear
+estimator's, and takes suspect gauges out of use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from builder.pipeline.trial_run import TrialOptions, TrialResult, written
+from builder.reporting import Reporter
+from builder.trial.cases import Case, ClosedLoop, LoopFault
+from builder.trial.faults import MICRO
+from builder.trial.run import labelled
+from builder.trial.score import Row
+from builder.trial.table import text_of
+from strainfmu.cosim.flight import FlightResult, flight_result, fly
+from strainfmu.cosim.models.flight_model import load_flight_model
+from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.fmu.flight_export import export_flight
+from strainfmu.interface.plant_variables import GaugeFault
+
+QUANTITIES = {
+    "tracking error, rms": "tracking_error",
+    "settled error, largest": "settled_error",
+    "angle error, rms": "angle_error",
+}
+"""Of a flight without a fault: entries of its score [rad] by the name of a row."""
+
+NOT_SHOWN = ("case", "size", "class", "verdict", "why")
+
+
+def run_closed_loop(
+    loop: ClosedLoop, scenario_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
+) -> TrialResult:
+    """Fly a scenario in all ways of ``loop``; map and flight model are next to the map that is given, or where the
+    scenario says.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong, or the map has no tables.
+    """
+    scenario = load_scenario(scenario_path, options.map_path and options.map_path.parent)
+    inverse_map = load_inverse_map(scenario.inverse_map)
+    if inverse_map.manifold is None:
+        raise InputError(f"{scenario.inverse_map}: expected a map with tables, for the nonlinear estimator")
+    rows, faults = list[Row](), [fault for fault in loop.fault if fault.error in (options.only or (fault.error,))]
+    with TemporaryDirectory() as scratch, reporter.stage("Closed loop: seeds of noise") as progress:
+        linear_map = Path(scratch) / "linear.h5"
+        save_inverse_map(inverse_map.without_tables(), linear_map)
+        for number, feedback in enumerate(("truth", "nonlinear", "linear")):
+            path = linear_map if feedback == "linear" else scenario.inverse_map
+            rows += without_fault(replace(scenario, inverse_map=path), feedback, loop)
+            progress(number + 1, 3)
+    with reporter.stage("Closed loop: faults") as progress:
+        for number, fault in enumerate(faults):
+            rows += with_fault(scenario, fault, loop)
+            progress(number + 1, len(faults))
+    for row in rows:
+        reporter.note(", ".join(f"{name} {text_of(row[name])}" for name in row if name not in NOT_SHOWN))
+    return written(scenario.name, [], rows, folder, options.formats)
+
+
+def flown(scenario: Scenario, feedback: str) -> tuple[FlightResult, set[int]]:
+    """Fly a scenario with ``feedback`` of "truth" or of the "estimate"; return the numbers of gauges that were
+    taken out of use, too."""
+    with TemporaryDirectory() as folder:
+        recording = fly(scenario, export_flight(scenario, Path(folder)), feedback)
+    model = load_flight_model(scenario.flight_model)
+    gauges = range(1, model.n_gauges + 1)
+    out_of_use = {gauge for gauge in gauges if not np.all(recording[f"autopilot.valid[{gauge}]"])}
+    return flight_result(scenario, recording, model), out_of_use
+
+
+def without_fault(scenario: Scenario, feedback: str, loop: ClosedLoop) -> list[Row]:
+    """Return smallest and largest errors [deg] over the seeds, a row for each quantity."""
+    sound, how = replace(scenario, faults=()), "truth" if feedback == "truth" else "estimate"
+    results = [flown(replace(sound, noise_seed=seed), how)[0] for seed in range(1, loop.seeds + 1)]
+    rows = list[Row]()
+    for load, key in QUANTITIES.items():
+        values = np.degrees([getattr(result, key) for result in results])
+        extremes = {"smallest_deg": float(values.min()), "largest_deg": float(values.max())}
+        rows.append({"load": load, "samples": len(results), **extremes})
+    return _labelled("no fault", f"feedback of {feedback}", rows)
+
+
+def with_fault(scenario: Scenario, fault: LoopFault, loop: ClosedLoop) -> list[Row]:
+    """Return when the flights of one fault, of every so many-th gauge, reported it and took the gauge out of
+    use."""
+    gauges = range(1, load_flight_model(scenario.flight_model).n_strain_gauges + 1, loop.every)
+    time, kind = loop.fails_at * scenario.stop_time, GaugeFault[fault.kind.upper()]
+    events = [FaultEvent(time=time, gauge=gauge, kind=kind, value=MICRO * fault.value) for gauge in gauges]
+    flights = [flown(replace(scenario, faults=(event,)), "estimate") for event in events]
+    healthy = sum(len(lost - {event.gauge}) for (_, lost), event in zip(flights, events, strict=True))
+    row: Row = {
+        "load": "flight",
+        "samples": len(flights),
+        "holds": sum(result.holds for result, _ in flights),
+        **_times("reported", [result.faults[0].reported_after for result, _ in flights]),
+        **_times("isolated", [result.faults[0].isolated_after for result, _ in flights]),
+        "healthy_out_of_use": healthy,
+    }
+    return _labelled(fault.error, "feedback of nonlinear", [row])
+
+
+def _labelled(error: str, estimator: str, rows: list[Row]) -> list[Row]:
+    return labelled(Case.model_validate({"error": error, "class": "unobservable"}), estimator, rows)
+
+
+def _times(name: str, after: Sequence[float | None]) -> Row:
+    """Return quickest, median and slowest time [ms], and how many never were."""
+    known = [1e3 * time for time in after if time is not None] or [float("nan")]
+    times = {"first": min(known), "median": float(np.median(known)), "last": max(known)}
+    never = sum(time is None for time in after)
+    return {**{f"{name}_{which}_ms": time for which, time in times.items()}, f"{name}_never": never}
