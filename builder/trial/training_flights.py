@@ -5,12 +5,12 @@ So every estimator of a comparison knows the same of flows and errors.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from builder.trial.readings import Readings
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.map.proportional_errors import PAIRS
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
@@ -18,30 +18,13 @@ from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, e
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TrainingFlights:
-    """Flights and what is read there.
-
-    Attributes
-    ----------
-    strain : (k, n_d) [m/m].
-    dynamic_pressure, mach_number : (k,) as stated, with their errors [Pa, 1].
-    target : (k, 7) coefficients [1], angle of attack and sideslip [rad].
-    """
-
-    strain: FloatArray
-    dynamic_pressure: FloatArray
-    mach_number: FloatArray
-    target: FloatArray
-
-
 def training_flights(
     manifold: ManifoldMap, altitudes_km: tuple[float, float], count: int, random: np.random.Generator
-) -> TrainingFlights:
+) -> Readings:
     """Return ``count`` flights, uniform in Mach number, ln p_inf and the disc of total incidence.
 
     Where the tables have ranges of u and w, it draws from these instead of the disc. ``altitudes_km`` are the
-    lowest and highest.
+    lowest and highest. The truth (k, 7) is the coefficients [1], angle of attack and sideslip [rad].
     """
     state = np.empty((count, 4))
     if manifold.crossflow_range is None:
@@ -55,7 +38,7 @@ def training_flights(
     high, low = (np.log(pressure_and_temperature(1e3 * height)[0]) for height in altitudes_km)
     state[:, LOG_PRESSURE] = random.uniform(low, high, count)
     response, n_d = evaluate(manifold.tables, state).value, manifold.tables.n_gauges
-    pressure = np.exp(state[:, LOG_PRESSURE])
+    pressure, mach = np.exp(state[:, LOG_PRESSURE]), state[:, MACH]
     strain, loads = with_drawn_errors(
         manifold=manifold,
         pressure=pressure,
@@ -63,15 +46,14 @@ def training_flights(
         loads=response[:, n_d:],
         random=random,
     )
-    mach = state[:, MACH]
     dynamic = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-    angles = air_data_at(state)[:, :2]
-    return TrainingFlights(
-        strain=strain,
-        dynamic_pressure=dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),
-        mach_number=mach + manifold.mach_number_error * random.standard_normal(count),
-        target=np.hstack([loads / (dynamic[:, None] * manifold.references), angles]),
-    )
+    known = {
+        DYNAMIC_PRESSURE: dynamic * (1.0 + manifold.dynamic_pressure_error * random.standard_normal(count)),
+        MACH_NUMBER: mach + manifold.mach_number_error * random.standard_normal(count),
+    }
+    truth = np.hstack([loads / (dynamic[:, None] * manifold.references), air_data_at(state)[:, :2]])
+    number = np.arange(count)
+    return Readings(strain=strain, known=known, truth=truth, vehicle=number, flight=number)
 
 
 def with_drawn_errors(
@@ -91,7 +73,7 @@ def with_drawn_errors(
     def normal(n: int) -> FloatArray:
         return random.standard_normal((k, n))
 
-    off = normal(manifold.error_strain.shape[1])
+    discrepancy = normal(manifold.error_strain.shape[1])
     c = np.hstack([np.ones((k, 1)), loads / (p * manifold.references)])
     first, second = np.array(PAIRS).T
     of_gauge = np.sqrt(np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0))
@@ -99,7 +81,7 @@ def with_drawn_errors(
     root = np.linalg.cholesky(manifold.gauge_covariance)
     read = (
         strain * (1.0 + manifold.gain_std * normal(n_d) + manifold.common_gain * normal(1))
-        + p * (of_gauge * normal(n_d) + common + off @ manifold.error_strain.T)
+        + p * (of_gauge * normal(n_d) + common + discrepancy @ manifold.error_strain.T)
         + normal(n_d) @ root.T
     )
-    return read, loads + p * (off @ manifold.error_load[FIVE_LOADS].T)
+    return read, loads + p * (discrepancy @ manifold.error_load[FIVE_LOADS].T)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from flight_maps import flight_map
+from shape_case import shape_map
 
-from builder.compare import rival_costs
-from builder.compare.candidate import GIVEN, PRESSURE_ALONE
-from builder.compare.flights import Readings
-from builder.compare.rivals import LEVEL, RIVALS, RivalCandidate, conformal_half_width
-from builder.compare.training import TrainingFlights, training_flights, with_drawn_errors
+from builder.trial import regressions
+from builder.trial.readings import ANGLES
+from builder.trial.regressions import LEVEL, REGRESSIONS, conformal_half_width, of_regression, step_costs
+from builder.trial.training_flights import training_flights, with_drawn_errors
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables.flight_tables import evaluate
 
@@ -49,42 +52,38 @@ def test_drawn_errors_have_the_covariance_of_the_estimator() -> None:
     np.testing.assert_allclose(np.diag(of_load), 5e3**2 * np.diag(manifold.load_covariance), rtol=0.1, atol=1e-9)
 
 
-def read_of(flights: TrainingFlights) -> Readings:
-    return Readings(
-        strain=flights.strain[None],
-        dynamic_pressure=flights.dynamic_pressure,
-        dynamic_pressure_std=0.0,
-        mach_number=flights.mach_number,
-        static_pressure=flights.dynamic_pressure,
-    )
+def test_training_flights_of_a_shape_are_inside_the_ranges_of_both_angles() -> None:
+    manifold = shape_map().manifold
+    assert manifold is not None
+    flights = training_flights(manifold, ALTITUDES_KM, 400, np.random.default_rng(1))
+    angles = np.degrees(flights.truth[:, 5:])
+    assert np.all(np.abs(angles) <= [4.01, 2.01])
+    assert np.all(np.ptp(angles, axis=0) > [7.5, 3.7])
 
 
-@pytest.mark.parametrize(
-    "name", ["regression tree", "random forest", "gradient boosting", "multi-layer perceptron"]
-)
-def test_a_rival_learns_loads_and_angles(name: str) -> None:
+@pytest.mark.parametrize("name", REGRESSIONS)
+def test_a_regression_learns_loads_and_angles(name: str) -> None:
+    """The tree without Mach number."""
     pytest.importorskip("sklearn")
     manifold, random = flight_map(), np.random.default_rng(4)
     training, calibration, flown = (
-        training_flights(manifold=manifold, altitudes_km=ALTITUDES_KM, count=n, random=random)
-        for n in (1500, 600, 400)
+        training_flights(manifold, ALTITUDES_KM, count, random) for count in (1500, 600, 400)
     )
-    navigation = PRESSURE_ALONE if name == "regression tree" else GIVEN
-    rival = RivalCandidate(name=name, training=training, calibration=calibration, navigation=navigation, seed=1)
-    answer = rival.answer(read_of(flown), navigation)
-    error = answer.coefficients - flown.target[:, :5]
-    assert np.all(error.std(axis=0) < 0.5 * flown.target[:, :5].std(axis=0))
-    assert np.mean(np.abs(error) <= 3.0 * answer.std) > 0.98
-    assert answer.air_data is not None
-    assert np.all((answer.air_data[:, :2] - flown.target[:, 5:]).std(axis=0) < np.radians(2.5))
-    assert np.isnan(answer.air_data[:, 2:]).all()
-    assert answer.field is None
+    if name == "regression tree":
+        training = replace(training, known={DYNAMIC_PRESSURE: training.known[DYNAMIC_PRESSURE]})
+    estimates = of_regression(name, training, calibration, seed=1)(flown)
+    error = estimates.value - flown.truth[:, :5]
+    assert np.all(error.std(axis=0) < 0.5 * flown.truth[:, :5].std(axis=0))
+    assert np.mean(np.abs(error) <= 3.0 * estimates.std) > 0.98
+    assert estimates.health is None
+    for column, angle in enumerate(ANGLES, start=5):
+        assert (estimates.others[angle][0] - flown.truth[:, column]).std() < np.radians(2.5)
 
 
 def test_the_cost_of_a_step_of_each_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sklearn")
-    monkeypatch.setattr(rival_costs, "TRAINING", 200)
-    costs = list(rival_costs.rival_costs(flight_map(hardware=True)).values())
-    assert len(costs) == len(RIVALS)
+    monkeypatch.setattr(regressions, "COST_TRAINING", 200)
+    costs = list(step_costs(flight_map(hardware=True)).values())
+    assert len(costs) == len(REGRESSIONS)
     assert all(0.0 < cost < 1.0 for cost in costs)
     assert len(set(costs)) == len(costs)
