@@ -8,7 +8,7 @@ map's own derivatives. Such a map has wider cells, so that its tables are worse 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -19,7 +19,7 @@ from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.solution import Problem
 from builder.trial.estimators import of_map
 from builder.trial.readings import Readings
-from builder.trial.score import Score, by_name, rounded, score_of
+from builder.trial.score import Row, by_load, rows_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import BoolArray, IntArray
@@ -52,13 +52,13 @@ class Choice:
     used : the estimator.
     why : in words.
     flights : what they were compared on, in words; empty where they were not compared.
-    scores : of both estimators, by name; empty where they were not compared.
+    scores : rows of all loads and of each, of both estimators, by name; empty where they were not compared.
     """
 
     used: Chosen
     why: str
     flights: str = ""
-    scores: Mapping[str, Score]
+    scores: Mapping[str, list[Row]]
 
     @property
     def line(self) -> str:
@@ -72,8 +72,8 @@ class Choice:
             "used": self.used,
             "why": self.why,
             "flights": self.flights,
-            "rms": {name: by_name(one.names, one.rms, rounded) for name, one in self.scores.items()},
-            "undetected": {name: rounded(one.undetected) for name, one in self.scores.items()},
+            "rms": {name: by_load(rows[1:], "rms") for name, rows in self.scores.items()},
+            "undetected": {name: _undetected(rows) for name, rows in self.scores.items()},
         }
 
 
@@ -94,9 +94,10 @@ def compared(inverse_map: InverseMap, read: Readings, flights: str) -> Choice:
     read : with Mach number, p_inf and q_inf.
     flights : in words.
     """
-    scores = {name: _score(inverse_map, name, read) for name in ("linear", "nonlinear")}
-    linear, nonlinear = scores.values()
-    undetected = [one.undetected for one in (linear, nonlinear)]
+    scores = {
+        name: rows_of(COEFFICIENT_NAMES, of_map(inverse_map, name)(read), read) for name in ("linear", "nonlinear")
+    }
+    undetected = [_undetected(rows) for rows in scores.values()]
     safe = [one <= MOST_UNDETECTED for one in undetected]
     used: Chosen
     if safe[0] != safe[1]:
@@ -104,16 +105,20 @@ def compared(inverse_map: InverseMap, read: Readings, flights: str) -> Choice:
         percent = [f"{100.0 * one:.2g} %" for one in (undetected if safe[0] else undetected[::-1])]
         why = f"with {percent[0]} undetected errors where the other estimator has {percent[1]}"
         return Choice(used=used, why=why, flights=flights, scores=scores)
-    known = ~np.isnan(linear.range) & (linear.rms > 0.0)
-    ratio = float(np.median((nonlinear.rms / linear.rms)[known])) if known.any() else 1.0
+    linear, nonlinear, of_range = (
+        np.array([row[column] for row in scores[name][1:]])
+        for name, column in (("linear", "rms"), ("nonlinear", "rms"), ("linear", "rms_of_range"))
+    )
+    known = of_range > 0.0
+    ratio = float(np.median(nonlinear[known] / linear[known])) if known.any() else 1.0
     used = "nonlinear" if ratio <= 1.0 else "linear"
     why = f"the nonlinear estimator has {ratio:.2g} times the rms error of the linear one (median coefficient)"
     return Choice(used=used, why=why, flights=flights, scores=scores)
 
 
-def _score(inverse_map: InverseMap, name: str, read: Readings) -> Score:
-    made = of_map(inverse_map, name)(read)
-    return score_of(COEFFICIENT_NAMES, made.value - read.truth, made.std, truth=read.truth, health=made.health)
+def _undetected(rows: Sequence[Row]) -> float:
+    """Return the fraction of undetected samples [1]."""
+    return float(0.01 * rows[0]["undetected_percent"])
 
 
 def compared_in_flights(inverse_map: InverseMap, flights: Readings) -> Choice:

@@ -37,7 +37,9 @@ from builder.structure.solid.model import SolidCase
 from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.solid.solution import solve_strain
 from builder.structure.wall import Wall, wall_of
-from builder.trial.score import score_of
+from builder.trial.estimators import Estimates
+from builder.trial.readings import Readings
+from builder.trial.score import rows_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import used_layouts
@@ -262,16 +264,26 @@ def _row(
     noise = np.random.default_rng(SEED).standard_normal((NOISE_DRAWS, *truth.strain.shape)) * truth.sigma
     estimator = Estimator(inverse_map)
     estimates = [estimator.estimate(truth.strain + one, truth.dynamic_pressure) for one in noise]
-    error = np.concatenate([draw.coefficients - truth.coefficients for draw in estimates])
-    std = np.concatenate([draw.coefficients_std for draw in estimates])
-    score = score_of(COEFFICIENT_NAMES, error, std, truth=truth.coefficients)
+    made = Estimates(
+        value=np.concatenate([draw.coefficients for draw in estimates]),
+        std=np.concatenate([draw.coefficients_std for draw in estimates]),
+    )
+    count = len(made.value)
+    read = Readings(
+        strain=np.empty((count, 0)),
+        known={},
+        truth=np.tile(truth.coefficients, (NOISE_DRAWS, 1)),
+        vehicle=np.zeros(count, dtype=np.int64),
+        flight=np.arange(count) % len(truth.coefficients),
+    )
+    _, *loads = rows_of(COEFFICIENT_NAMES, made, read)
     return StudyRow(
         mesh=name,
         n_dof=n_dof,
         strain_rms=float(np.sqrt(np.mean(difference**2))),
         strain_largest=float(np.abs(difference).max()),
-        error_of_range=tuple(score.rms_of_range.tolist()),
-        coverage=tuple(score.coverage_3.tolist()),
+        error_of_range=tuple(float(row["rms_of_range"]) for row in loads),
+        coverage=tuple(0.01 * row["covered_percent"] for row in loads),
         alarms=float(np.mean([draw.chi_square > draw.chi_square_limit for draw in estimates])),
     )
 

@@ -1,32 +1,44 @@
-"""A trade study from its file to its table: designs that share flows share files, Dask workers do the designs."""
+"""A trade study from its file to its table: each design built and flown on the independent model; designs that
+share flows share files, Dask workers do the designs."""
 
 from __future__ import annotations
 
-import csv
-import io
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 from builder.campaign.dask_workers import on_dask
+from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison.trade_study import trade_study_figure
 from builder.figures.drawing.canvas import save
-from builder.pipeline.map_files import make_independent_flows, make_snapshots
-from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import FLOWS, SNAPSHOTS
+from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots, true_structure_of
+from builder.pipeline.pipeline import FilesGiven, Pipeline
+from builder.pipeline.shape_flows import make_shape_flows, shape_structure_of
+from builder.pipeline.trial_run import shape_conditions
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
 from builder.processors import processors
-from builder.reporting import Reporter
-from builder.study.design_score import DesignScore, Task, run_design
+from builder.reporting import Reporter, Silent
 from builder.study.study_file import Design, StudyFile, designs_of, load_study, vehicle_of
+from builder.trial.cases import Plan
+from builder.trial.levels import HARDWARE
+from builder.trial.run import scored
+from builder.trial.score import Row
+from builder.trial.table import write_table
+from builder.trial.world import World
+from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.files import fingerprint, write_bytes_atomically
 
-CSV, PARQUET, FIGURE = "study.csv", "study.parquet", "study.png"
+TABLE, FIGURE, SCORE, TRIAL_FLOWS = "study.csv", "study.png", "score.json", "trial_flows.h5"
+
+VERSION = 2
+"""Raised whenever the scores change otherwise than by their inputs, so that they are made again."""
 
 MEMORY_LIMIT = "6 GiB"
 """Of one local worker."""
@@ -47,17 +59,23 @@ NOT_OF_FLOWS = {
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """What a worker needs for one design: its ``folder``, ``snapshots`` and ``flows`` that it shares with others,
+    None for flows of its own, and what identifies these."""
+
+    vehicle: Vehicle
+    folder: Path
+    plan: Plan
+    snapshots: Path
+    flows: Path | None
+    flows_made_from: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class StudyResult:
-    """The result of a study.
+    """The table, a line for each design that was not scored, and the files that were written."""
 
-    Attributes
-    ----------
-    rows : a row of the table for each design that was scored.
-    faults : one line for each design that was not.
-    files : that were written.
-    """
-
-    rows: list[dict[str, Any]]
+    rows: list[Row]
     faults: list[str]
     files: list[Path]
 
@@ -83,13 +101,24 @@ def run_study(
     """
     study = load_study(path)
     designs = designs_of(study)
-    vehicles = [vehicle_of(path, study, one) for one in designs]
+    vehicles = [vehicle_of(path, study, design) for design in designs]
     tasks = _tasks(study, designs, vehicles, folder.resolve(), reporter)
-    by_folder = {one.folder: one for one in _scores(tasks, reporter, workers, scheduler)}
-    found = [by_folder[one.folder] for one in tasks]
-    rows = [table_row(design, one.score) for design, one in zip(designs, found, strict=True) if one.score]
-    faults = [f"{d.name} ({d.text}): {one.fault}" for d, one in zip(designs, found, strict=True) if one.fault]
-    return StudyResult(rows=rows, faults=faults, files=_write(study, rows, folder) if rows else [])
+    scores = dict(_scores(tasks, reporter, workers, scheduler))
+    rows, faults = list[Row](), list[str]()
+    for design, task in zip(designs, tasks, strict=True):
+        if isinstance(score := scores[task.folder], str):
+            faults.append(f"{design.name} ({design.text}): {score}")
+        else:
+            rows += [{"design": design.number, **design.values, **row} for row in score]
+    files = [folder / TABLE] if rows else []
+    if rows and find_spec("pyarrow") is not None:
+        files.append((folder / TABLE).with_suffix(".parquet"))
+    for file in files:
+        write_table(rows, file)
+    if rows and find_spec("matplotlib") is not None:
+        files.append(folder / FIGURE)
+        save(trade_study_figure(rows, list(study.sweep)), folder / FIGURE)
+    return StudyResult(rows=rows, faults=faults, files=files)
 
 
 def _tasks(
@@ -106,13 +135,12 @@ def _tasks(
             if vehicle.is_of_revolution:
                 make_independent_flows(pipeline)
             shared[key] = pipeline
-        flows = shared[key]
-        has_table = vehicle.is_of_revolution
+        flows, has_table = shared[key], vehicle.is_of_revolution
         tasks.append(
             Task(
                 vehicle=vehicle,
                 folder=folder / design.name,
-                trial=study.trial,
+                plan=study.trial.plan,
                 snapshots=flows.path(SNAPSHOTS),
                 flows=flows.path(FLOWS) if has_table else None,
                 flows_made_from=flows.made_from(FLOWS)[0] if has_table else "",
@@ -129,44 +157,63 @@ def flows_key(vehicle: Vehicle) -> str:
 
 def _scores(
     tasks: list[Task], reporter: Reporter, workers: int | None, scheduler: str | None
-) -> Iterator[DesignScore]:
-    """Yield the scores as designs are done."""
+) -> Iterator[tuple[Path, list[Row] | str]]:
+    """Yield the results of :func:`run_design` as designs are done."""
     count = min(workers or processors(), len(tasks))
     with reporter.stage(f"Designs: {len(tasks)}") as progress:
         if count == 1 and scheduler is None:
-            found: Iterator[DesignScore] = map(run_design, tasks)
+            results: Iterator[tuple[Path, list[Row] | str]] = map(run_design, tasks)
         else:
-            found = on_dask(run_design, tasks, scheduler, count, reporter.note, MEMORY_LIMIT)
-        for done, one in enumerate(found, start=1):
-            yield one
+            results = on_dask(run_design, tasks, scheduler, count, reporter.note, MEMORY_LIMIT)
+        for done, result in enumerate(results, start=1):
+            yield result
             progress(done, len(tasks))
 
 
-def table_row(design: Design, score: dict[str, Any]) -> dict[str, Any]:
-    """Return the row of a design: number, swept values, then the score, each quantity with its coefficient."""
-    row: dict[str, Any] = {"design": design.number, **design.values, "gauges": score["gauges"]}
-    for quantity in ("rms", "sigma", "rms_percent_of_range", "coverage_percent"):
-        row |= {f"{quantity}_{name}": score[quantity][name] for name in COEFFICIENT_NAMES}
-    return {**row, **{name: score[name] for name in ("detected_percent", "undetected_percent", "samples")}}
+def run_design(task: Task, reporter: Reporter | None = None) -> tuple[Path, list[Row] | str]:
+    """Build and try a design, or take what is up to date in its folder; return this, and its rows, or the fault
+    that ended it."""
+    try:
+        return task.folder, _rows(task, reporter or Silent())
+    except StrainfmuError as error:
+        return task.folder, "; ".join(str(error).splitlines())
 
 
-def _write(study: StudyFile, rows: list[dict[str, Any]], folder: Path) -> list[Path]:
-    """Write the table, as CSV and where pyarrow is installed as Parquet, and the figure; return the files."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_bytes_atomically(folder / CSV, text.getvalue().encode())
-    files = [folder / CSV]
-    if find_spec("pyarrow") is not None:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+def _rows(task: Task, reporter: Reporter) -> list[Row]:
+    pipeline, _ = open_pipeline(task.vehicle, task.folder, reporter, FilesGiven(snapshots=task.snapshots))
+    if task.flows is not None:
+        pipeline.use(FLOWS, task.flows, task.flows_made_from)
+    make_map(pipeline)
+    vehicle, plan = pipeline.flown or pipeline.vehicle, task.plan
+    if vehicle.sensors is not None:
+        raise InputError("sensors: expected none, a trade study flies strain gauges alone")
+    if not vehicle.is_of_revolution:
+        conditions = shape_conditions(vehicle, [HARDWARE], plan.conditions, plan.seed)
+        make_shape_flows(pipeline, vehicle, conditions, TRIAL_FLOWS, "flows of the trial")
 
-        content = io.BytesIO()
-        pq.write_table(pa.Table.from_pylist(rows), content)
-        write_bytes_atomically(folder / PARQUET, content.getvalue())
-        files.append(folder / PARQUET)
-    if find_spec("matplotlib") is not None:
-        save(trade_study_figure(rows, list(study.sweep)), folder / FIGURE)
-        files.append(folder / FIGURE)
-    return files
+    def write(path: Path) -> None:
+        inverse_map, revolved = load_inverse_map(pipeline.path(MAP)), vehicle.is_of_revolution
+        world = World(
+            vehicle=vehicle,
+            structure=true_structure_of(pipeline) if revolved else shape_structure_of(pipeline),
+            flows=load_flow_table(pipeline.path(FLOWS))
+            if revolved
+            else load_snapshots(pipeline.path(TRIAL_FLOWS)),
+            inverse_map=inverse_map,
+            conditions=plan.conditions,
+            seed=plan.seed,
+        )
+        (rows,) = scored(world, HARDWARE, plan).values()
+        made = [{"gauges": inverse_map.n_gauges, **row} for row in rows]
+        write_bytes_atomically(path, json.dumps(made, indent=1).encode())
+
+    inputs = {
+        "version": VERSION,
+        "map": pipeline.made_from(MAP),
+        "trial": plan.model_dump(),
+        "flows": task.flows_made_from,
+        "vehicle": vehicle.model_dump(exclude={"description"}),
+    }
+    pipeline.make(SCORE, "errors and uncertainty of the design in the trial", inputs, write)
+    rows: list[Row] = json.loads(pipeline.path(SCORE).read_text(encoding="utf-8"))
+    return rows

@@ -19,12 +19,14 @@ Names of entries are as in messages on the vehicle file: ``section.entry``, item
 from __future__ import annotations
 
 from itertools import product
+from math import prod
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field
 
 from builder.pipeline.stages import check_before_long_work
+from builder.trial.cases import Plan
 from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.toml.reading import read_sections
@@ -48,6 +50,11 @@ class Trial(Section):
     conditions: int = Field(default=200, ge=1, le=100_000)
     draws: int = Field(default=5, ge=1, le=10_000)
     seed: int = Field(default=1, ge=0, le=2**31 - 1)
+
+    @property
+    def plan(self) -> Plan:
+        """The plan of a trial by it."""
+        return Plan(conditions=self.conditions, vehicles=self.draws, own_vehicles=True, seed=self.seed)
 
 
 class StudyFile(Section):
@@ -97,18 +104,10 @@ def _faults(study: StudyFile) -> list[str]:
     for name, values in study.sweep.items():
         if len({repr(one) for one in values}) < len(values):
             faults.append(f"sweep.{name}: expected each value once, got {values}")
-    count = number_of_designs(study)
+    count = prod(len(values) for values in study.sweep.values())
     if count > MOST_DESIGNS:
         faults.append(f"sweep: expected at most {MOST_DESIGNS} combinations, got {count}")
     return faults
-
-
-def number_of_designs(study: StudyFile) -> int:
-    """Return the number of combinations of the values."""
-    count = 1
-    for values in study.sweep.values():
-        count *= len(values)
-    return count
 
 
 def designs_of(study: StudyFile) -> list[Design]:

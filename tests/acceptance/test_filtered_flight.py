@@ -13,10 +13,10 @@ from scipy.stats import chi2
 
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.compare.flights import GAUGE_NOISE, with_errors
 from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import structural_model, with_mesh_error
+from builder.trial.compared import knowing
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
@@ -42,7 +42,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory, ic3x_demo: Path) -> Path:
 
 def map_of_gauge_noise(snapshots: Snapshots) -> InverseMap:
     """Return the shipped vehicle's map for readings that err by the gauges' noise alone, as `compare` has it."""
-    vehicle = with_errors(load_vehicle(IC3X), GAUGE_NOISE, 2)
+    vehicle = knowing(load_vehicle(IC3X), is_exact=True, case=2)
     resolution = vehicle.resolution.map
     structure = structural_model(vehicle, resolution, [vehicle.gauges.layout])
     structure = with_mesh_error(structure, vehicle, resolution)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.pipeline.demonstration.flight_score import score_flight
+from builder.pipeline.demonstration.flight_trial import score_flight
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -36,13 +36,15 @@ def test_errors_and_coverage_of_known_numbers() -> None:
     estimate = truth + 0.02
     estimate[0, 1] += 0.08
     score = score_flight(recording(truth, estimate, 0.01))
-    np.testing.assert_allclose(score.rms[1], np.sqrt((0.1**2 + 3 * 0.02**2) / 4), rtol=1e-12)
-    np.testing.assert_allclose(score.rms_of_range[1], score.rms[1] / 4.0, rtol=1e-12)
-    np.testing.assert_allclose(score.coverage_3, [1.0, 0.75, 1.0, 1.0, 1.0])
-    assert score.step_time == {"plant": 1e-4, "estimator": 2e-5}
+    rms = np.sqrt((0.1**2 + 3 * 0.02**2) / 4)
+    assert score["rms_error"]["C_N"] == pytest.approx(rms, rel=1e-12)
+    assert score["rms_error_of_range"]["C_N"] == pytest.approx(rms / 4.0, rel=1e-12)
+    assert list(score["coverage"].values()) == [1.0, 0.75, 1.0, 1.0, 1.0]
+    assert score["undetected"]["C_N"] == 0.25
+    assert score["step_time"] == {"plant": 1e-4, "estimator": 2e-5}
 
 
 def test_a_constant_coefficient_has_no_range() -> None:
     score = score_flight(recording(np.zeros((3, 5)), np.full((3, 5), 0.01), 0.01))
-    assert np.all(np.isnan(score.rms_of_range))
-    np.testing.assert_allclose(score.rms, 0.01)
+    assert set(score["rms_error_of_range"].values()) == {None}
+    np.testing.assert_allclose(list(score["rms_error"].values()), 0.01)

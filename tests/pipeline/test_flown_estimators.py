@@ -11,7 +11,7 @@ from scaled_maps import scaled_map
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
-from builder.pipeline.demonstration.flown_estimators import COMPARED_AIR_DATA, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flight_trial import AIR_DATA, flown_estimators
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
@@ -47,15 +47,15 @@ def test_the_nonlinear_estimator_is_beside_the_linear_one(tmp_path: Path) -> Non
     whole = replace(scaled_map(2, 1, N_D), manifold=flight_map(discrepancy=1e-3))
     flown = flown_estimators(whole, flight())
     assert list(flown) == ["linear", "nonlinear"]
-    entry = estimator_entry(flown["nonlinear"])
+    entry = flown["nonlinear"].entry()
     assert min(entry["coverage_percent"].values()) >= 90.0
     assert entry["healthy_percent"] > 90.0
-    assert set(entry["air_data"]["rms"]) == set(COMPARED_AIR_DATA)
+    assert set(entry["air_data"]["rms"]) == set(AIR_DATA)
     assert entry["air_data"]["rms"]["angle_of_attack"] < np.radians(0.2)
-    assert "air_data" not in estimator_entry(flown["linear"])
-    errors, last = {name: (one.error, one.std) for name, one in flown.items()}, flown["nonlinear"]
-    error, std = last.air_error, last.air_std
-    save(estimator_errors(flight().time, errors, (error[:, :2], std[:, :2]), "test"), tmp_path / "errors.png")
+    assert "air_data" not in flown["linear"].entry()
+    errors = {name: (one.error, one.made.std) for name, one in flown.items()}
+    error, std = errors["nonlinear"]
+    save(estimator_errors(flight().time, errors, (error[:, 5:7], std[:, 5:7]), "test"), tmp_path / "errors.png")
     assert (tmp_path / "errors.png").stat().st_size > 10_000
 
 

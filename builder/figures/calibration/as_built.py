@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure
-from builder.trial.score import mean_square
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
@@ -19,26 +18,19 @@ COLORS = {"before": "tab:red", "exact": "0.45", "after": "tab:blue"}
 """In the order of drawing."""
 
 
-class Flown(Protocol):
-    """What a map made of a flight of n samples: (n, 5) errors of the coefficients, and their sigmas [1]."""
+def as_built_figure(time: FloatArray, flown: Mapping[str, tuple[FloatArray, FloatArray]], title: str) -> Figure:
+    """Draw the errors of each coefficient over ``time`` (n,) [s], map by map, and their rms next to it.
 
-    @property
-    def error(self) -> FloatArray: ...
-    @property
-    def std(self) -> FloatArray: ...
-
-
-def as_built_figure(time: FloatArray, flown: Mapping[str, Flown], title: str) -> Figure:
-    """Draw the errors of each coefficient over ``time`` (n,) [s], map by map, and their rms next to it."""
+    ``flown`` are errors and standard deviations (n, 5) of the coefficients [1], by the name of the map.
+    """
     figure = blank_figure(11.0, 9.0)
     axes = figure.subplots(len(COEFFICIENT_NAMES), 2, sharex="col", width_ratios=[4.0, 1.0], squeeze=False)
     for i, name in enumerate(COEFFICIENT_NAMES):
         over_time, bars = axes[i]
         rms = []
         for label, color in COLORS.items():
-            one = flown[label]
-            error, std = one.error[:, i], one.std[:, i]
-            rms.append(float(np.sqrt(mean_square(one.error)[i])))
+            error, std = (part[:, i] for part in flown[label])
+            rms.append(float(np.sqrt(np.nanmean(error**2))))
             if label == "after":
                 over_time.fill_between(
                     time, -3.0 * std, 3.0 * std, color=color, alpha=0.15, linewidth=0, label="after $3\\sigma$"

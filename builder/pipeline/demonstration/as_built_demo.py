@@ -35,8 +35,7 @@ from builder.pipeline.calibrate import (
     write_calibration,
     write_zeros_of,
 )
-from builder.pipeline.demonstration.flight_score import SCORE_VERSION
-from builder.pipeline.demonstration.flown_estimators import FlownEstimates, estimator_entry, flown_estimators
+from builder.pipeline.demonstration.flight_trial import SCORE_VERSION, Flown, flown_estimators
 from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
@@ -229,9 +228,10 @@ class AsBuiltRun:
 
         def make(path: Path) -> None:
             flown = self._flown(recording)
-            entries = {name: estimator_entry(one) for name, one in flown.items()}
+            entries = {name: of_map.entry() for name, of_map in flown.items()}
             write_bytes_atomically(path, json.dumps(entries, indent=1, allow_nan=False).encode())
-            figure = as_built_figure(recording.time, flown, pipeline.vehicle.name)
+            errors = {name: (of_map.error, of_map.made.std) for name, of_map in flown.items()}
+            figure = as_built_figure(recording.time, errors, pipeline.vehicle.name)
             save(figure, path.with_suffix(".png"))
 
         inputs = {
@@ -244,8 +244,8 @@ class AsBuiltRun:
         entries: dict[str, Any] = json.loads(pipeline.path("as_built.json").read_text(encoding="utf-8"))
         return entries
 
-    def _flown(self, recording: Recording) -> dict[str, FlownEstimates]:
-        zeros, found = self.zeros(), dict[str, FlownEstimates]()
+    def _flown(self, recording: Recording) -> dict[str, Flown]:
+        zeros, found = self.zeros(), dict[str, Flown]()
         for name, file in (("before", MAP), ("after", CALIBRATED), ("exact", EXACT)):
             inverse_map = load_inverse_map(self.pipeline.path(file))
             # The calibrated map subtracts its own.

@@ -23,12 +23,12 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
-from builder.pipeline.demonstration.flight_score import SCORE_VERSION, FlightScore, score_flight
-from builder.pipeline.demonstration.flown_estimators import (
-    FlownEstimates,
+from builder.pipeline.demonstration.flight_trial import (
+    SCORE_VERSION,
+    Flown,
     bound_in_flight,
-    estimator_entry,
     flown_estimators,
+    score_flight,
 )
 from builder.pipeline.demonstration.free_demo import fly_free_shape
 from builder.pipeline.demonstration.held_out_score import held_out_score
@@ -51,6 +51,7 @@ from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import gauge_roll_angles
+from builder.trial.readings import ANGLES
 from builder.truth.as_built import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics
 from builder.truth.revolution.flight_tables import flight_model
@@ -66,7 +67,7 @@ from strainfmu.cosim.systems.recording import Recording, load_recording, save_cs
 from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.native.package import shipped_libraries
@@ -74,7 +75,7 @@ from strainfmu.fmu.native.package import shipped_libraries
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
 
-HELD_OUT_VERSION = 2
+HELD_OUT_VERSION = 3
 """Raised whenever the score on held-out conditions is another of the same files."""
 
 COMMUNICATION_STEP_SIZE = 0.01
@@ -96,7 +97,7 @@ class DemoResult:
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
     physics : the flow model that flies, and the flow model of the map.
-    score : accuracy of the flown FMU.
+    score : accuracy of the flown FMU, as in ``summary.json``.
     held_out : of a map of imported results, the score on results that maps are made without, as in
         ``summary.json``; empty for others.
     errors_in_sigma : names of the errors that the stated sigmas hold.
@@ -112,7 +113,7 @@ class DemoResult:
     files: dict[str, str]
     reused: tuple[str, ...]
     physics: FlownPhysics
-    score: FlightScore
+    score: dict[str, Any]
     held_out: dict[str, Any]
     errors_in_sigma: tuple[str, ...]
     estimators: dict[str, Any]
@@ -369,7 +370,7 @@ def _held_out(pipeline: Pipeline) -> dict[str, Any]:
         vehicle = with_estimator(pipeline.vehicle, "linear" if flies.manifold is None else "nonlinear")
         snapshots, structure = map_parts(pipeline)
         found = held_out_score(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline))
-        write_bytes_atomically(path, json.dumps({} if found is None else found.record(), indent=1).encode())
+        write_bytes_atomically(path, json.dumps(found or {}, indent=1, allow_nan=False).encode())
 
     inputs = {
         "map": pipeline.made_from(MAP),
@@ -452,8 +453,8 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
     def make(path: Path) -> None:
         with pipeline.reporter.stage("Linear and nonlinear estimator on the same strains"):
             flown = flown_estimators(inverse_map, recording, estimator="estimator")
-        entries = {name: estimator_entry(one) for name, one in flown.items()}
-        write_bytes_atomically(path, json.dumps(_without_nan(entries), indent=1, allow_nan=False).encode())
+        entries = {name: of_flight.entry() for name, of_flight in flown.items()}
+        write_bytes_atomically(path, json.dumps(entries, indent=1, allow_nan=False).encode())
         save(_errors_figure(recording, flown, _title(pipeline, physics)), path.with_suffix(".png"))
 
     inputs = {
@@ -467,27 +468,21 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
     return entries
 
 
-def _errors_figure(recording: Recording, flown: dict[str, FlownEstimates], title: str) -> figures.Figure:
-    errors, last = {name: (one.error, one.std) for name, one in flown.items()}, flown["nonlinear"]
-    error, std = last.air_error, last.air_std
-    return estimator_errors(recording.time, errors, (error[:, :2], std[:, :2]), title)
+def _errors_figure(recording: Recording, flown: dict[str, Flown], title: str) -> figures.Figure:
+    errors = {name: (of_flight.error, of_flight.made.std) for name, of_flight in flown.items()}
+    angles = slice(len(COEFFICIENT_NAMES), len(COEFFICIENT_NAMES) + len(ANGLES))
+    error, std = (part[:, angles] for part in errors["nonlinear"])
+    return estimator_errors(recording.time, errors, (error, std), title)
 
 
 def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
     save(draw(), path)
 
 
-def _without_nan(value: Any) -> Any:
-    """Replace NaN, which JSON cannot represent, by None."""
-    if isinstance(value, dict):
-        return {key: _without_nan(item) for key, item in value.items()}
-    return None if isinstance(value, float) and np.isnan(value) else value
-
-
-def _summary(pipeline: Pipeline, score: FlightScore, more: dict[str, dict[str, Any]]) -> None:
+def _summary(pipeline: Pipeline, score: dict[str, Any], more: dict[str, dict[str, Any]]) -> None:
     def make(path: Path) -> None:
-        values = {**score.record(), **{name: entry for name, entry in more.items() if entry}}
-        write_bytes_atomically(path, json.dumps(_without_nan(values), indent=1, allow_nan=False).encode())
+        values = {**score, **{name: entry for name, entry in more.items() if entry}}
+        write_bytes_atomically(path, json.dumps(values, indent=1, allow_nan=False).encode())
 
     inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

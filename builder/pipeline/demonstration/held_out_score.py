@@ -11,7 +11,7 @@ left out at a time. What is left out is between flows of the map, never beyond t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from typing import Any
 
@@ -22,22 +22,22 @@ from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
-from builder.pipeline.demonstration.flight_score import FlightScore
+from builder.pipeline.demonstration.flight_trial import Flown
 from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import wind_angles
-from builder.trial.estimators import of_map
+from builder.trial.estimators import Estimates, of_map, together
 from builder.trial.levels import stated_readings
-from builder.trial.score import score_of
+from builder.trial.readings import Readings, joined
 from builder.trial.world import World
 from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
 SEED, VEHICLES, ROLLS = 3, 20, 4
@@ -45,6 +45,8 @@ SEED, VEHICLES, ROLLS = 3, 20, 4
 MOST_PARTS = 6
 FEWEST_KNOTS = 2
 """Mach numbers, and incidences, that a map must keep."""
+PART = 10**9
+"""Between the numbers of vehicles, and of flights, of two parts."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,33 +64,6 @@ class LeftOut:
     name: str
     rows: IntArray
     flown: IntArray
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class HeldOutScore:
-    """The score on flows that are left out, and what was left out.
-
-    Attributes
-    ----------
-    score : over all of them.
-    parts : names of the parts that were left out in turn.
-    flows : number of flows that were left out and flown.
-    not_built : parts without which no map could be made, with the reason.
-    """
-
-    score: FlightScore
-    parts: tuple[str, ...]
-    flows: int
-    not_built: tuple[str, ...]
-
-    def record(self) -> dict[str, Any]:
-        """Return it for a file of results."""
-        return {
-            **self.score.record(),
-            "left_out": list(self.parts),
-            "flows": self.flows,
-            "not_built": list(self.not_built),
-        }
 
 
 def left_out_parts(snapshots: Snapshots) -> list[LeftOut]:
@@ -138,8 +113,10 @@ def held_out_score(
     structure: AnyStructure,
     reporter: Reporter,
     solid: Structure | None = None,
-) -> HeldOutScore | None:
-    """Return the score of maps of ``vehicle`` on flows of ``snapshots`` that they are made without.
+) -> dict[str, Any] | None:
+    """Return the score of maps of ``vehicle`` on flows of ``snapshots`` that they are made without, for a file of
+    results: names of the parts that were left out in turn, number of their flows, and parts without which no map
+    could be made, with the reason.
 
     ``structure`` is the structure of the map, ``solid`` the three-dimensional one behind it. None where there are
     too few flows to leave some out, or no map can be made without them.
@@ -148,45 +125,41 @@ def held_out_score(
     if not parts:
         return None
     on_grid = snapshots_on(snapshots, own_surface(vehicle, vehicle.resolution.map))
-    truth = _true_structure(vehicle)
-    errors, stds, truths, health = list[FloatArray](), list[FloatArray](), list[FloatArray](), list[IntArray]()
-    bounds = list[FloatArray | None]()
-    built, not_built = list[LeftOut](), list[str]()
+    truth, conditions = _true_structure(vehicle), snapshots.conditions()
+    every, made, names, not_built = list[Readings](), list[Estimates](), list[str](), list[str]()
+    flows = set[tuple[float, float]]()
     with reporter.stage("Held-out conditions: maps made without some results") as progress:
         for number, part in enumerate(parts):
-            kept = np.setdiff1d(np.arange(len(snapshots.condition)), part.rows)
+            rest = np.setdiff1d(np.arange(len(conditions)), part.rows)
             try:
-                made = map_from(vehicle, snapshots.chosen(kept), structure, Silent(), solid)
+                inverse_map = map_from(vehicle, snapshots.chosen(rest), structure, Silent(), solid)
             except InputError as error:
                 not_built.append(f"{part.name}: {error}")
                 continue
-            built.append(part)
+            names.append(part.name)
+            flows |= {
+                (round(c.mach_number, 6), round(c.total_incidence, 6))
+                for c in (conditions[row] for row in part.flown)
+            }
             random = np.random.default_rng([SEED, number])
-            flown = _flown(vehicle, on_grid.chosen(part.flown), truth, made, random)
-            world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=made)
+            flown = _flown(vehicle, on_grid.chosen(part.flown), truth, inverse_map, random)
+            world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=inverse_map)
             read = stated_readings(world, flown, random, VEHICLES)
-            found = of_map(made)(read)
-            errors.append(found.value - read.truth)
-            stds.append(found.std)
-            truths.append(read.truth)
-            bounds.append(cramer_rao_bound(made, flown.conditions, KNOWN))
-            health.append(np.asarray(found.health))
+            made.append(of_map(inverse_map)(read))
+            bound = cramer_rao_bound(inverse_map, flown.conditions, KNOWN)
+            every.append(
+                replace(
+                    read,
+                    vehicle=read.vehicle + PART * number,
+                    flight=read.flight + PART * number,
+                    bound=None if bound is None else bound[read.flight],
+                )
+            )
             progress(number + 1, len(parts))
-    if not built:
+    if not made:
         return None
-    every, known = np.concatenate, [one for one in bounds if one is not None]
-    bound = every(known) if len(known) == len(bounds) else None
-    score = score_of(
-        COEFFICIENT_NAMES, every(errors), every(stds), truth=every(truths), health=every(health), bound=bound
-    )
-    conditions = [snapshots.conditions()[row] for part in built for row in part.flown.tolist()]
-    flows = {(round(one.mach_number, 6), round(one.total_incidence, 6)) for one in conditions}
-    return HeldOutScore(
-        score=FlightScore(**vars(score)),
-        parts=tuple(part.name for part in built),
-        flows=len(flows),
-        not_built=tuple(not_built),
-    )
+    score = Flown(joined(every), together(made)).record()
+    return {**score, "left_out": names, "flows": len(flows), "not_built": not_built}
 
 
 def _true_structure(vehicle: Vehicle) -> TrueStructure:
