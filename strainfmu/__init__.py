@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from strainfmu.estimator.estimate import Estimate
     from strainfmu.estimator.estimator import Estimator, load
     from strainfmu.estimator.health import HealthState
+    from strainfmu.estimator.linear_map import LinearMap, linear_map
     from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
     from strainfmu.estimator.settings import EstimatorSettings
     from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -40,12 +41,14 @@ _MODULES = {
     "ExportOptions": "fmu.export",
     "HealthState": "estimator.health",
     "InputError": "errors",
+    "LinearMap": "estimator.linear_map",
     "InverseMap": "estimator.map.inverse_map",
     "Recording": "cosim.systems.recording",
     "StrainfmuError": "errors",
     "System": "cosim.systems.system",
     "estimate_file": "recorded.run",
     "export_estimator": "fmu.export",
+    "linear_map": "estimator.linear_map",
     "load": "estimator.estimator",
     "load_inverse_map": "estimator.map.inverse_map",
     "save_inverse_map": "estimator.map.inverse_map",
@@ -63,12 +66,14 @@ __all__ = [
     "HealthState",
     "InputError",
     "InverseMap",
+    "LinearMap",
     "Recording",
     "StrainfmuError",
     "System",
     "__version__",
     "estimate_file",
     "export_estimator",
+    "linear_map",
     "load",
     "load_inverse_map",
     "save_inverse_map",

@@ -10,7 +10,6 @@ import numpy as np
 from builder.inverse.cases.case_1 import least_squares_map, relative_condition
 from builder.inverse.cases.case_2 import gaussian_map, whitened_spectrum
 from builder.inverse.cases.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
-from builder.inverse.cases.regularisation import expected_data, select_gamma
 from builder.inverse.cases.state_map import StateMap
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.modes.mode_choice import (
@@ -27,12 +26,12 @@ from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.mesh_error import MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
-from builder.vehicle.map.gamma_rules import Rule
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inertia import InertiaMap
 from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.regularisation import Rule, expected_data, select_gamma
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -177,7 +176,7 @@ def _solve_case_2(problem: Problem) -> Solution:
     spectrum = whitened_spectrum(state_operator, noise.covariance)
     gamma = entry.gamma
     if isinstance(gamma, str):
-        gamma = select_gamma(cast(Rule, gamma), expected_data(spectrum))
+        gamma = select_gamma(cast(Rule, gamma), expected_data(spectrum.eigenvalues, len(spectrum.left)))
     mean_strain = _mean_strain(problem, prior.mean)
     solved = gaussian_map(state_operator, mean_strain, noise.covariance, gamma, spectrum)
     facts = {

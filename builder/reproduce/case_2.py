@@ -10,15 +10,21 @@ from builder.aero.loads.operator import load_operator
 from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 from builder.inverse.cases.field import data_informed_modes, project_on_modes
 from builder.inverse.cases.prior import LowRankPrior
-from builder.inverse.cases.regularisation import DataSpectrum, expected_data, measured_data, select_gamma
 from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
 from builder.reproduce.setups import SetUp
-from builder.vehicle.map.gamma_rules import RULES, Rule
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.regularisation import (
+    RULES,
+    DataSpectrum,
+    Rule,
+    expected_data,
+    measured_data,
+    select_gamma,
+)
 
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 
@@ -138,11 +144,14 @@ def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: in
 
     def noisy(strain: FloatArray, draws: int) -> DataSpectrum:
         repeated = np.repeat(np.atleast_2d(strain), draws, axis=0)
-        return measured_data(of.spectrum, repeated + of.sigma * random.normal(size=repeated.shape), of.mean_strain)
+        return measured_data(
+            of.spectrum.eigenvalues,
+            of.spectrum.whitened_data(repeated + of.sigma * random.normal(size=repeated.shape), of.mean_strain),
+        )
 
     data = noisy(ensemble, DRAWS_PER_CONDITION)
     found: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
-    found["morozov, expected"] = _gamma("morozov", expected_data(of.spectrum))
+    found["morozov, expected"] = _gamma("morozov", expected_data(of.spectrum.eigenvalues, len(of.spectrum.left)))
     found["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
     return GammaStudy(by_rule=found, eigenvalues=of.spectrum.eigenvalues)
 

@@ -17,8 +17,8 @@ from sphinx.application import Sphinx
 from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.model_entries import ENGINE_NAMES, NeededBy
+from strainfmu.estimator.regularisation import RULES
 
 UNITS = {
     "um_per_m_per_K": "um/m/K",

@@ -9,7 +9,6 @@ import pytest
 from report_case import CASE_1, CASE_2, ReportCase, case_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.regularisation import expected_data, select_gamma
 from builder.inverse.solution import ordered_modes
 from builder.reports.build_report.report import BuildReport
 from builder.reports.build_report.tables import report_tables
@@ -19,6 +18,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.reference.gain import load_covariance, load_gain
+from strainfmu.estimator.regularisation import expected_data, select_gamma
 
 pytestmark = pytest.mark.fast
 
@@ -95,7 +95,7 @@ def test_gamma_of_every_rule(case_2: ReportCase) -> None:
     np.testing.assert_allclose(used.coefficient_std, expected, rtol=1e-9)
     assert used.n_recoverable == int(np.sum(choice.eigenvalues >= 2.0))
     assert used.degrees_of_freedom == pytest.approx(np.sum(choice.eigenvalues / (choice.eigenvalues + 2.0)))
-    data = expected_data(case.solution.solved.spectrum)  # type: ignore[attr-defined]
+    data = expected_data(case.solution.solved.spectrum.eigenvalues, len(case.solution.solved.spectrum.left))  # type: ignore[attr-defined]
     for one in choice.rules[1:]:
         if one.gamma is None:
             assert one.why_not

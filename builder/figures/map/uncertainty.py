@@ -11,11 +11,11 @@ from builder.figures.drawing.canvas import THIS_MAP, blank_figure
 from builder.figures.drawing.colours import part_colours
 from builder.figures.drawing.values import MARK, Area, ValuedFigure, cell, column, digits, mark
 from builder.figures.drawing.words import with_signs
-from builder.inverse.cases.regularisation import LCurve
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.gain import load_covariance
+from strainfmu.estimator.regularisation import LCurve
 
 SIGNS = [with_signs(name) for name in COEFFICIENT_NAMES]
 RULE_MARKS = ("*", "o", "s", "^", "D")

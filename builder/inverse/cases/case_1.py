@@ -16,8 +16,8 @@ from builder.inverse.cases.state_map import StateMap
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
+from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.reference.gain import nominal, state_model
-from strainfmu.estimator.reference.update import inverse_root
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled Z: above it the gauges do not identify the states."""

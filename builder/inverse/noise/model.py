@@ -16,7 +16,7 @@ from builder.inverse.modes.pod import PressureModes
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
-from strainfmu.estimator.reference.update import inverse_root
+from strainfmu.estimator.numerics.whitening import inverse_root
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,17 +8,16 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
-from builder.inverse.cases.regularisation import LCurve, expected_data, l_curve, select_gamma
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import Problem, Solution
 from builder.reports.findings.coefficient_sources import coefficient_scales
 from builder.reports.findings.symmetry_classes import class_fractions, mirror_operators
-from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
+from strainfmu.estimator.regularisation import RULES, LCurve, expected_data, l_curve, select_gamma
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241
@@ -83,7 +82,10 @@ def gamma_choice(
     solved = solution.solved
     if not isinstance(solved, GaussianMap):
         return None
-    data, loads = expected_data(solved.spectrum), problem.load_operator @ solution.field_modes
+    data, loads = (
+        expected_data(solved.spectrum.eigenvalues, len(solved.spectrum.left)),
+        problem.load_operator @ solution.field_modes,
+    )
     scales = coefficient_scales(inverse_map)
 
     def at(rule: str, gamma: float) -> GammaOfRule:

@@ -31,13 +31,13 @@ from strainfmu.estimator.alarm_limits import (
 )
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import LOADS, models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.reference.update import inverse_root
 from strainfmu.estimator.tables.flight_tables import N_STATES
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
-from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.toml.limits import GAMMA, one_line
 from builder.vehicle.toml.sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.estimator.map.inverse_map_checks import FORMS, PER_PRESSURE
+from strainfmu.estimator.regularisation import RULES
 
 if TYPE_CHECKING:
     Form = str

@@ -29,10 +29,10 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
+from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
-from strainfmu.estimator.reference.update import inverse_root
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
 

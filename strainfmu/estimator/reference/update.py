@@ -19,6 +19,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.numerics.whitening import inverse_root
 
 CHECKED = 1e-10
 """Precision of a row over its own precision from which other rows check it; less is round-off."""
@@ -86,12 +87,6 @@ class Posterior(NamedTuple):
     precision: FloatArray
     chi_square: FloatArray
     standardised: FloatArray
-
-
-def inverse_root(covariance: FloatArray) -> FloatArray:
-    """Return (n, n) L^-1, lower triangular, of the positive definite ``covariance`` (n, n) = L L'."""
-    size = np.sqrt(np.diag(covariance))  # rows of unlike units and noise cost no digits
-    return np.tril(np.linalg.inv(np.linalg.cholesky(covariance / np.outer(size, size)))) / size
 
 
 def prepare(model: Model, used: BoolArray) -> Prepared:

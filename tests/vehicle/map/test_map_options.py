@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from builder.vehicle.map.gamma_rules import RULES
 from builder.vehicle.map.options import HARDWARE_ERRORS, LOAD_FACTOR, MapEntry, Noise
+from strainfmu.estimator.regularisation import RULES
 
 pytestmark = pytest.mark.fast
 

@@ -10,17 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
-from builder.inverse.cases.case_2 import WhitenedSpectrum
-from builder.vehicle.map.gamma_rules import RULES, Rule
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
+Rule = Literal["morozov", "corrected_discrepancy", "gcv", "evidence"]
+RULES: tuple[Rule, ...] = get_args(Rule)
+"""Names of the rules, see :func:`select_gamma`."""
+
 SMALLEST, LARGEST = 1e-12, 1e12
 """Range of gamma that is searched."""
+
+HALVINGS = 60
+"""Of an interval of ln gamma, down to round-off."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,30 +58,31 @@ class DataSpectrum:
         return float(np.sum(self.eigenvalues / (self.eigenvalues + gamma)))
 
 
-def expected_data(spectrum: WhitenedSpectrum) -> DataSpectrum:
+def expected_data(eigenvalues: FloatArray, n_gauges: int) -> DataSpectrum:
     """Return the expected data of prior and noise: E z_k^2 = lambda_k + 1.
 
     With a prior made of the snapshots these are the means over the snapshots' own strain (but for a factor
     (N - 1) / N) with noise added.
+
+    Parameters
+    ----------
+    eigenvalues : (k,) lambda, falling, k at most n_d.
+    n_gauges : n_d.
     """
-    n_gauges, k = len(spectrum.left), len(spectrum.singular_values)
     return DataSpectrum(
-        eigenvalues=spectrum.eigenvalues,
-        mean_square=spectrum.eigenvalues + 1.0,
-        outside=float(n_gauges - k),
+        eigenvalues=eigenvalues,
+        mean_square=eigenvalues + 1.0,
+        outside=float(n_gauges - len(eigenvalues)),
         n_gauges=n_gauges,
     )
 
 
-def measured_data(spectrum: WhitenedSpectrum, strain: FloatArray, mean_strain: FloatArray) -> DataSpectrum:
-    """Return the data of measured ``strain`` (n, n_d) [m/m], n flights or samples."""
-    z2 = np.mean(np.atleast_2d(spectrum.whitened_data(strain, mean_strain)) ** 2, axis=0)
-    k = len(spectrum.singular_values)
+def measured_data(eigenvalues: FloatArray, whitened_data: FloatArray) -> DataSpectrum:
+    """Return the data of measured strain as z = U^T L^-1 (d - m), ``whitened_data`` (.., n_d) [1]."""
+    z2 = np.mean(np.atleast_2d(whitened_data) ** 2, axis=0)
+    k = len(eigenvalues)
     return DataSpectrum(
-        eigenvalues=spectrum.eigenvalues,
-        mean_square=z2[:k],
-        outside=float(np.sum(z2[k:])),
-        n_gauges=len(spectrum.left),
+        eigenvalues=eigenvalues, mean_square=z2[:k], outside=float(np.sum(z2[k:])), n_gauges=len(z2)
     )
 
 
@@ -169,18 +175,25 @@ def _root(rule: str, excess: Callable[[float], float]) -> float:
         )
         raise InputError(f"map.gamma: no gamma fulfils '{rule}', {why}")
     low, high = np.log(grid[crossing[-1]]), np.log(grid[crossing[-1] + 1])
-    return float(np.exp(brentq(lambda t: excess(float(np.exp(t))), low, high, xtol=1e-12)))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(float(np.exp(middle))) < 0.0 else (low, middle)
+    return float(np.exp(0.5 * (low + high)))
 
 
 def _minimum(rule: str, cost: Callable[[float], float]) -> float:
-    """Return the gamma of minimum ``cost``, from a scan and Brent's method round its best point."""
+    """Return the gamma of minimum ``cost``, from a scan and golden sections round its best point (Kiefer 1953)."""
     grid = _grid()
     best = int(np.argmin([cost(gamma) for gamma in grid]))
     if best in (0, len(grid) - 1):
         where = "smallest" if best == 0 else "largest"
         raise InputError(f"map.gamma: '{rule}' finds its optimum at the {where} gamma searched, {grid[best]:g}")
     low, high = np.log(grid[best - 1]), np.log(grid[best + 1])
-    found = minimize_scalar(
-        lambda t: cost(float(np.exp(t))), bounds=(low, high), method="bounded", options={"xatol": 1e-10}
-    )
-    return float(np.exp(found.x))
+    ratio = 0.5 * (np.sqrt(5.0) - 1.0)
+    while high - low > 1e-10:
+        left, right = high - ratio * (high - low), low + ratio * (high - low)
+        if cost(float(np.exp(left))) < cost(float(np.exp(right))):
+            high = right
+        else:
+            low = left
+    return float(np.exp(0.5 * (low + high)))
