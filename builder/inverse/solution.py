@@ -7,10 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from builder.inverse.cases.case_1 import least_squares_map, relative_condition
-from builder.inverse.cases.case_2 import gaussian_map, whitened_spectrum
-from builder.inverse.cases.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
-from builder.inverse.cases.state_map import StateMap
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
 from builder.inverse.modes.mode_choice import (
     MIN_STRAIN_OVER_ERRORS,
@@ -19,7 +15,6 @@ from builder.inverse.modes.mode_choice import (
     ModeChoice,
 )
 from builder.inverse.modes.phase import turned_to_gauges
-from builder.inverse.modes.pod import PressureModes, area_weights, proper_orthogonal_decomposition
 from builder.inverse.noise.flow_models import difference_term
 from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.noise.hardware_errors import HardwareError
@@ -31,7 +26,22 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inertia import InertiaMap
 from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.pressure_modes import (
+    LowRankPrior,
+    PressureModes,
+    area_weights,
+    prior_of_modes,
+    prior_of_snapshots,
+    proper_orthogonal_decomposition,
+)
 from strainfmu.estimator.regularisation import Rule, expected_data, select_gamma
+from strainfmu.estimator.state_map import (
+    StateMap,
+    gaussian_map,
+    least_squares_map,
+    relative_condition,
+    whitened_spectrum,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -137,7 +147,7 @@ def _solve_case_1(problem: Problem) -> Solution:
     kept = len(choice.kept)
     strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, kept, strain_of_modes)
-    std, z = modes.coefficient_std()[:kept], strain_of_modes[:, :kept]
+    std, z = modes.coefficient_std[:kept], strain_of_modes[:, :kept]
     solved = least_squares_map(z, _mean_strain(problem, modes.mean), noise.covariance, std)
     # The published scaling: 100 um/m per gauge, states in units of their root mean square norm over the snapshots.
     relative = relative_condition(
@@ -239,8 +249,8 @@ def mode_choice(problem: Problem, modes: PressureModes) -> ModeChoice:
             f"map.modes: {wanted} found, at most {min(n_gauges, available)} with {n_gauges} gauges and "
             f"{modes.n_snapshots} snapshots"
         )
-    variance = modes.coefficient_std() ** 2 * (problem.node_area @ modes.modes**2)
-    of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std())
+    variance = modes.coefficient_std**2 * (problem.node_area @ modes.modes**2)
+    of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std)
     roots = (problem.noise[0].strain, np.linalg.cholesky(NoiseModel(problem.noise).covariance))
     whitened = [np.linalg.solve(root, of_modes) for root in roots]
     bases = [np.empty((len(root), 0)) for root in roots]
@@ -287,7 +297,7 @@ def _unresolved(problem: Problem, modes: PressureModes, kept: int) -> FloatArray
     """Return (n_p,) variance of the pressure of the modes beyond ``kept``, where the map is to hold the field."""
     if not problem.entry.keep_field:
         return None
-    variance = modes.coefficient_std()[kept:] ** 2
+    variance = modes.coefficient_std[kept:] ** 2
     found = np.asarray(np.einsum("pm,pm,m->p", modes.modes[:, kept:], modes.modes[:, kept:], variance))
     for fields in (problem.off_the_snapshots, problem.leeward):
         if fields is not None:

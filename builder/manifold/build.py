@@ -214,7 +214,7 @@ def _spread_of_flows(ensemble: Ensemble, operator: FloatArray) -> FloatArray:
         response, weight = ensemble.responses(operator), ensemble.member_weight
         return np.asarray((np.sqrt(weight)[:, None] * (response - weight @ response)).T / pressure)
     modes = rolled_modes(ensemble, None)
-    return np.asarray(operator @ (modes.modes * modes.coefficient_std()) / pressure)
+    return np.asarray(operator @ (modes.modes * modes.coefficient_std) / pressure)
 
 
 def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[str, FloatArray]:

@@ -93,7 +93,7 @@ def _of_prior(vehicle: Vehicle, problem: Problem, grid: SurfaceGrid, n_h: int) -
     ensemble, n_roll = problem.ensemble, grid.n_roll
     modes = rolled_modes(ensemble, None)
     pressure = float(np.average(ensemble.ambient_pressure, weights=ensemble.weight))
-    spread = model_form(vehicle.map, vehicle.noise).of_prior / pressure * modes.modes * modes.coefficient_std()
+    spread = model_form(vehicle.map, vehicle.noise).of_prior / pressure * modes.modes * modes.coefficient_std
     nodes = (spread @ (problem.strain_operator @ spread).T).reshape(len(grid.x), n_roll, -1)
     angle = np.outer(np.arange(n_h), grid.roll_angle)
     waves = np.stack([np.cos(angle), np.sin(angle)], axis=1)

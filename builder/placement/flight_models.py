@@ -17,7 +17,6 @@ from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
-from builder.inverse.modes.pod import PressureModes, proper_orthogonal_decomposition
 from builder.inverse.noise.flows_between import flows_between
 from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.noise.leeward import leeward_fields
@@ -32,6 +31,7 @@ from builder.structure.as_built_kinds import KINDS
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
+from strainfmu.estimator.pressure_modes import PressureModes, proper_orthogonal_decomposition
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
 
 Kind = Literal["linear", "nonlinear"]
@@ -350,7 +350,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         free = np.array(mode_choice(problem, modes).kept)
     else:
         modes = _modes(ensemble)
-    size = modes.coefficient_std()
+    size = modes.coefficient_std
     size[free] *= FREE
     fields = modes.modes * size
     if len(free) and not vehicle.noise.with_truncated_modes:

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map, relative_condition
-from builder.inverse.modes.pod import PressureModes, modal_coefficients, proper_orthogonal_decomposition
 from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDITION, MODES, P1, SEED
 from builder.reproduce.setups import Pressures, SetUp
 from builder.trial.score import SIGMAS, is_within
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.pressure_modes import PressureModes, proper_orthogonal_decomposition
+from strainfmu.estimator.state_map import LeastSquaresMap, least_squares_map, relative_condition
 from strainfmu.flight_condition import FlightCondition
 
 PUBLISHED_STRAIN = 1e-4
@@ -76,7 +76,7 @@ class Case1Map:
 
     def coefficients(self, pressure: FloatArray) -> FloatArray:
         """Return the first r POD coefficients (.., r) [Pa] of pressures (.., n_p) [Pa]."""
-        return modal_coefficients(pressure, self.modes.mean, self.basis, self.modes.weights)
+        return self.modes.coefficients(pressure)[..., :MODES]
 
 
 def pod_of(snapshots: FloatArray, weights: FloatArray | None) -> PressureModes:
@@ -92,7 +92,7 @@ def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: f
         operator @ modes.modes[:, :MODES],
         operator @ (modes.mean - internal),
         noise,
-        modes.coefficient_std()[:MODES],
+        modes.coefficient_std[:MODES],
     )
     return Case1Map(modes=modes, solved=solved, data_operator=setup.data.of(names), sigma=setup.sigma)
 
@@ -120,7 +120,7 @@ def study_case_1(
     square = np.sum(difference.reshape(len(tested), draws, MODES) ** 2, axis=2) + truncated[:, None]
     without_noise = (tested - pressures.internal) @ of.data_operator.T @ solved.strain_gain.T + solved.state_offset
     exact = np.sum((without_noise - true) ** 2, axis=1) + truncated
-    n_gauges, std = len(of.data_operator), modes.coefficient_std()[:MODES]
+    n_gauges, std = len(of.data_operator), modes.coefficient_std[:MODES]
     relative = relative_condition(
         solved.state_operator,
         strain_norm=PUBLISHED_STRAIN * np.sqrt(n_gauges),

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
-from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 from builder.inverse.cases.field import data_informed_modes, project_on_modes
-from builder.inverse.cases.prior import LowRankPrior
 from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
@@ -17,6 +15,7 @@ from builder.reproduce.setups import SetUp
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import LowRankPrior
 from strainfmu.estimator.regularisation import (
     RULES,
     DataSpectrum,
@@ -25,6 +24,7 @@ from strainfmu.estimator.regularisation import (
     measured_data,
     select_gamma,
 )
+from strainfmu.estimator.state_map import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 

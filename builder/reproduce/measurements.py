@@ -7,9 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.cases.case_1 import relative_condition
-from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
-from builder.inverse.modes.pod import PressureModes
 from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
@@ -20,6 +17,8 @@ from builder.reproduce.strain_models import StrainModel
 from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.pressure_modes import LowRankPrior, PressureModes, prior_of_snapshots
+from strainfmu.estimator.state_map import relative_condition
 
 SMOOTH_DEGREE = 6
 """Degree in x of the pressures that resolve the symmetry classes."""
@@ -56,7 +55,7 @@ class ReadingRow:
 def relative_condition_of(model: StrainModel, modes: PressureModes, names: list[str]) -> float:
     """Return K of the gauges ``names`` in the source's scaling (|d| = 100 um/m per gauge, q of unit rms norm)."""
     z = model.of(names) @ modes.modes[:, :MODES]
-    scale = float(np.linalg.norm(modes.coefficient_std()[:MODES]))
+    scale = float(np.linalg.norm(modes.coefficient_std[:MODES]))
     return relative_condition(
         z, strain_norm=PUBLISHED_STRAIN * np.sqrt(len(names)), state_norm=1.0, state_scale=scale
     ).value

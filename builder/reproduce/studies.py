@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
 from builder.reproduce.case_1 import (
     Case1Map,
     Case1Study,
@@ -53,6 +52,7 @@ from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_snapshots
 from strainfmu.files import write_bytes_atomically
 
 Progress = Callable[[int, int], None]

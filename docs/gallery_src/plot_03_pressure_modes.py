@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from builder.inverse.modes.pod import proper_orthogonal_decomposition
+from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
 
 vehicle = builder.load_vehicle("coarse.toml")
 snapshots = builder.take_snapshots(vehicle)

@@ -19,10 +19,10 @@ from published_run import check_published_run
 
 import strainfmu
 from builder.campaign.snapshots import load_snapshots
-from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.pipeline.demonstration.flight_trial import score_flight
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
 
 Run = Callable[..., tuple[int, str, str]]
 

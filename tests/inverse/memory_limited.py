@@ -19,9 +19,7 @@ from ensembles import listed_ensemble
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.field import data_informed_modes, field_variance, posterior_samples, project_on_modes
-from builder.inverse.cases.prior import prior_of_snapshots
 from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.structure.mapped_structure import MappedStructure
@@ -31,6 +29,8 @@ from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.pressure_modes import prior_of_snapshots
+from strainfmu.estimator.state_map import gaussian_map
 
 GIB = 2**30
 

@@ -14,9 +14,7 @@ from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.field import estimated_field
-from builder.inverse.cases.prior import LowRankPrior
 from builder.inverse.noise.model import nuisance_modes
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
@@ -25,8 +23,10 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
+from strainfmu.estimator.pressure_modes import LowRankPrior
 from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.estimator.settings import SENSOR_RANGE, default_settings
+from strainfmu.estimator.state_map import gaussian_map
 
 DYNAMIC_PRESSURE = 137970.0
 

@@ -105,7 +105,7 @@ def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
 def sigma_by_bayes(problem: Problem) -> np.ndarray:
     """(5,) sigma of the coefficients by Bayes' rule with the covariance of the problem's own terms, no basis."""
     modes = rolled_modes(problem.ensemble, None)
-    factor = modes.modes * modes.coefficient_std()
+    factor = modes.modes * modes.coefficient_std
     strain = problem.strain_operator @ factor
     loads = problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T
     covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
@@ -147,7 +147,7 @@ def test_the_goal_of_the_field_is_the_posterior_of_pressure(
     study = placement_study(bayes, snapshots, structure, replace(GRID, stations=(1.0, 2.0)))
     problem, own = inverse_problem(bayes, snapshots, structure), list(study.own)
     modes = rolled_modes(problem.ensemble, None)
-    factor = modes.modes * modes.coefficient_std()
+    factor = modes.modes * modes.coefficient_std
     strain = problem.strain_operator @ factor
     noise = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0)
     weighted = np.sqrt(problem.node_area)[:, None] * factor

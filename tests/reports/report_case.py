@@ -13,9 +13,6 @@ from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.cases.case_1 import least_squares_map
-from builder.inverse.cases.case_2 import gaussian_map
-from builder.inverse.cases.state_map import StateMap
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
@@ -26,6 +23,7 @@ from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.state_map import StateMap, gaussian_map, least_squares_map
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 

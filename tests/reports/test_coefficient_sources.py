@@ -62,7 +62,7 @@ def test_truncated_modes_are_what_flying_them_does(case_1: ReportCase) -> None:
     scale = found.std / np.sqrt(np.diag(load_covariance(one)))
     total = np.zeros(5)
     for j in range(len(order.kept), modes.modes.shape[1]):
-        pressure = modes.modes[:, j] * modes.coefficient_std()[j]
+        pressure = modes.modes[:, j] * modes.coefficient_std[j]
         error = load_gain(one) @ (case.problem.strain_operator @ pressure) - case.problem.load_operator @ pressure
         total += (scale * error) ** 2
     row = found.names.index("truncated modes")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from builder.aero.loads.operator import load_operator
-from builder.inverse.cases.prior import prior_of_snapshots
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
 from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows, scatter_rows
@@ -16,6 +15,7 @@ from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel, fourier_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
+from strainfmu.estimator.pressure_modes import prior_of_snapshots
 
 INSIDE = 5474.9
 

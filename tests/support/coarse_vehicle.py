@@ -17,8 +17,6 @@ from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
-from builder.inverse.cases.prior import LowRankPrior, prior_of_snapshots
-from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.truth.revolution.flow_table import FlowTable, flow_table
@@ -28,6 +26,7 @@ from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.model_entries import Resolution, Resolutions
+from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_snapshots, proper_orthogonal_decomposition
 from strainfmu.flight_condition import FlightCondition
 
 COARSE = Resolution(

@@ -12,13 +12,11 @@ from builder.campaign.run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
-from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map
-from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
-from builder.inverse.cases.prior import LowRankPrior
-from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
+from strainfmu.estimator.pressure_modes import LowRankPrior, PressureModes
+from strainfmu.estimator.state_map import GaussianMap, LeastSquaresMap, gaussian_map, least_squares_map
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -47,7 +45,7 @@ def least_squares(case: Case, n_modes: int) -> LeastSquaresMap:
     z = case.strain_operator @ case.modes.modes[:, :n_modes]
     mean_strain = case.strain_operator @ (case.modes.mean - case.internal_pressure)
     noise = noise_model(case, n_modes)
-    return least_squares_map(z, mean_strain, noise.covariance, case.modes.coefficient_std()[:n_modes])
+    return least_squares_map(z, mean_strain, noise.covariance, case.modes.coefficient_std[:n_modes])
 
 
 def gaussian(case: Case, prior: LowRankPrior, gamma: float = 1.0) -> GaussianMap:

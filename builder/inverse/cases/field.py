@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.inverse.cases.case_2 import GaussianMap, WhitenedSpectrum
-from builder.inverse.cases.prior import LowRankPrior
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import LowRankPrior
+from strainfmu.estimator.state_map import GaussianMap, WhitenedSpectrum
 
 NODES_AT_ONCE = 4096
 """Nodes treated together: memory beyond prior and result is the memory of so many rows."""

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from builder.inverse.cases.case_2 import whitened_spectrum
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.state_map import whitened_spectrum
 
 
 def on_observable_states(inverse_map: InverseMap) -> InverseMap:

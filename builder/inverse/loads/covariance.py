@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
-from builder.inverse.cases.state_map import StateMap
 from builder.inverse.noise.model import NoiseModel
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.reference.gain import nominal, state_model
 from strainfmu.estimator.reference.update import model_of
+from strainfmu.estimator.state_map import StateMap
 
 
 def load_covariance_by_terms(

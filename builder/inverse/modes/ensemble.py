@@ -17,12 +17,12 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.pod import PressureModes
 from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import PressureModes
 from strainfmu.flight_condition import FlightCondition
 
 ROLLS = 24

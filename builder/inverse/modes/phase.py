@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.inverse.modes.pod import PressureModes
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.pressure_modes import PressureModes
 
 _SAME = 1e-9
 """Relative difference of standard deviations up to which modes count as a pair."""
@@ -25,7 +25,7 @@ def turned_to_gauges(modes: PressureModes, strain_operator: FloatArray, gauge_no
     strain_operator : (n_d, n_p) Z_p [1/Pa].
     gauge_noise : (n_d, n_d) factor N of the gauges' noise N N' [m/m].
     """
-    std, turned, first = modes.coefficient_std(), modes.modes.copy(), 0
+    std, turned, first = modes.coefficient_std, modes.modes.copy(), 0
     while first < len(std):
         last = first + int(np.sum(std[first:] >= (1.0 - _SAME) * std[first]))
         if last - first > 1:

@@ -12,11 +12,11 @@ from functools import cached_property
 
 import numpy as np
 
-from builder.inverse.modes.pod import PressureModes
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
 from strainfmu.estimator.numerics.whitening import inverse_root
+from strainfmu.estimator.pressure_modes import PressureModes
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def truncated_modes(
     modes : POD of the snapshots.
     kept : number of modes that are states.
     """
-    std = modes.coefficient_std()[kept:]
+    std = modes.coefficient_std[kept:]
     strain, load = strain_of_modes[:, kept:] * std, load_of_modes[:, kept:] * std
     return NoiseTerm("truncated modes", strain, load, scales=True)
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import Problem, Solution
 from builder.reports.findings.coefficient_sources import coefficient_scales
@@ -18,6 +17,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.regularisation import RULES, LCurve, expected_data, l_curve, select_gamma
+from strainfmu.estimator.state_map import GaussianMap, gaussian_map
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241

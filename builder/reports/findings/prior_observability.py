@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.inverse.cases.case_2 import gaussian_map
-from builder.inverse.modes.pod import PressureModes
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.solution import Problem, Solution, mode_choice, pressure_modes
 from builder.reports.findings.symmetry_classes import class_fractions, mirror_operators, symmetric_part
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.estimator.pressure_modes import PressureModes
+from strainfmu.estimator.state_map import gaussian_map
 
 MIN_FRACTION = 1e-6
 """Fraction of the variance below which a class counts as empty."""
@@ -82,7 +82,7 @@ def prior_observability(
     """Return what the gauges of ``problem`` observe of its snapshots, with the map of ``solution``."""
     entry = problem.entry
     modes = pressure_modes(problem)
-    std, strain = modes.coefficient_std(), problem.strain_operator @ modes.modes
+    std, strain = modes.coefficient_std, problem.strain_operator @ modes.modes
     error, best = _error_factor(problem, solution, modes, strain), _best_error_factor(problem, modes, strain)
     is_state = np.zeros(len(std), dtype=bool)
     is_state[list(mode_choice(problem, modes).kept) if entry.case == 1 else slice(entry.prior_modes)] = True
@@ -128,13 +128,13 @@ def _error_factor(problem: Problem, solution: Solution, modes: PressureModes, st
     """Return C (k, k + noise columns) [Pa]: C C' is the covariance of the map's error in modal coefficients."""
     held = modes.coefficients(solution.field_modes.T + modes.mean).T
     gain = held @ solution.solved.strain_gain
-    of_modes = (np.eye(len(held)) - gain @ strain) * modes.coefficient_std()
+    of_modes = (np.eye(len(held)) - gain @ strain) * modes.coefficient_std
     return np.hstack([of_modes, *(gain @ term.strain for term in problem.noise)])
 
 
 def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArray) -> FloatArray:
     """Return the same (k, k) [Pa] of the Bayesian estimate with all modes as states."""
-    std, noise = modes.coefficient_std(), NoiseModel(problem.noise)
+    std, noise = modes.coefficient_std, NoiseModel(problem.noise)
     solved = gaussian_map(strain * std, np.zeros(len(strain)), noise.covariance)
     return std[:, None] * solved.error_factor()
 

@@ -13,8 +13,6 @@ from state_estimates import precision_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.cases.baselines import unweighted_gain
-from builder.inverse.cases.case_1 import LeastSquaresMap, least_squares_map, relative_condition
-from builder.inverse.modes.pod import PressureModes
 from builder.inverse.problem import gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
@@ -24,6 +22,8 @@ from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.pressure_modes import PressureModes
+from strainfmu.estimator.state_map import LeastSquaresMap, least_squares_map, relative_condition
 
 pytestmark = pytest.mark.fast
 
@@ -37,7 +37,7 @@ def solved(case: Case) -> LeastSquaresMap:
 
 def states(modes: PressureModes, n: int = 8) -> np.ndarray:
     """(n, 5) states of the size they have over the snapshots [Pa]."""
-    return np.random.default_rng(5).normal(size=(n, N_MODES)) * modes.coefficient_std()[:N_MODES]
+    return np.random.default_rng(5).normal(size=(n, N_MODES)) * modes.coefficient_std[:N_MODES]
 
 
 def test_strain_of_modes_gives_the_states_back(case: Case, solved: LeastSquaresMap) -> None:
@@ -46,7 +46,7 @@ def test_strain_of_modes_gives_the_states_back(case: Case, solved: LeastSquaresM
     pressure = case.modes.mean + q @ case.modes.modes[:, :N_MODES].T
     strain = (pressure - case.internal_pressure) @ case.strain_operator.T
     found = strain @ solved.strain_gain.T + solved.state_offset
-    np.testing.assert_allclose(found, q, rtol=0.0, atol=1e-9 * case.modes.coefficient_std()[0])
+    np.testing.assert_allclose(found, q, rtol=0.0, atol=1e-9 * case.modes.coefficient_std[0])
 
 
 def test_gain_is_a_left_inverse(solved: LeastSquaresMap) -> None:
@@ -92,7 +92,7 @@ def test_gauges_in_another_order_and_scale_give_the_same_state(solved: LeastSqua
         scale[:, None] * solved.state_operator[order],
         scale * solved.mean_strain[order],
         np.outer(scale, scale) * solved.noise_covariance[np.ix_(order, order)],
-        case.modes.coefficient_std()[:N_MODES],
+        case.modes.coefficient_std[:N_MODES],
     )
     expected = solved.strain_gain[:, order] / scale
     np.testing.assert_allclose(changed.strain_gain, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
@@ -109,7 +109,7 @@ def test_rotated_gauges_give_the_same_state(case: Case, solved: LeastSquaresMap)
         rotation @ solved.state_operator,
         rotation @ solved.mean_strain,
         0.5 * (covariance + covariance.T),
-        case.modes.coefficient_std()[:N_MODES],
+        case.modes.coefficient_std[:N_MODES],
     )
     expected = solved.strain_gain @ rotation.T
     np.testing.assert_allclose(changed.strain_gain, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
@@ -121,7 +121,7 @@ def test_rotated_gauges_give_the_same_state(case: Case, solved: LeastSquaresMap)
 
 def test_residual_does_not_see_the_kept_modes(case: Case, solved: LeastSquaresMap) -> None:
     """P Z = 0, and L' P L is a projection of rank n_d - r, C = L L'."""
-    spread = case.modes.coefficient_std()[:N_MODES]
+    spread = case.modes.coefficient_std[:N_MODES]
     strain, precision = solved.state_operator * spread, precision_of(solved)
     scale = np.abs(precision).max() * np.abs(strain).max()
     np.testing.assert_allclose(precision @ strain, 0.0, atol=1e-10 * scale)
@@ -148,7 +148,7 @@ def test_more_modes_than_gauges_or_snapshots_are_refused(
 def test_gauges_that_read_the_same_are_refused(case: Case) -> None:
     same = np.tile((case.strain_operator @ case.modes.modes[:, :3])[:1], (8, 1))
     with pytest.raises(InputError, match=r"the 8 gauges do not identify 3 modes \(condition number"):
-        least_squares_map(same, np.zeros(8), np.eye(8), case.modes.coefficient_std()[:3])
+        least_squares_map(same, np.zeros(8), np.eye(8), case.modes.coefficient_std[:3])
 
 
 def test_relative_condition_number_is_the_published_expression(case: Case) -> None:
@@ -168,7 +168,7 @@ def test_relative_condition_number_is_the_published_expression(case: Case) -> No
 def test_relative_condition_number_bounds_the_error(case: Case) -> None:
     """|dq|/|q| <= K |dd|/|d| for ordinary least squares, and the worst perturbation reaches it."""
     z = case.strain_operator @ case.modes.modes[:, :N_MODES]
-    q = case.modes.coefficient_std()[:N_MODES]
+    q = case.modes.coefficient_std[:N_MODES]
     d = z @ q
     k = relative_condition(z, float(np.linalg.norm(d)), float(np.linalg.norm(q)), 1.0).value
     gain = unweighted_gain(z)
@@ -184,7 +184,7 @@ def test_relative_condition_number_bounds_the_error(case: Case) -> None:
 
 def test_relative_condition_number_without_a_scale_is_refused(case: Case) -> None:
     z = case.strain_operator @ case.modes.modes[:, :N_MODES]
-    with pytest.raises(InputError, match=r"state scale 0.0 found, must be positive"):
+    with pytest.raises(InputError, match=r"state scale: expected a positive number, got 0.0"):
         relative_condition(z, 1e-4, 1.0, 0.0)
     with pytest.raises(InputError, match="K is infinite"):
         relative_condition(z[:3], 1e-4, 1.0, 1.0)
@@ -217,7 +217,7 @@ def test_estimator_recovers_the_coefficients(
     inverse_map = inverse_map_of(changed, snapshots, structure, problem, solution)
     estimator = Estimator(inverse_map)
     # Of about the size that they have over the snapshots.
-    amplitude = 0.3 * np.linalg.norm(case.modes.coefficient_std()) / np.sqrt(N_MODES)
+    amplitude = 0.3 * np.linalg.norm(case.modes.coefficient_std) / np.sqrt(N_MODES)
     states_of_flights = amplitude * np.random.default_rng(5).normal(size=(3, solution.field_modes.shape[1]))
     mean = solution.mean - problem.ensemble.fixed_pressure
     ratio = 1.0 if form == "absolute" else 2.0

@@ -9,11 +9,15 @@ from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.cases.baselines import minimum_norm_pressure
-from builder.inverse.cases.case_2 import GaussianMap, gaussian_map
 from builder.inverse.cases.field import estimated_field
-from builder.inverse.cases.prior import LowRankPrior, prior_of_modes, prior_of_snapshots
-from builder.inverse.modes.pod import proper_orthogonal_decomposition
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import (
+    LowRankPrior,
+    prior_of_modes,
+    prior_of_snapshots,
+    proper_orthogonal_decomposition,
+)
+from strainfmu.estimator.state_map import GaussianMap, gaussian_map
 
 pytestmark = pytest.mark.fast
 
@@ -274,7 +278,7 @@ def test_prior_of_all_modes_is_that_of_the_snapshots(case: Case, prior_snapshots
 def test_wrong_numbers_are_refused(case: Case, prior_snapshots: Snapshots) -> None:
     a, m, covariance = small_case()
     for gamma in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match=r"map.gamma: .* found, must be positive and finite"):
+        with pytest.raises(InputError, match=r"gamma: expected a positive number, got"):
             gaussian_map(a, m, covariance, gamma)
     with pytest.raises(InputError, match="symmetric and positive definite"):
         gaussian_map(a, m, -covariance)

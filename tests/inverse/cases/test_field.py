@@ -7,7 +7,6 @@ import pytest
 from inverse_case import Case, gaussian
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.case_2 import gaussian_map
 from builder.inverse.cases.field import (
     data_informed_modes,
     estimated_field,
@@ -15,9 +14,9 @@ from builder.inverse.cases.field import (
     posterior_samples,
     project_on_modes,
 )
-from builder.inverse.cases.prior import LowRankPrior
-from builder.inverse.modes.pod import area_weights
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import LowRankPrior, area_weights
+from strainfmu.estimator.state_map import gaussian_map
 
 
 def test_modes_are_orthogonal_in_the_data(case: Case, prior: LowRankPrior) -> None:

@@ -10,9 +10,8 @@ from inverse_case import Case, gaussian
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
-from builder.inverse.cases.case_2 import GaussianMap, gaussian_map, whitened_spectrum
-from builder.inverse.cases.prior import LowRankPrior
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import LowRankPrior
 from strainfmu.estimator.regularisation import (
     RULES,
     DataSpectrum,
@@ -23,6 +22,7 @@ from strainfmu.estimator.regularisation import (
     measured_data,
     select_gamma,
 )
+from strainfmu.estimator.state_map import GaussianMap, gaussian_map, whitened_spectrum
 
 pytestmark = pytest.mark.fast
 

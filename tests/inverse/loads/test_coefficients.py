@@ -12,12 +12,11 @@ from state_estimates import load_gain_of, precision_of
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.case_1 import least_squares_map
-from builder.inverse.cases.case_2 import gaussian_map
-from builder.inverse.cases.prior import LowRankPrior, prior_of_modes
 from builder.inverse.loads.covariance import coefficient_covariance, load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_modes
+from strainfmu.estimator.state_map import gaussian_map, least_squares_map
 
 N_MODES = 5
 N_DRAWS = 20_000
@@ -67,7 +66,7 @@ def test_covariance_is_that_of_draws(case: Case) -> None:
     """20,000 draws: 1 sigma holds 68.3 +- 1.5 % (4.5 errors), both chi-squares their means to 3 errors."""
     solved, covariance = least_squares(case, N_MODES), covariance_of(case)
     random = np.random.default_rng(9)
-    spread = case.modes.coefficient_std()
+    spread = case.modes.coefficient_std
     states = random.normal(size=(N_DRAWS, len(spread))) * spread
     noise = random.normal(size=(N_DRAWS, len(case.noise_std))) * case.noise_std
     strain = states @ (case.strain_operator @ case.modes.modes).T + noise
@@ -96,7 +95,7 @@ def test_noise_enters_squared_where_nothing_is_truncated(case: Case) -> None:
     found = []
     for factor in (1.0, 10.0):
         noise = NoiseModel((gauge_noise(np.diag((factor * case.noise_std) ** 2)),))
-        solved = least_squares_map(z, np.zeros(len(z)), noise.covariance, case.modes.coefficient_std()[:3])
+        solved = least_squares_map(z, np.zeros(len(z)), noise.covariance, case.modes.coefficient_std[:3])
         found.append(load_covariance_by_terms(solved, case.loads @ case.modes.modes[:, :3], noise))
     np.testing.assert_allclose(found[1], 100.0 * found[0], rtol=1e-9, atol=1e-9 * np.abs(found[1]).max())
 
@@ -132,7 +131,7 @@ def test_case_2_with_a_cut_prior_counts_what_is_cut(case: Case) -> None:
     per_state, x = case.loads @ prior.factor, noise.strain_load_covariance
     covariance = load_covariance_by_terms(solved, per_state, noise, x)
     random = np.random.default_rng(21)
-    states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
+    states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std
     measured = states @ (case.strain_operator @ case.modes.modes).T
     measured += random.normal(size=measured.shape) * case.noise_std
     estimate = measured @ load_gain_of(solved, per_state, x).T

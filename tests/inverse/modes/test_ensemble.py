@@ -81,7 +81,7 @@ def test_modes_are_those_of_all_rolled_flows(weighted: bool) -> None:
     np.testing.assert_allclose(found.mean, mean, rtol=0.0, atol=1e-10 * np.abs(mean).max())
     # The same at all nodes of a ring: all of them together are at every roll angle.
     assert np.ptp(found.mean.reshape(N_X, ROLLS), axis=1).max() == 0.0
-    variance = found.coefficient_std() ** 2
+    variance = found.coefficient_std**2
     assert np.all(np.diff(variance) <= 1e-12 * variance[0])
     v = found.modes
     np.testing.assert_allclose(v.T @ (w[:, None] * v), np.eye(v.shape[1]), rtol=0.0, atol=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.inverse.modes.phase import turned_to_gauges
-from builder.inverse.modes.pod import PressureModes
+from strainfmu.estimator.pressure_modes import PressureModes
 
 pytestmark = pytest.mark.fast
 

@@ -7,9 +7,9 @@ import pytest
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.modes.pod import area_weights, proper_orthogonal_decomposition
 from builder.structure.fourier.model import StructuralModel
 from strainfmu.errors import InputError
+from strainfmu.estimator.pressure_modes import area_weights, proper_orthogonal_decomposition
 
 pytestmark = pytest.mark.fast
 
@@ -53,7 +53,7 @@ def test_five_modes_hold_99_percent(snapshots: Snapshots) -> None:
 def test_coefficients_have_the_stated_spread(snapshots: Snapshots) -> None:
     modes = proper_orthogonal_decomposition(snapshots.pressure)
     coefficients = (snapshots.pressure - modes.mean) @ modes.modes
-    np.testing.assert_allclose(coefficients.std(axis=0, ddof=1)[:40], modes.coefficient_std()[:40], rtol=1e-8)
+    np.testing.assert_allclose(coefficients.std(axis=0, ddof=1)[:40], modes.coefficient_std[:40], rtol=1e-8)
     covariance = np.cov(coefficients[:, :10].T)
     np.testing.assert_allclose(covariance, np.diag(np.diag(covariance)), atol=1e-9 * covariance[0, 0])
 
@@ -100,7 +100,7 @@ def test_weighted_modes_are_orthonormal_in_area(snapshots: Snapshots, weights: n
     energy = np.sum(weights * (snapshots.pressure - modes.mean) ** 2)
     assert np.sum(modes.singular_values**2) == pytest.approx(energy, rel=1e-10)
     np.testing.assert_allclose(
-        modes.coefficients(snapshots.pressure).std(axis=0, ddof=1)[:20], modes.coefficient_std()[:20], rtol=1e-7
+        modes.coefficients(snapshots.pressure).std(axis=0, ddof=1)[:20], modes.coefficient_std[:20], rtol=1e-7
     )
 
 

@@ -14,7 +14,6 @@ from state_estimates import load_gain_of
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.cases.case_1 import least_squares_map
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.gauge_derivatives import strain_derivatives
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
@@ -38,6 +37,7 @@ from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.reference.gain import load_covariance
+from strainfmu.estimator.state_map import least_squares_map
 
 pytestmark = pytest.mark.fast
 
@@ -89,7 +89,7 @@ def test_marginalised_nuisance_is_that_estimated_along_and_dropped(case: Case) -
     random = np.random.default_rng(3)
     columns, spread = random.normal(size=(54, 3)), np.array([1e-6, 3e-6, 1e-5])
     covariance = NoiseModel((gauge_noise(np.diag(std**2)), nuisance_modes("heat", columns, spread))).covariance
-    scale = case.modes.coefficient_std()[:N_MODES]
+    scale = case.modes.coefficient_std[:N_MODES]
     marginal = least_squares_map(z, np.zeros(54), covariance, scale)
     joint = np.block(
         [[z * scale / std[:, None], columns * spread / std[:, None]], [np.zeros((3, N_MODES)), np.eye(3)]]
@@ -106,13 +106,13 @@ def test_thermal_strain_is_covered_with_its_term_and_not_without(case: Case) -> 
     random = np.random.default_rng(4)
     heat = nuisance_modes("heat", np.ones((54, 1)), np.array([1e-5]))
     default = noise_model(case, N_MODES)
-    states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std()
+    states = random.normal(size=(4000, case.modes.modes.shape[1])) * case.modes.coefficient_std
     strain = states @ (case.strain_operator @ case.modes.modes).T
     strain += random.normal(size=strain.shape) * case.noise_std + 1e-5 * random.normal(size=(4000, 1))
     truth = states @ (case.loads @ case.modes.modes).T
     coverage = []
     for model in (NoiseModel((*default.terms, heat)), default):
-        solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std()[:N_MODES])
+        solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std[:N_MODES])
         std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model)))
         error = np.abs(strain @ solved.strain_gain.T @ per_state.T - truth)
         coverage.append((error < 3.0 * std).mean(axis=0))
@@ -212,7 +212,7 @@ def test_gauge_errors_are_covered_with_their_term_and_not_without(
     z, default = case.strain_operator @ case.modes.modes[:, :N_MODES], noise_model(case, N_MODES)
     coverage = []
     for model in (NoiseModel((*default.terms, term)), default):
-        solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std()[:N_MODES])
+        solved = least_squares_map(z, np.zeros(54), model.covariance, case.modes.coefficient_std[:N_MODES])
         x = model.strain_load_covariance
         gain = load_gain_of(solved, per_state, x)
         std = np.sqrt(np.diag(load_covariance_by_terms(solved, per_state, model, x)))
