@@ -359,11 +359,11 @@ def linear_map(
     else:
         if gamma not in (None, 0):
             raise InputError(f"gamma: expected none with modes={modes}: Case 1 has no prior, got {gamma!r}")
-        pod = leading_modes(prior, modes, _node_areas(weights, len(net_mean)))
+        pod, coefficients = leading_modes(prior, modes, _node_areas(weights, len(net_mean)))
         fields, of_modes, per_state = pod.modes, np.asarray(operator @ pod.modes), G @ pod.modes
         joint = np.zeros((len(strain) + len(load), 0))
         if truncated_noise:
-            kept = np.vstack([of_modes, per_state]) @ pod.of_deviations(prior.factor.T).T
+            kept = np.vstack([of_modes, per_state]) @ coefficients
             joint = _fewer_columns(np.vstack([strain, load]) - kept)
         of_errors, load_of_errors = joint[: len(strain)], joint[len(strain) :]
         covariance = noise + of_errors @ of_errors.T

@@ -56,11 +56,8 @@ class PressureModes:
 
     def coefficients(self, pressure: FloatArray) -> FloatArray:
         """Return c = V^T W (p - mean), (N, k) [Pa], of pressures (N, n_p) [Pa]."""
-        return self.of_deviations(pressure - self.mean)
-
-    def of_deviations(self, deviation: FloatArray) -> FloatArray:
-        """Return the same of deviations p - mean (N, n_p) [Pa]."""
-        return (deviation if self.weights is None else deviation * self.weights) @ self.modes
+        centred = pressure - self.mean
+        return (centred if self.weights is None else centred * self.weights) @ self.modes
 
 
 def mean_snapshot(snapshots: FloatArray) -> FloatArray:
@@ -151,15 +148,19 @@ def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray |
     modes = left[:, kept] if weights is None else left[:, kept] / np.sqrt(weights)[:, None]
     return PressureModes(
         mean=mean,
-        modes=_signed(modes),
+        modes=modes * _sign(modes),
         singular_values=singular_values[kept],
         n_snapshots=len(snapshots),
         weights=weights,
     )
 
 
-def leading_modes(prior: LowRankPrior, r: int, weights: FloatArray | None = None) -> PressureModes:
-    """Return the first ``r`` modes of the snapshots of ``prior``, for a fraction of the work that all modes take.
+def leading_modes(
+    prior: LowRankPrior, r: int, weights: FloatArray | None = None
+) -> tuple[PressureModes, FloatArray]:
+    """Return the first ``r`` modes of the snapshots of ``prior``, and the coefficients V^T W F (r, N) of F [Pa].
+
+    It takes a fraction of the work that all modes take.
 
     The method of snapshots (Sirovich 1987): eigenvectors of F^T W F (N, N). Squaring costs weak modes digits, so
     modes and singular values are solved again within the leading ones (Rayleigh and Ritz).
@@ -173,27 +174,29 @@ def leading_modes(prior: LowRankPrior, r: int, weights: FloatArray | None = None
     if isinstance(r, bool) or int(r) != r or not 1 <= r < n_snapshots:
         raise InputError(f"modes: expected 1 to {n_snapshots - 1} with {n_snapshots} snapshots, got {r}")
     root = 1.0 if weights is None else np.sqrt(weights)[:, None]
-    values, vectors = np.linalg.eigh(fields.T @ (fields if weights is None else fields * weights[:, None]))
-    leading = vectors[:, ::-1][:, : min(2 * r + 10, n_snapshots)]
-    basis, _ = np.linalg.qr(root * (fields @ leading))
-    left, std, _ = np.linalg.svd((root * basis).T @ fields, full_matrices=False)
+    scaled = fields if weights is None else root * fields
+    values, vectors = np.linalg.eigh(scaled.T @ scaled)
+    basis, _ = np.linalg.qr(scaled @ vectors[:, ::-1][:, : min(r + 10, n_snapshots)])
+    left, std, right = np.linalg.svd(basis.T @ scaled, full_matrices=False)
     if not std[r - 1] > ROUND_OFF * std[0]:
         count = int(np.sum(std > ROUND_OFF * std[0]))
         raise InputError(f"modes: expected at most {count}, the modes that the snapshots have, got {r}")
-    scale = np.sqrt(n_snapshots - 1)
-    return PressureModes(
+    scale, modes = np.sqrt(n_snapshots - 1), (basis @ left[:, :r]) / root
+    sign = _sign(modes)
+    pod = PressureModes(
         mean=prior.mean,
-        modes=_signed((basis @ left[:, :r]) / root),
+        modes=modes * sign,
         singular_values=scale * std[:r],
         n_snapshots=n_snapshots,
         weights=weights,
         total_energy=float(scale**2 * values.sum()),
     )
+    return pod, (sign * std[:r])[:, None] * right[:r]
 
 
-def _signed(modes: FloatArray) -> FloatArray:
-    """Return ``modes`` with their largest entries positive, so that results repeat."""
-    return modes * np.sign(modes[np.abs(modes).argmax(axis=0), np.arange(modes.shape[1])])
+def _sign(modes: FloatArray) -> FloatArray:
+    """Return (k,) signs with which the largest entry of each mode is positive, so that results repeat."""
+    return np.sign(modes[np.abs(modes).argmax(axis=0), np.arange(modes.shape[1])])
 
 
 def area_weights(node_area: FloatArray) -> FloatArray:
