@@ -14,8 +14,8 @@ states.
 
 The sections of a case stand with what they do: :class:`~builder.trial.conditions.Where`,
 :class:`~builder.trial.faults.Fault`, :class:`~builder.trial.faults.Lost`, :class:`~builder.trial.added.Inertia`,
-:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.heating.Heating` and
-:class:`~builder.trial.motion.Motion`; others are here.
+:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.ground.GroundTest`,
+:class:`~builder.trial.heating.Heating` and :class:`~builder.trial.motion.Motion`; others are here.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from builder.trial.added import Inertia
 from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, is_inside
 from builder.trial.faults import Fault, Lost
 from builder.trial.flows import Flow
+from builder.trial.ground import GroundTest, GroundTests
 from builder.trial.heating import Heating
 from builder.trial.motion import Motion
 from builder.vehicle.file import Vehicle
@@ -149,6 +150,7 @@ class Case(Section):
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
     covered_at_least : smallest share of covered samples of each load that is aimed at [%].
     over_single_at_most : largest rms error of a filter over the one of single samples that is aimed at.
+    over_exact_at_most : largest rms error after a ground test over the one of the exactly known vehicle.
     """
 
     model_config = ConfigDict(populate_by_name=True)
@@ -170,12 +172,14 @@ class Case(Section):
     heating: Heating | None = None
     friction: float = 0.0
     lost: Lost | None = None
+    ground: GroundTest | None = None
     over_time: OverTime | None = None
     motion: Motion | None = None
     tenths_by: list[str] = Field(default_factory=list)
     flagged_at_least: float | None = None
     covered_at_least: float | None = None
     over_single_at_most: float | None = None
+    over_exact_at_most: float | None = None
 
     @property
     def name(self) -> str:
@@ -242,12 +246,13 @@ class Compare(Section):
 
 
 class TrialFile(Section):
-    """The whole file: cases, or a closed loop."""
+    """The whole file: cases, of ground tests or of flights alone, or a closed loop."""
 
     trial: Plan = Plan()
     group: list[Group] = Field(default_factory=list)
     closed_loop: ClosedLoop | None = None
     compare: Compare | None = None
+    ground: GroundTests | None = None
 
     @property
     def cases(self) -> list[Case]:

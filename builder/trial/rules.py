@@ -77,6 +77,8 @@ def judged(case: Case, rows: Sequence[Row]) -> tuple[str, str]:
         limits = (*limits, Limit(column="covered_percent", of_each=True, low=case.covered_at_least))
     if case.over_single_at_most is not None:
         limits = (*limits, Limit(column="over_single", of_each=True, high=case.over_single_at_most))
+    if case.over_exact_at_most is not None:
+        limits = (*limits, Limit(column="over_exact", of_each=True, high=case.over_exact_at_most))
     verdicts = [limit.verdict(rows) for limit in limits]
     for verdict in (MISSED, OPEN):
         if texts := [text for name, text in verdicts if name == verdict]:

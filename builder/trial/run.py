@@ -130,7 +130,7 @@ def scored(
         bounded = every if bound is None else replace(every, bound=bound[every.flight])
         rows[name] = rows_of((*COEFFICIENT_NAMES, *sixth)[: made.value.shape[1]], made, bounded)
         if case.lost is not None:
-            _add_worst_set(rows[name], parts[name], read)
+            add_worst_set(rows[name], parts[name], read)
         if case.motion is not None:
             ratio = _over_single(made, *single(name.partition(" ")[0]), every)
             for row, value in zip(rows[name][1:], ratio.tolist(), strict=True):
@@ -154,8 +154,8 @@ def _tenths(case: Case, estimator: str, made: Estimates, read: Readings) -> list
     return [{**row, "verdict": NONE, "why": ""} for row in labelled(case, estimator, rows)]
 
 
-def _add_worst_set(rows: list[Row], made: Sequence[Estimates], read: Sequence[Readings]) -> None:
-    """Add the set of lost gauges with the smallest coverage of each load, and the coverage [%], to ``rows``."""
+def add_worst_set(rows: list[Row], made: Sequence[Estimates], read: Sequence[Readings]) -> None:
+    """Add the set of readings with the smallest coverage of each load, and the coverage [%], to ``rows``."""
     names = [row["load"] for row in rows[1:]]
     of_sets = [rows_of(names, *both) for both in zip(made, read, strict=True)]
     for number, row in enumerate(rows):

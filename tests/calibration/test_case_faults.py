@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from drawn_tests import applied_by, drawn_readings
 
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.faults import Fault, calibrate_with_faults, named_faults, too_many
@@ -13,26 +14,13 @@ from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
-from builder.calibration.score.faults import drawn_readings, spoils
-from builder.calibration.score.wrong_cases import applied_by, case_spoils, case_statistics
+from builder.calibration.score.wrong_cases import Spoil, case_spoils, gauge_spoils, with_another
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import prior_std
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 
 ERRORS = LoadErrors()
-KINDS = (
-    "kgf",
-    "lbf",
-    "case sign",
-    "no load",
-    "duplicate",
-    "mislabelled",
-    "interchanged",
-    "attitude",
-    "10 kg more",
-    "balanced again",
-)
 
 
 @pytest.fixture(scope="module", params=[0.05e-6, 0.5e-6], ids=["noise 0.05 um/m", "noise 0.5 um/m"])
@@ -47,27 +35,38 @@ def model(vehicle: Vehicle, as_built: AsBuiltStructure, request: pytest.FixtureR
     return ReadingsModel(as_built, test, prior_std(vehicle.calibration, as_built.counts))
 
 
+def blamed_of(model: ReadingsModel, spoil: Spoil, seed: list[int]) -> tuple[dict[str, str], dict[str, str]]:
+    """Return what is blamed in a spoiled test, and what should be."""
+    random = np.random.default_rng(seed)
+    reading, vector = drawn_readings(model, random)
+    wanted = spoil(reading, random, applied_by(model, vector))
+    spoiled = model.with_readings(reading)
+    return {one.where: one.kind for one in named_faults(spoiled, usable(spoiled))}, wanted
+
+
 def test_sound_tests_and_faulty_gauges_blame_no_case(model: ReadingsModel) -> None:
+    sound: Spoil = lambda reading, random, applied: {}  # noqa: E731
     for draw in range(10):
-        random = np.random.default_rng([draw, 1])
-        for spoil in spoils(model).values():
-            reading, _ = drawn_readings(model, random)
-            wanted = spoil(reading, random)
-            spoiled = model.with_readings(reading)
-            assert {one.where for one in named_faults(spoiled, usable(spoiled))} <= set(wanted)
+        for number, spoil in enumerate((sound, *gauge_spoils(model.structure.gauges.names).values())):
+            blamed, wanted = blamed_of(model, spoil, [draw, 1, number])
+            assert set(blamed) <= set(wanted)
 
 
 def test_each_error_of_a_case_is_named(model: ReadingsModel) -> None:
-    assert set(case_spoils(model.test)) == set(KINDS)
-    for row in case_statistics(model, 3):
-        assert (row["others blamed"], row["gauges blamed"]) == (0, 0), row
-        assert row["named"] == 3 or row["fault"] in ("10 kg more", "mislabelled"), row
+    for number, (name, spoil) in enumerate(case_spoils(model.test).items()):
+        for draw in range(3):
+            blamed, wanted = blamed_of(model, spoil, [draw, 7, number, 0])
+            assert set(blamed) <= set(wanted), name
+            assert blamed == wanted or name in ("10 kg more", "mislabelled"), name
 
 
 def test_two_errors_are_named(model: ReadingsModel) -> None:
-    rows = list(case_statistics(model, 1, pairs=True))
-    assert sum(row["named"] for row in rows) >= 0.7 * len(rows)
-    assert not any(row["gauges blamed"] for row in rows)
+    spoils = case_spoils(model.test)
+    pairs = [
+        blamed_of(model, with_another(spoils, spoil), [0, 7, k, 1]) for k, spoil in enumerate(spoils.values())
+    ]
+    assert sum(blamed == wanted for blamed, wanted in pairs) >= 0.7 * len(pairs)
+    assert not any(set(blamed) & set(model.structure.gauges.names) for blamed, _ in pairs)
 
 
 def test_the_vehicle_is_estimated_without_the_case(model: ReadingsModel) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from as_built_case import TITANIUM
+from drawn_tests import drawn_readings
 
 from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
 from builder.calibration.estimate.cause import Cause
@@ -19,7 +20,6 @@ from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_cases
-from builder.calibration.score.faults import drawn_readings
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.loads.applied import Load, PadForce, PointForce, Weight

@@ -1,31 +1,20 @@
-"""How surely a load case that is not as stated is found and named, over vehicles and load errors drawn at random.
-
-python -m builder.calibration.score.wrong_cases VEHICLE --draws 40 --cases 12 --pairs
-"""
+"""What goes wrong in ground tests: errors of load cases, of gauges, of the vehicle, and what should be named."""
 
 from __future__ import annotations
 
-import argparse
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from builder.calibration.estimate.faults import named_faults
-from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.vehicle import usable
-from builder.calibration.ground_test.load_changes import CellErrors, as_applied, hanging, is_along
-from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
-from builder.calibration.score.faults import drawn_readings
-from builder.calibration.score.setup import HARMONICS, blank_test, properties_of
-from builder.structure.as_built.structure import OF_MASS, as_built_structure
-from builder.structure.as_built.vehicle import prior_std
+from builder.calibration.ground_test.load_changes import DIRECTED, CellErrors, as_applied, hanging, is_along
+from builder.calibration.ground_test.load_test import LoadTest
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.loads.applied import STANDARD_GRAVITY, Load, PadForce, Weight
-from builder.vehicle.file import load_vehicle
+from builder.trial.faults import MICRO
+from builder.trial.ground import GroundTest
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 
 Spoil = Callable[[FloatArray, np.random.Generator, "AppliedTest"], dict[str, str]]
 """Changes readings (n_cases, n_d) of a test in place and returns what should be named: where and kind."""
@@ -60,35 +49,28 @@ class AppliedTest:
         return np.asarray(std * random.standard_normal(len(std)))
 
 
-def applied_by(model: ReadingsModel, vector: FloatArray) -> AppliedTest:
-    """Return the test of the vehicle ``vector`` (n,) of a model."""
-    built = model.built(vector)
-    zero = model.errors(vector).zero[[model.groups.index(case.group) for case in model.test.cases]]
-    weight = np.zeros_like(zero)
-    for (case, one), own in zip(model.loads, model.load_strains(built), strict=True):
-        weight[case] += own if isinstance(one.load, OF_MASS) else 0.0
-    return AppliedTest(
-        test=model.test,
-        strain=model.readings(vector) - zero,
-        weight=weight,
-        zero=zero,
-        of_load=lambda load, stated: model.structure.response_strain(built, model.structure.response(load)),
-    )
+def loaded_and_weighed(test: LoadTest) -> tuple[list[int], list[int]]:
+    """Return the numbers of the cases with loads, and of own weight alone."""
+    weighs = [all(isinstance(one.load, Weight) for one in case.loads) for case in test.cases]
+    loaded, weighed = (np.flatnonzero(np.array(weighs) == kind).tolist() for kind in (False, True))
+    return loaded, weighed
+
+
+def times_load(test: LoadTest, factor: float, kind: str) -> Spoil:
+    """Return the error of a load that is ``factor`` times as large as stated."""
+    loaded, _ = loaded_and_weighed(test)
+
+    def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+        case = int(random.choice(loaded))
+        reading[case] += (factor - 1.0) * (applied.strain - applied.weight)[case]
+        return {test.cases[case].name: kind}
+
+    return spoil
 
 
 def case_spoils(test: LoadTest) -> dict[str, Spoil]:
     """Return the errors of load cases by name: of their loads, of their readings, of what hangs on them."""
-    names = [case.name for case in test.cases]
-    weighs = [all(isinstance(one.load, Weight) for one in case.loads) for case in test.cases]
-    loaded, weighed = (np.flatnonzero(np.array(weighs) == kind).tolist() for kind in (False, True))
-
-    def by(factor: float, kind: str) -> Spoil:
-        def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
-            case = int(random.choice(loaded))
-            reading[case] += (factor - 1.0) * (applied.strain - applied.weight)[case]
-            return {names[case]: kind}
-
-        return spoil
+    names, (loaded, weighed) = [case.name for case in test.cases], loaded_and_weighed(test)
 
     def two(random: np.random.Generator) -> tuple[int, int]:
         """Return two cases of different loads: one that is repeated may stand for the other."""
@@ -142,16 +124,40 @@ def case_spoils(test: LoadTest) -> dict[str, Spoil]:
         return {names[case]: "balance"}
 
     return {
-        "kgf": by(STANDARD_GRAVITY, "unit"),
-        "lbf": by(4.4482216152605, "unit"),
-        "case sign": by(-1.0, "sign"),
-        "no load": by(0.0, "no load"),
+        "kgf": times_load(test, STANDARD_GRAVITY, "unit"),
+        "lbf": times_load(test, 4.4482216152605, "unit"),
+        "case sign": times_load(test, -1.0, "sign"),
+        "no load": times_load(test, 0.0, "no load"),
         "duplicate": duplicate,
         "mislabelled": mislabelled,
         "interchanged": interchanged,
         **({"attitude": attitude} if weighed else {}),
         "10 kg more": mass,
         "balanced again": balance,
+    }
+
+
+def gauge_spoils(names: tuple[str, ...]) -> dict[str, Spoil]:
+    """Return the errors of gauges by name."""
+
+    def times(factor: float, kind: str) -> Spoil:
+        def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+            gauge = int(random.integers(len(names)))
+            reading[:, gauge] *= factor
+            return {names[gauge]: kind}
+
+        return spoil
+
+    def swapped(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+        a, b = random.choice(len(names), 2, replace=False).tolist()
+        reading[:, [a, b]] = reading[:, [b, a]]
+        return {names[a]: "swapped", names[b]: "swapped"}
+
+    return {
+        "gauges swapped": swapped,
+        "gauge sign": times(-1.0, "sign"),
+        "gauge unit": times(1e-3, "unit"),
+        "dead gauge": times(0.0, "dead"),
     }
 
 
@@ -170,46 +176,54 @@ def with_another(spoils: dict[str, Spoil], first: Spoil) -> Spoil:
     return spoil
 
 
-def case_statistics(model: ReadingsModel, draws: int, pairs: bool = False) -> Iterator[dict[str, Any]]:
-    """Return, for each error of a load case, in how many of ``draws`` it is found, and named as what it is.
-
-    With ``pairs`` another error, of any kind and of another case, is there, too.
-    """
-    spoils = case_spoils(model.test)
-    for number, (name, alone) in enumerate(spoils.items()):
-        spoil = with_another(spoils, alone) if pairs else alone
-        tally = {"found": 0, "named": 0, "others blamed": 0, "gauges blamed": 0}
-        for draw in range(draws):
-            random = np.random.default_rng([draw, 7, number, int(pairs)])
-            reading, vector = drawn_readings(model, random)
-            wanted = spoil(reading, random, applied_by(model, vector))
-            spoiled = model.with_readings(reading)
-            found = {one.where: one.kind for one in named_faults(spoiled, usable(spoiled))}
-            gauges = set(found) & set(model.structure.gauges.names)
-            tally["found"] += set(wanted) <= set(found)
-            tally["named"] += found == wanted
-            tally["others blamed"] += not set(found) <= set(wanted) | gauges
-            tally["gauges blamed"] += bool(gauges)
-        yield {"fault": f"{name} and another" if pairs else name, "draws": draws, **tally}
+def spoil_of(entry: GroundTest, test: LoadTest) -> Spoil:
+    """Return what changes the readings of ``test`` in a case, and returns what should be named."""
+    of_cases = case_spoils(test)
+    every = {**of_cases, **gauge_spoils(test.gauge_names), "wrong load": times_load(test, 1.1, "load")}
+    if entry.wrong is None:
+        return lambda reading, random, applied: _drifting(entry, reading, random, applied)
+    if entry.wrong not in every:
+        raise InputError(f"ground.wrong: expected {', '.join(every)} in this test, got '{entry.wrong}'")
+    return with_another(of_cases, every[entry.wrong]) if entry.and_another else every[entry.wrong]
 
 
-def main() -> None:
-    """Print one line of JSON for each error."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("vehicle", type=Path)
-    parser.add_argument("--draws", type=int, default=40)
-    parser.add_argument("--cases", type=int, default=12)
-    parser.add_argument("--pairs", action="store_true", help="with another error in every test")
-    options = parser.parse_args()
-    vehicle = load_vehicle(options.vehicle)
-    properties = properties_of(vehicle)
-    structure = as_built_structure(vehicle, vehicle.gauges.layout, properties=properties, max_harmonic=HARMONICS)
-    prior = prior_std(vehicle.calibration, structure.counts)
-    test = blank_test(vehicle, structure, options.cases, LoadErrors())
-    model = ReadingsModel(structure, test, prior)
-    for row in case_statistics(model, options.draws, options.pairs):
-        print(json.dumps(row), flush=True)
+def _drifting(
+    entry: GroundTest, reading: FloatArray, random: np.random.Generator, applied: AppliedTest
+) -> dict[str, str]:
+    if entry.drift_um_per_m or entry.hysteresis_percent:
+        time, n_d = np.linspace(0.0, 1.0, len(reading)), reading.shape[1]
+        reading += time[:, None] * MICRO * entry.drift_um_per_m * random.standard_normal(n_d)
+        each = 0.01 * entry.hysteresis_percent * (1.0 + 0.3 * random.standard_normal(n_d))
+        reading[1:] += each * applied.strain[:-1]
+    return {}
 
 
-if __name__ == "__main__":
-    main()
+def with_errors(entry: GroundTest, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle with the errors of a case."""
+    counts, changes = built.counts, dict[str, FloatArray | float]()
+    if entry.mass_percent:
+        changes["mass"] = 0.01 * entry.mass_percent
+    if entry.clamp_m:
+        changes |= {"clamp_axial": entry.clamp_m, "clamp_transverse": entry.clamp_m}
+    if entry.joint_m:
+        changes["joint_softness"] = np.full(counts.joint, entry.joint_m)
+    if entry.modulus_percent:
+        signs = random.choice([-1.0, 1.0], counts.region)
+        changes["region_modulus"] = 0.01 * entry.modulus_percent * signs
+    if entry.taper_percent:
+        changes["wall_taper"] = built.wall_taper + 0.01 * entry.taper_percent
+    if entry.second_harmonic_percent:
+        wave = 0.01 * entry.second_harmonic_percent * random.standard_normal((2, counts.region))
+        changes |= {"wall_second_cosine": wave[0], "wall_second_sine": wave[1]}
+    return built.changed(**changes)
+
+
+def towards_tail(load: Load, tilt_deg: float) -> Load:
+    """Return a force turned towards the tail; its size stays."""
+    if not tilt_deg or not isinstance(load, DIRECTED) or not any(load.force):
+        return load
+    force, angle = np.asarray(load.force), float(np.deg2rad(tilt_deg))
+    size = float(np.linalg.norm(force))
+    turned = np.cos(angle) * force + np.sin(angle) * size * np.array([1.0, 0.0, 0.0])
+    x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
+    return replace(load, force=(x, y, z))

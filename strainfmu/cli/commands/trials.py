@@ -96,7 +96,7 @@ def trial(
 
     The file lists cases: where they fly, what is wrong with vehicle, gauges, air data or flow. A truth model of
     the vehicle flies them. Shipped files: stress, manoeuvres, uncertainty, incidence, false_alarms, lost_gauges,
-    heating; closed_loop takes a scenario of `strainfmu fly` instead of the vehicle.
+    heating, ground_test, ground_test_size; closed_loop takes a scenario of `strainfmu fly` instead of the vehicle.
 
     A load is wrong outside 3 sigma. A sample is flagged when health is neither OK nor DEGRADED, and undetected
     when it is wrong and not flagged. Each fraction has its statistical error; a verdict is ok, missed or open (too
@@ -250,6 +250,7 @@ def _given(snapshots: Path | None, structure: Path | None, rebuild: bool) -> Any
 def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -> TrialResult:
     from builder.pipeline.closed_loop_trial import run_closed_loop
     from builder.pipeline.compare_trial import run_comparison
+    from builder.pipeline.ground_trial import run_ground_tests
     from builder.pipeline.trial_run import run_trial
     from builder.trial.cases import load_trial, trial_path
     from builder.vehicle.file import IC3X, VEHICLES
@@ -261,7 +262,7 @@ def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -
         loop = trial.closed_loop
         result = run_closed_loop(loop, vehicle or VEHICLES / "ic3x_flight.toml", output, reporter, options)
     else:
-        run = run_trial if trial.compare is None else run_comparison
+        run = run_comparison if trial.compare else run_ground_tests if trial.ground else run_trial
         with naming(vehicle or IC3X):
             result = run(path, vehicle or IC3X, output, reporter, options)
     _show(console, result)

@@ -1,7 +1,7 @@
-"""Vehicles of an independent truth for ground tests: a mesh of its own, and a wall that varies smoothly along it.
+"""Vehicles of an independent truth for ground tests: a mesh of its own, and a wall as stated, or a smooth one.
 
-The calibration knows a wall of few regions, each of one thickness. Here thickness, its first harmonic round the
-body and Young's modulus are smooth random functions of the station, of the standard deviations that the section
+The calibration knows a wall of few regions, each of one thickness. Of a smooth wall thickness and its first
+harmonic round the body are smooth random functions of the station, of the standard deviations that the section
 [calibration] states. They are taken piece by piece over other, shorter regions on a finer mesh: thickness
 linearly and without steps, the others by the mean of each piece. The tables of the structure are solved once; all
 vehicles share them.
@@ -13,15 +13,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.calibration.score.setup import HARMONICS, properties_of
 from builder.structure.as_built.response_tables import LoadResponse, together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
+from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from strainfmu.arrays import FloatArray
+
+HARMONICS = 14
+"""Of loads: pads of half angle 30 deg need 12."""
+
+DENSITY = 4430.0
+"""Where the vehicle file names none: titanium [kg/m3]."""
 
 PIECES = 7
 """Regions of the wall of the truth; none of their ends is one of the default regions'."""
@@ -37,23 +43,29 @@ ELEMENT, LAYERS = 0.75, 2
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SmoothVehicles:
+class TestedVehicles:
     """What all vehicles share.
 
     Attributes
     ----------
     structure : of the truth, pressure nodes of its own.
     on_map : the same structure with the pressure nodes and the mesh error of the map.
-    std : what all but the wall is drawn from.
+    std : what all but a smooth wall is drawn from.
+    is_smooth : whether the wall varies smoothly; otherwise it is drawn as the rest.
     """
+
+    __test__ = False
 
     structure: AsBuiltStructure
     on_map: AsBuiltStructure
     std: AsBuilt
+    is_smooth: bool
 
     def drawn(self, random: np.random.Generator) -> AsBuilt:
-        """Return one vehicle; its joint is as stiff as the wall."""
+        """Return one vehicle; the joint of a smooth wall is as stiff as the wall."""
         found = drawn(self.std, random)
+        if not self.is_smooth:
+            return found
         edge = self.structure.regions.end
         at_ends = smooth(edge, random) * self.std.wall_thickness[0]
         middle = 0.5 * (edge[1:] + edge[:-1])
@@ -78,28 +90,35 @@ def smooth(station: FloatArray, random: np.random.Generator) -> FloatArray:
     return np.asarray(vector @ (np.sqrt(np.maximum(value, 0.0)) * random.standard_normal(len(value))))
 
 
-def smooth_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure) -> SmoothVehicles:
+def properties_of(vehicle: Vehicle) -> LoadProperties:
+    """Return what known loads need; a vehicle whose file names no density is of titanium."""
+    return LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
+
+
+def tested_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure, is_smooth: bool) -> TestedVehicles:
     """Solve the structure of the truth; ``of_map`` is the structure of the map."""
-    own = independent_vehicle(vehicle)
-    coarse, of_truth = vehicle.resolution.map, vehicle.resolution.truth
-    resolution = Resolution(
-        **of_truth.model_dump(exclude={"element_length_mm", "wall_layers", "harmonics"}),
-        element_length_mm=ELEMENT * coarse.element_length_mm,
-        wall_layers=LAYERS,
-        harmonics=min(of_truth.harmonics, max(coarse.harmonics, HARMONICS)),
-    )
+    own, resolution = vehicle, vehicle.resolution.truth
+    if is_smooth:
+        own, coarse = with_smooth_wall(vehicle), vehicle.resolution.map
+        resolution = Resolution(
+            **resolution.model_dump(exclude={"element_length_mm", "wall_layers", "harmonics"}),
+            element_length_mm=ELEMENT * coarse.element_length_mm,
+            wall_layers=LAYERS,
+            harmonics=min(resolution.harmonics, max(coarse.harmonics, HARMONICS)),
+        )
     structure = as_built_structure(
         own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS
     )
-    return SmoothVehicles(
+    return TestedVehicles(
         structure=structure,
         on_map=with_surface_of(structure, of_map),
         std=prior_std(vehicle.calibration, structure.counts),
+        is_smooth=is_smooth,
     )
 
 
-def independent_vehicle(vehicle: Vehicle) -> Vehicle:
-    """Return ``vehicle`` with the regions, the joint and the moduli of the truth."""
+def with_smooth_wall(vehicle: Vehicle) -> Vehicle:
+    """Return ``vehicle`` with the regions, the joint and the moduli of a smooth wall."""
     end = wall_regions(vehicle).end
     first, last = float(end[0]), float(end[-1])
     entry = vehicle.calibration.model_copy(

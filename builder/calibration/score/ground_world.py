@@ -1,0 +1,187 @@
+"""What all ground tests of a trial share: the map's structure, vehicles of the truth, flights, proposed tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from builder.aero.loads.operator import coefficient_scales_at, load_operator
+from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_structure
+from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
+from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.simulated import known_loads
+from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.plan.load_plan import PlanParts, load_plan
+from builder.calibration.plan.schedule import run_order
+from builder.calibration.score.tested_vehicles import (
+    HARMONICS,
+    LoadTables,
+    TestedVehicles,
+    properties_of,
+    tested_vehicles,
+)
+from builder.campaign.snapshot_transfer import snapshots_on
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.structure.as_built.structure import AsBuiltStructure
+from builder.structure.mapped_structure import MappedStructure
+from builder.trial.conditions import held_out_conditions
+from builder.trial.estimators import Estimates
+from builder.trial.faults import MICRO
+from builder.trial.ground import GroundTest, GroundTests
+from builder.trial.readings import Readings
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
+from builder.vehicle.file import Vehicle
+from builder.vehicle.shape.geometry import SurfaceGrid
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.flight_condition import FlightCondition
+
+MAPS: dict[str, dict[str, Any]] = {
+    "linear Case 1": {"case": 1, "estimator": "linear"},
+    "linear Case 2": {"case": 2, "estimator": "linear"},
+    "nonlinear": {"estimator": "nonlinear"},
+}
+"""Entries of [map] by estimator. The first one's are the map that a test is proposed for."""
+
+EXACT, BEFORE = "known exactly", "before the test"
+"""Ends of an estimator's name: what is known of the vehicle; without one what its test says."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GroundFlights:
+    """Net pressure (k, n_p) [Pa] on the nodes of the independent model, and the true coefficients (k, 5)."""
+
+    conditions: tuple[FlightCondition, ...]
+    pressure: FloatArray
+    coefficients: FloatArray
+
+
+def flights_of(vehicle: Vehicle, table: FlowTable, grid: SurfaceGrid, count: int) -> GroundFlights:
+    """Return ``count`` held-out flights, with the pressure on the nodes of ``grid``; the same for all seeds."""
+    conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
+    mach, incidence, wind = flow_states(conditions)
+    ambient = np.array([one.ambient_pressure for one in conditions])
+    ratio = ratio_on(harmonics_at(table, mach, incidence), wind, grid.roll_angle)
+    net, reference = ambient[:, None] * (ratio - 1.0), vehicle.reference_quantities()
+    loads = net @ load_operator(grid, reference.moment_station).T
+    scale = coefficient_scales_at(conditions, reference)
+    return GroundFlights(conditions=tuple(conditions), pressure=net, coefficients=loads * scale)
+
+
+@dataclass(eq=False, kw_only=True)
+class GroundWorld:
+    """What all tests share.
+
+    Attributes
+    ----------
+    vehicle : its linear map holds no errors of the hardware but those that the test leaves.
+    snapshots : on the nodes of ``structure``, the map's.
+    vehicles : the truth.
+    flights : on the truth's own nodes.
+    options : of the file.
+    exact : what vehicles read, and estimates where they are known exactly; cases share them.
+    """
+
+    vehicle: Vehicle
+    snapshots: Snapshots
+    structure: AsBuiltStructure
+    vehicles: TestedVehicles
+    flights: GroundFlights
+    options: GroundTests
+    exact: dict[tuple[bytes, str], tuple[Readings, Estimates]] = field(default_factory=dict)
+    _made: dict[Any, Any] = field(default_factory=dict)
+
+    @cached_property
+    def loads(self) -> LoadTables:
+        """What loads of a test strain."""
+        return LoadTables(self.vehicles.structure)
+
+    @cached_property
+    def ensemble(self) -> Ensemble:
+        """The map's flows."""
+        return ensemble_of(self.vehicle, self.snapshots)
+
+    @cached_property
+    def mapped(self) -> MappedStructure:
+        """The structure of the drawing's map."""
+        structure = self.structure
+        return calibrated_structure(structure, structure.exactly_built(), self.vehicle.gauges.layout, {})
+
+    def model(self, entry: GroundTest) -> ReadingsModel:
+        """Return the test of a case, without readings."""
+        key = entry.pads, entry.reading_std_um_per_m
+        if key not in self._made:
+            noise, errors = (
+                MICRO * entry.reading_std_um_per_m,
+                LoadErrors(common=0.01 * self.options.load_cell_percent),
+            )
+            cases = self._cases(entry.pads, noise, errors)
+            test = load_test_of(self.structure, cases, errors, noise)
+            self._made[key] = ReadingsModel(self.structure, test, prior_of_test(self.vehicle, self.structure))
+        model: ReadingsModel = self._made[key]
+        return model
+
+    def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[Candidate]:
+        """Return ``pads`` bonded pads that are proposed, in the order in which they are run, with zero readings
+        between and at the end; or at even distances, and own weight in four attitudes."""
+        vehicle, structure = self.vehicle, self.structure
+        if not self.options.proposed:
+            standard = standard_cases(pads, vehicle.body().length, LoadErrors())
+            return [Candidate(name=name, loads=tuple(one.load for one in loads)) for name, loads in standard]
+        parts = PlanParts(vehicle=vehicle, snapshots=self.snapshots, structure=self.mapped, as_built=structure)
+        plan = load_plan(parts, pads, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
+        return [step.case for step in run_order(plan)]
+
+    def map_of(
+        self, kind: str, structure: AsBuiltStructure, remaining: Remaining, left: LeftByTest | None = None
+    ) -> InverseMap:
+        """Return the map of :data:`MAPS` of what is known of a vehicle."""
+        entry = self.vehicle.map.model_copy(update=MAPS[kind])
+        vehicle = self.vehicle.model_copy(update={"map": entry})
+        return calibrated_map(vehicle, self.snapshots, structure, remaining, left=left)
+
+    def drawing(self, kind: str) -> InverseMap:
+        """Return the map of the drawing with every tolerance but of zeros, which a tare takes off."""
+        if kind not in self._made:
+            std = prior_of_test(self.vehicle, self.structure)
+            std = std.changed(zero=np.zeros(std.n_gauges))
+            nominal = Remaining(parameters=self.structure.exactly_built(), covariance=np.diag(std.vector**2))
+            self._made[kind] = self.map_of(kind, self.structure, nominal)
+        inverse_map: InverseMap = self._made[kind]
+        return inverse_map
+
+
+def ground_world(
+    vehicle: Vehicle, snapshots: Snapshots, table: FlowTable, conditions: int, options: GroundTests
+) -> GroundWorld:
+    """Solve what all tests share."""
+    entry = vehicle.map.model_copy(update=next(iter(MAPS.values())))
+    vehicle = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
+    structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
+    vehicles = tested_vehicles(vehicle, structure, options.walls == "smooth")
+    return GroundWorld(
+        vehicle=vehicle,
+        snapshots=snapshots_on(snapshots, structure.surface),
+        structure=structure,
+        vehicles=vehicles,
+        flights=flights_of(vehicle, table, vehicles.structure.surface, conditions),
+        options=options,
+    )
+
+
+def load_test_of(
+    structure: AsBuiltStructure, cases: list[Candidate], errors: LoadErrors, reading_std: float
+) -> LoadTest:
+    """Return the test of ``cases`` without readings, whose standard deviation will be ``reading_std`` [m/m]."""
+    zero, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, reading_std)
+    made = [
+        LoadCase(name=case.name, loads=known_loads(case, errors), reading=zero, reading_std=std) for case in cases
+    ]
+    return LoadTest(gauge_names=structure.gauges.names, cases=tuple(made), errors=errors)

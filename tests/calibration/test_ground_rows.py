@@ -1,0 +1,182 @@
+"""Ground tests as a trial: what is said of them, errors over the exactly known vehicle, some from end to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+from coarse_vehicle import COARSE
+
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.score.ground_rows import CALIBRATION, add_over_exact, ground_rows, row_of
+from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
+from builder.calibration.score.tested import Said
+from builder.calibration.score.wrong_cases import case_spoils, gauge_spoils, spoil_of, with_errors
+from builder.campaign.snapshots import Snapshots
+from builder.structure.as_built.vehicle import Counts, exactly_built
+from builder.trial.cases import Case, Plan
+from builder.trial.estimators import Estimates
+from builder.trial.ground import GroundTest, GroundTests, Wrong
+from builder.trial.readings import Readings
+from builder.trial.rules import MISSED, judged
+from builder.trial.score import Row
+from builder.truth.revolution.flow_table import FlowTable
+from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolutions
+from builder.vehicle.shape.geometry import surface_grid
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+GAUGES = ("a", "b", "c")
+
+
+def load_test(attitudes: bool) -> LoadTest:
+    """A test of six pads, with or without own weight."""
+    zero, cases = np.zeros(len(GAUGES)), standard_cases(6, 3.6, LoadErrors())
+    blank = [LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + 1.0) for name, loads in cases]
+    return LoadTest(gauge_names=GAUGES, cases=tuple(blank if attitudes else blank[:6]), errors=LoadErrors())
+
+
+@pytest.mark.fast
+def test_the_file_knows_every_error_of_cases_and_gauges() -> None:
+    assert set(get_args(Wrong)) == {*case_spoils(load_test(True)), *gauge_spoils(GAUGES), "wrong load"}
+    for name in get_args(Wrong):
+        assert callable(spoil_of(GroundTest(wrong=name), load_test(True)))
+    with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .* in this test, got 'attitude'"):
+        spoil_of(GroundTest(wrong="attitude"), load_test(False))
+
+
+@pytest.mark.fast
+def test_errors_of_a_vehicle_are_what_the_file_says() -> None:
+    built = exactly_built(Counts(gauge=3, region=4, joint=2))
+    random = np.random.default_rng(0)
+    assert with_errors(GroundTest(), built, random).vector.tobytes() == built.vector.tobytes()
+    entry = GroundTest(mass_percent=-3.0, clamp_m=0.03, joint_m=0.02, modulus_percent=3.0, taper_percent=2.0)
+    changed = with_errors(entry, built, random)
+    assert changed.mass == [-0.03]
+    assert (changed.clamp_axial, changed.clamp_transverse) == ([0.03], [0.03])
+    assert changed.joint_softness.tolist() == [0.02, 0.02]
+    assert set(np.abs(changed.region_modulus)) == {0.03}
+    assert set(changed.wall_taper) == {0.02}
+
+
+@pytest.mark.fast
+def test_what_the_calibration_says_is_counted_by_test() -> None:
+    sound = Said(refused=False, named=False, gauges_blamed=0.0, cases_blamed=0.0, per_reading=1.0)
+    blaming = Said(refused=False, named=True, gauges_blamed=0.5, cases_blamed=0.0, per_reading=3.0)
+    refused = Said(refused=True, named=True, gauges_blamed=0.0, cases_blamed=0.0, per_reading=np.nan)
+    row = row_of([sound, sound, blaming, refused])
+    assert [row[f"{name}_percent"] for name in ("refused", "named", "refused_or_named")] == [25.0, 50.0, 50.0]
+    assert [row[f"{name}_percent"] for name in ("blamed", "gauges_blamed", "silent")] == [25.0, 12.5, 0.0]
+    assert row["chi_square_per_reading"] == pytest.approx(5.0 / 3.0)
+    assert row["silent_percent_upper"] == 75.0  # three in four
+
+
+@pytest.mark.fast
+def test_errors_stand_over_those_of_the_exactly_known_vehicle() -> None:
+    """With a standard error of pairs: the same errors twice as large are twice as large for certain."""
+    random, rows = np.random.default_rng(0), [Row() for _ in COEFFICIENT_NAMES]
+    error, other = random.standard_normal((2, 400, 5))
+    number = np.arange(400)
+    read = Readings(
+        strain=np.empty((400, 0)), known={}, truth=np.zeros((400, 5)), vehicle=number // 20, flight=number % 20
+    )
+    exact, twice, apart = (Estimates(value=value, std=np.ones((400, 5))) for value in (error, 2.0 * error, other))
+    add_over_exact(rows, twice, exact, read)
+    assert [row["over_exact"] for row in rows] == pytest.approx([2.0] * 5)
+    assert [row["over_exact_error"] for row in rows] == pytest.approx([0.0] * 5, abs=1e-9)
+    case = Case.model_validate({"error": "a", "class": "unobservable", "over_exact_at_most": 1.25})
+    verdict, why = judged(case, [{"load": name, **row} for name, row in zip(COEFFICIENT_NAMES, rows, strict=True)])
+    assert (verdict, "over exact of C_A 2 +- " in why) == (MISSED, True)
+    add_over_exact(rows, apart, exact, read)
+    for row in rows:
+        assert abs(row["over_exact"] - 1.0) < 3.0 * row["over_exact_error"] < 0.3
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize("ratio", [1.0, 1.5])
+def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, ratio: float) -> None:
+    """The same pressure all over the surface acts on its base alone: C_A q S = (p - p_inf) A."""
+    body, knots = vehicle.body(), np.radians([2.0, 5.0, 8.0, 11.0])
+    grid = surface_grid(body, 40, 24)
+    harmonic = np.zeros((4, 4, 40, 3))
+    harmonic[..., 0] = ratio
+    mach = np.linspace(4.0, 8.0, 4)
+    table = FlowTable(vehicle="even", mach_knots=mach, incidence_knots=knots, harmonic=harmonic, provenance={})
+    found = flights_of(vehicle, table, grid, 5)
+    ambient, dynamic = (
+        np.array([getattr(one, name) for one in found.conditions])
+        for name in ("ambient_pressure", "dynamic_pressure")
+    )
+    np.testing.assert_allclose(found.pressure, np.tile((ratio - 1.0) * ambient[:, None], 40 * 24), atol=1e-9)
+    base = np.pi * body.radius(np.array([body.length]))[0] ** 2
+    expected = (ratio - 1.0) * ambient * base / (dynamic * vehicle.reference_quantities().area)
+    np.testing.assert_allclose(found.coefficients[:, 0], expected, rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(found.coefficients[:, 1:], 0.0, atol=1e-9)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--map", "map.h5"), "--map: expected none, this trial makes a map for every vehicle"),
+        (("--estimators", "map"), "estimators: expected linear Case 1, linear Case 2, nonlinear, "),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(
+    arguments: tuple[str, str], message: str, tmp_path: Path, run: Callable[..., tuple[int, str, str]]
+) -> None:
+    code, _, line = run("trial", "ground_test", *arguments, "-o", tmp_path / "none")
+    assert (code, line.count("\n"), message in line) == (2, 1, True)
+    assert not (tmp_path / "none").exists()
+
+
+KNOWN = ("linear Case 2, known exactly", "linear Case 2, before the test", "linear Case 2", "load equations")
+
+
+@pytest.fixture(scope="module")
+def world(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable) -> GroundWorld:
+    finer = COARSE.model_copy(update={"element_length_mm": 30.0})
+    vehicle = vehicle.model_copy(update={"resolution": Resolutions(map=COARSE, truth=finer)})
+    return ground_world(vehicle, snapshots, table, 20, GroundTests(walls="stated", proposed=False, draws=2))
+
+
+def rows_by(world: GroundWorld, entry: GroundTest, names: tuple[str, ...] = KNOWN[:3:2]) -> dict[str, list[Row]]:
+    """Return the rows of two vehicles by estimator."""
+    case = Case.model_validate({"error": "a", "class": "alone", "ground": entry})
+    return ground_rows(world, case, Plan(vehicles=2, seed=0, estimators=list(names)))
+
+
+@pytest.mark.slow
+def test_a_tested_vehicle_flies_as_one_that_is_known(world: GroundWorld) -> None:
+    rows = rows_by(world, GroundTest(), KNOWN)
+    exact, before, tested, equations = (rows[name] for name in KNOWN)
+    assert max(row["over_exact"] for row in tested[1:]) < 1.15
+    assert max(row["over_exact"] for row in before[1:]) > 1.5
+    assert max(row["rms"] / own["rms"] for row, own in zip(equations[1:], exact[1:], strict=True)) > 3.0
+    assert min(row["covered_percent"] for row in tested[1:]) >= 97.5
+    (said,) = rows[CALIBRATION]
+    assert (said["load"], said["refused_percent"], said["blamed_percent"]) == ("test", 0.0, 0.0)
+    assert 0.9 < said["chi_square_per_reading"] < 1.15  # the other mesh leaves 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "entry",
+    [
+        GroundTest(second_harmonic_percent=1.0, said="second harmonic"),
+        GroundTest(clamp_m=0.03, said="clamp"),
+        GroundTest(wrong="gauges swapped"),
+        GroundTest(wrong="wrong load"),
+    ],
+    ids=lambda entry: entry.said or entry.wrong,
+)
+def test_errors_are_named_and_no_sound_part_is_blamed(world: GroundWorld, entry: GroundTest) -> None:
+    rows = rows_by(world, entry)
+    (said,) = rows[CALIBRATION]
+    assert (said["named_percent"], said["blamed_percent"], said["silent_percent"]) == (100.0, 0.0, 0.0)
+    assert max(row["over_exact"] for row in rows["linear Case 2"][1:]) < 1.3
