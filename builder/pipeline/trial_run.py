@@ -180,8 +180,6 @@ def refuse_vehicle(vehicle: Vehicle, trial: TrialFile) -> None:
     if moves and not vehicle.is_of_revolution:
         raise InputError("motion: expected a body of revolution, got a shape that needs a flow for every sample")
     refuse_without_independent_model(vehicle)
-    if trial.trial.own_vehicles and vehicle.sensors is not None:
-        raise InputError("sensors: expected none, in a trial with own_vehicles strain gauges alone fly")
 
 
 def world_of_files(vehicle_path: Path, map_path: Path, flows: Path) -> World:

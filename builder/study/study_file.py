@@ -54,7 +54,7 @@ class Trial(Section):
     @property
     def plan(self) -> Plan:
         """The plan of a trial by it."""
-        return Plan(conditions=self.conditions, vehicles=self.draws, own_vehicles=True, seed=self.seed)
+        return Plan(conditions=self.conditions, vehicles=self.draws, seed=self.seed)
 
 
 class StudyFile(Section):

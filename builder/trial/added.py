@@ -58,13 +58,14 @@ class AddedStrain:
     def inertia(
         self, inertia: Inertia, force: FloatArray, leeward: FloatArray, random: np.random.Generator
     ) -> FloatArray:
-        """Return (n, n_d) strain under a specific ``force`` (n, 2) [m/s2], or of the vibrating vehicle [m/m]."""
+        """Return (n, n_d) strain under a specific ``force`` (n, 2) [m/s2], and of the vibration [m/m]."""
+        listed, extra, bending = self._by_inertia
+        strain = force @ (inertia.listed * listed + inertia.extra_kg * extra).T
         if inertia.bending_um_per_m:
             phase, axis = 2.0 * np.pi * random.random((2, len(leeward), 1))
             size = MICRO * inertia.bending_um_per_m * np.sin(phase) * _across(axis[:, 0])
-            return np.asarray(size @ self._by_inertia[2].T)
-        listed, extra, _ = self._by_inertia
-        return np.asarray(force @ (inertia.listed * listed + inertia.extra_kg * extra).T)
+            strain = strain + size @ bending.T
+        return np.asarray(strain)
 
     def friction(self, coefficient: float, dynamic_pressure: FloatArray) -> FloatArray:
         """Return (n, n_d) strain by an axial ``coefficient`` of friction that is even over the surface [m/m]."""

@@ -21,6 +21,7 @@ The sections of a case stand with what they do: :class:`~builder.trial.condition
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import sqrt
 from pathlib import Path
 from typing import Any, Literal
 
@@ -36,12 +37,16 @@ from builder.trial.ground import GroundTest, GroundTests
 from builder.trial.heating import Heating
 from builder.trial.motion import Motion
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import Section
 from strainfmu.errors import InputError
 
 FILES = Path(__file__).with_name("files")
 """Trials that are shipped, by name."""
+
+ALL_STATED = "all_stated"
+"""Error that stands for all that sigma includes, drawn together: the first row of a table."""
 
 CaseClass = Literal["drawn", "alone", "beyond", "unobservable", "stated"]
 """``drawn``
@@ -145,6 +150,7 @@ class Case(Section):
     when : properties of the vehicle that the case needs, of :data:`PROPERTIES`; ``not`` before one negates it.
     class_without : the class of a vehicle without a property.
     each_stated : stands for a row for each stated error alone, of so many times its size.
+    all_stated : stands for all errors that sigma includes, drawn together at their stated sizes.
     draws : vehicles of the trial, times this.
     flagged_at_least : smallest share of flagged samples that is aimed at [%].
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
@@ -162,6 +168,7 @@ class Case(Section):
     when: list[str] = Field(default_factory=list)
     class_without: dict[str, CaseClass] = Field(default_factory=dict)
     each_stated: float = 0.0
+    all_stated: bool = False
     draws: float = Field(default=1.0, gt=0.0)
     where: Where = Where()
     built: Built = Built()
@@ -209,14 +216,15 @@ class Plan(Section):
     ----------
     conditions : flight conditions of each case.
     vehicles : vehicles, each with noise of its own, at every condition; draws of a case in time.
-    own_vehicles : whether every sample has a vehicle of its own, instead of each vehicle flying all conditions.
+    own_vehicles : whether every sample has a vehicle of its own, instead of each vehicle flying all conditions;
+        not with auxiliary sensors, and with gauges that freeze at the strain of another flight.
     seed : of all draws.
     estimators : by name, see :mod:`builder.trial.estimators`.
     """
 
     conditions: int = Field(default=200, ge=1, le=1_000_000)
     vehicles: int = Field(default=20, ge=1, le=100_000)
-    own_vehicles: bool = False
+    own_vehicles: bool = True
     seed: int = Field(default=1, ge=0, le=2**31 - 1)
     estimators: list[str] = Field(default=["map"], min_length=1)
 
@@ -368,6 +376,8 @@ def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:
     """Return the case of ``vehicle``, or a case for each stated error."""
     if case.each_stated:
         return _of_stated(case, vehicle)
+    if case.all_stated:
+        return [_all_stated(case, vehicle)]
     changes: dict[str, Any] = {
         "group": next((case.class_without[n] for n in case.class_without if not has[n]), None)
     }
@@ -403,6 +413,34 @@ def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
         }
         rows.append(case.model_copy(update=changes))
     return rows
+
+
+def _all_stated(case: Case, vehicle: Vehicle) -> Case:
+    """Return ``case`` with all errors that sigma includes: hardware, air data, inertia and flow models."""
+    changes: dict[str, Any] = {"built": Built(stated=1.0), "air": Air(drawn=True), "all_stated": False}
+    names, mass = ["installation errors", "air data"], vehicle.mass
+    if _expects_inertia(vehicle):
+        size = vehicle.noise.manoeuvre_load_factor
+        changes["inertia"] = Inertia(load_factor=size, drawn=True)
+        names.append(f"{size:g} g along both axes")
+    elif mass is not None:
+        across, bending = mass.lateral_g, sqrt(2.0) * mass.vibration_um_per_m  # the amplitude
+        changes["inertia"] = Inertia(
+            load_factor=across, drawn=True, extra_kg=mass.unlisted_kg, bending_um_per_m=bending
+        )
+        names.append(f"{across:g} g along both axes, vibration")
+    if (size := _of_flow_models(vehicle)) > 0.0:
+        changes["flow"] = Flow(engine="newtonian", drawn=size)
+        names.append(f"{size:g} times the difference to another flow model")
+    return case.model_copy(update={**changes, "what": f"{case.what} {', '.join(names)}.".lstrip()})
+
+
+def _of_flow_models(vehicle: Vehicle) -> float:
+    """Return the stated size of the difference between two flow models, over the difference [1]."""
+    form = model_form(vehicle.map, vehicle.noise)
+    if vehicle.aerodynamics.engine == "newtonian":  # the leeward side alone is open, of a shape with another one
+        return 0.0 if vehicle.is_of_revolution else form.of_leeward
+    return 0.0 if vehicle.conditions.parameters else form.of_newtonian
 
 
 def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:

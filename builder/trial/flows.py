@@ -66,14 +66,13 @@ class Flow(Section):
     ----------
     engine : Modified Newtonian theory, on a shape with another leeward side than the map's; or the cone that is
         tangent at each point, on a body of revolution.
-    drawn : whether each flight has the difference of the engine's flow times a standard normal number, on a body
-        of revolution.
+    drawn : each flight has its difference times a normal number of this standard deviation; 0 for all of it.
     raised : higher by so many p_inf all over the surface.
     spot : more on spots.
     """
 
     engine: Literal["newtonian", "tangent cones"] | None = None
-    drawn: bool = False
+    drawn: float = 0.0
     raised: float = 0.0
     spot: Spot | None = None
 

@@ -187,7 +187,8 @@ def read_case(
     if how is not None:
         of_noise = float(np.mean(gauges.noise_std))
         zero, common = how.zero * of_noise, how.common_zero * of_noise
-        strain[:, :n_d] += zero * random.standard_normal(n_d) + common * random.standard_normal()
+        strain[:, :n_d] += zero * random.standard_normal((vehicles or 1, n_d))
+        strain[:, :n_d] += common * random.standard_normal((vehicles or 1, 1))
         strain, shape = strain[:, None], (n, how.steps, strain.shape[1])
         time = how.time_step * np.arange(float(how.steps))
     strain = strain + world.noise_std * random.standard_normal(shape)

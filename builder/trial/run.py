@@ -30,7 +30,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import fingerprint, write_bytes_atomically
 
-VERSION = 7
+VERSION = 8
 """Raised whenever scores change otherwise than by their inputs, so that they are made again."""
 
 TENTHS = 10
@@ -77,7 +77,8 @@ def readings_of(
     if case.motion is not None:
         yield from (read_motion(world, case, number, random) for number in range(count))
         return
-    if plan.own_vehicles:
+    is_frozen = case.fault is not None and case.fault.frozen  # at the strain of another flight
+    if plan.own_vehicles and not is_frozen and world.sensors is None:
         yield from read_own_vehicles(world, case, world.flights(case), count, random)
         return
     flights, batch = world.flights(case), list[Readings]()

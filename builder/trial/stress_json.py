@@ -43,7 +43,9 @@ def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str,
                 "wrong_percent": round(sum(row[f"{n}_percent"] for n in ("wrong_flagged", "undetected")), 4),
                 "health": health,
                 "conditions": row["flights"],
-                "false_alarms_percent": round(row["right_flagged_percent"], 4),
+                "false_alarms_percent": round(row["right_flagged_percent"], 4)
+                if row["class"] in ("drawn", "alone")
+                else None,
                 "flagged_percent": entry["detected_percent"],
                 "silent_percent": entry["undetected_percent"],
             }

@@ -12,6 +12,7 @@ from math import isfinite, log
 from pathlib import Path
 from typing import Any
 
+from builder.trial.cases import ALL_STATED
 from builder.trial.rules import MISSED, NONE, OK, OPEN
 from builder.trial.score import ALL, PARTS, Row
 from strainfmu.errors import StrainfmuError
@@ -91,11 +92,12 @@ def _parquet(rows: list[Row]) -> bytes:
 
 
 def in_order(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return the rows of all loads by class: missed ones first, then by undetected samples and by missing right
-    ones."""
+    """Return the rows of all loads by class: all stated errors together first, then missed ones, then by
+    undetected samples and by missing right ones."""
 
     def rank(row: Row) -> tuple[float, ...]:
-        return _ORDER[row["verdict"]], -round(row["undetected_percent"], 1), round(row["right_ok_percent"])
+        ahead = row["error"] != ALL_STATED
+        return ahead, _ORDER[row["verdict"]], -round(row["undetected_percent"], 1), round(row["right_ok_percent"])
 
     groups = {name: [row for row in rows if row["class"] == name and row["load"] == ALL] for name in TITLES}
     return {name: sorted(of_class, key=rank) for name, of_class in groups.items() if of_class}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -18,10 +18,11 @@ from builder.trial.conditions import flown_conditions
 from builder.trial.faults import Gauges
 from builder.trial.flows import Flow
 from builder.truth.as_built import drawn, drawn_many
-from builder.truth.flights import Flights, RevolvedFlights
+from builder.truth.flights import Flights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at
 from builder.truth.revolution.sensors import BuiltSensors, sensor_readings
 from builder.truth.revolution.strain import (
+    TrueFlights,
     TrueStructure,
     flights_of_harmonics,
     true_flights,
@@ -46,7 +47,7 @@ class FlyingSensors(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SensedFlights(RevolvedFlights):
+class SensedFlights(TrueFlights):
     """Flights of a body of revolution with auxiliary ``sensors``; ``harmonic`` (k, n_x, n_m) of p / p_inf."""
 
     sensors: FlyingSensors
@@ -153,23 +154,25 @@ class World:
             known = at_conditions(flows, conditions)
             if known is None:
                 raise FlowReachError("none of its flows is within the solver's reach")
-            known = known if flow is None else flow.surface(vehicle, known)
+            if flow is not None:
+                pressure, share = known.pressure, _share(flow, known.pressure[:, :1], random)
+                change = flow.surface(vehicle, known).pressure - pressure
+                known = replace(known, pressure=pressure + share * change)
             return shape_flights(vehicle, structure, known, operator=self._operator)
         assert isinstance(flows, FlowTable)
         table = flows if flow is None else flow.table(vehicle, flows)
         mach, incidence, _ = flow_states(conditions)
         if flow is not None and flow.drawn:
-            assert random is not None
-            share = random.standard_normal((len(conditions), 1, 1))
             own, other = harmonics_at(flows, mach, incidence), harmonics_at(table, mach, incidence)
+            share = _share(flow, own[:, :1, :1], random)
             flown = flights_of_harmonics(vehicle, structure, own + share * (other - own), conditions)
         else:
             flown = true_flights(vehicle, structure, table, conditions)
         flown = without_faint_harmonics(flown)
         if self.sensors is None:
-            return RevolvedFlights(structure=structure, flown=flown)
+            return flown
         harmonic = harmonics_at(table, mach, incidence)
-        return SensedFlights(structure=structure, flown=flown, sensors=self.sensors, harmonic=harmonic)
+        return SensedFlights(**vars(flown), sensors=self.sensors, harmonic=harmonic)
 
     @cached_property
     def _operator(self) -> FloatArray:
@@ -211,3 +214,11 @@ class World:
             known = (*((MACH_NUMBER, STATIC_PRESSURE) if air.navigation else ()), DYNAMIC_PRESSURE)
             self._bounds[key] = cramer_rao_bound(self.inverse_map, self.flights(case).conditions, known)
         return self._bounds[key]
+
+
+def _share(flow: Flow, like: FloatArray, random: np.random.Generator | None) -> FloatArray | float:
+    """Return the part of its difference that each flight has, in the shape of ``like``."""
+    if not flow.drawn:
+        return 1.0
+    assert random is not None
+    return flow.drawn * random.standard_normal(like.shape)

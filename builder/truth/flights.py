@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from builder.structure.as_built.vehicle import AsBuilt, Counts
-from builder.truth.revolution.strain import TrueFlights, TrueStructure, some_flights, true_strain
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
@@ -54,44 +52,3 @@ class Flights(Protocol):
         (v, n_d) of v vehicles in one flight. ``random`` draws what a vehicle does not state, where there is
         more."""
         ...
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RevolvedFlights:
-    """Flights of a body of revolution."""
-
-    structure: TrueStructure
-    flown: TrueFlights
-
-    @property
-    def conditions(self) -> Sequence[FlightCondition]:
-        return self.flown.conditions
-
-    @property
-    def counts(self) -> Counts:
-        return self.structure.counts
-
-    @property
-    def coefficients(self) -> FloatArray:
-        return self.flown.coefficients
-
-    @property
-    def rolling(self) -> None:
-        return None
-
-    @property
-    def ambient_pressure(self) -> FloatArray:
-        return self.flown.ambient_pressure
-
-    @property
-    def dynamic_pressure(self) -> FloatArray:
-        return self.flown.dynamic_pressure
-
-    @property
-    def internal_pressure(self) -> FloatArray:
-        return self.flown.internal_pressure
-
-    def read(
-        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
-    ) -> FloatArray:
-        return true_strain(self.structure, some_flights(self.flown, rows), built)

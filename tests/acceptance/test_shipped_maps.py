@@ -33,7 +33,6 @@ from builder.truth.as_built import drawn_many
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,
-    one_flight,
     true_flights,
     true_strain,
     without_faint_harmonics,
@@ -134,7 +133,7 @@ def test_three_sigma_of_a_shipped_map_cover_vehicles_as_built(
     estimator, n = Estimator(inverse_map), inverse_map.n_gauges
     error, sigma, ok, noticed = [], [], [], []
     for number in range(len(conditions)):
-        flight, built = one_flight(flights, number), drawn_many(vehicle.noise, n, 10, random)
+        flight, built = flights.rows(slice(number, number + 1)), drawn_many(vehicle.noise, n, 10, random)
         strain = true_strain(truth[0], flight, built)
         strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
         stated = flight.dynamic_pressure * (1.0 + np.reshape(built.dynamic_pressure, -1))

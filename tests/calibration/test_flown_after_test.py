@@ -16,9 +16,9 @@ from builder.structure.as_built.vehicle import drawn, prior_std
 from builder.trial.conditions import held_out_conditions
 from builder.trial.world import World
 from builder.truth.as_built import drawn_many
-from builder.truth.flights import Flights, RevolvedFlights
+from builder.truth.flights import Flights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -72,7 +72,7 @@ def read(world: World, flights: Flights, number: int, count: int) -> FloatArray:
 
 
 def net_pressure(
-    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, flights: RevolvedFlights
+    structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, flights: TrueFlights
 ) -> FloatArray:
     """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
     mach, incidence, wind = flow_states(flights.conditions)
@@ -89,7 +89,7 @@ def test_they_scatter_about_the_estimate_as_the_test_says(
     conditions = held_out_conditions(quiet, table, 3, np.random.default_rng(2))
     world = calibrated_world(quiet, true_model, table)
     flown, drawing = allowed_flights(world, as_built, tested, conditions), world.fly(conditions)
-    assert isinstance(drawing, RevolvedFlights)
+    assert isinstance(drawing, TrueFlights)
     n = as_built.n_gauges
     pressures = net_pressure(as_built, true_model, table, drawing)
     nominal = as_built.strain_operator(as_built.exactly_built())

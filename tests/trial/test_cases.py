@@ -93,11 +93,34 @@ def test_the_class_of_inertia_follows_from_the_file() -> None:
         return [case.group for case in cases_for(vehicle, STRESS) if case.inertia is not None]
 
     assert groups(changed("map", estimator="linear")) == 3 * ["unobservable"]
-    assert groups(load_vehicle(IC3X)) == ["alone", "beyond", "beyond"]
+    assert groups(load_vehicle(IC3X)) == ["drawn", "alone", "beyond", "beyond"]
     weak = load_vehicle(IC3X).model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
-    assert groups(weak) == ["beyond", "alone", *(3 * ["beyond"]), "alone"]
+    assert groups(weak) == ["drawn", "beyond", "alone", *(3 * ["beyond"]), "alone"]
     strong = load_vehicle(IC3X).model_copy(update={"mass": Mass(unlisted_kg=1.0)})
-    assert groups(strong) == 6 * ["alone"]
+    assert groups(strong) == ["drawn", *(6 * ["alone"])]
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "inertia", "flow"),
+    [
+        (load_vehicle(IC3X), 2.5, 1.0),
+        (changed("map", estimator="linear"), None, 1.0),
+        (changed("map", model_form_percent=0.0), 2.5, None),
+        (load_vehicle(VEHICLES / "finned_body.toml"), None, 0.25),
+        (load_vehicle(IC3X).model_copy(update={"mass": Mass(lateral_g=3.0, vibration_um_per_m=1.0)}), 3.0, 1.0),
+    ],
+)
+def test_all_stated_errors_are_drawn_together_first(
+    vehicle: Vehicle, inertia: float | None, flow: float | None
+) -> None:
+    """The sizes are the ones that sigma is made of."""
+    case = cases_for(vehicle, STRESS)[0]
+    assert (case.error, case.name, case.group) == ("all_stated", "all_stated ", "drawn")
+    assert case.built.stated == 1.0
+    assert case.air.drawn
+    assert (None if case.inertia is None else case.inertia.load_factor) == inertia
+    assert (None if case.flow is None else case.flow.drawn) == flow
+    assert case.inertia is None or case.inertia.drawn
 
 
 FAULTS = """
@@ -132,6 +155,6 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
 def test_names_that_are_unknown_are_answered_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^nothing: expected the path of a file, .* stress, uncertainty"):
         trial_path("nothing")
-    with pytest.raises(InputError, match=r"^--only: expected errors of nothing wrong, .*, got 'colour'$"):
+    with pytest.raises(InputError, match=r"^--only: expected errors of all_stated, .*, got 'colour'$"):
         cases_for(load_vehicle(IC3X), STRESS, ["colour"])
     assert trial_path(tmp_path / "mine.toml") == tmp_path / "mine.toml"

@@ -161,7 +161,7 @@ def test_estimators_are_scored_with_rolling_moment_field_and_air_data(cone: Comp
         air={"drawn": True},
         tenths_by=["mach_number"],
     )
-    plan = Plan(vehicles=2, own_vehicles=True, estimators=names)
+    plan = Plan(vehicles=2, estimators=names)
     rows = {
         name: {row["load"]: row for row in of_name}
         for name, of_name in scored(cone, case, plan, make_estimators=compared_estimators).items()

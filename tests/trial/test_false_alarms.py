@@ -57,7 +57,7 @@ def calibrated(theory: InverseMap, flights: Readings) -> InverseMap:
 
 def counted(world: World, made: InverseMap, estimator: str, vehicles: int = 50) -> list[Row]:
     """Return the rows of the shipped trial on as many samples."""
-    plan = Plan(vehicles=vehicles, own_vehicles=True, estimators=[estimator])
+    plan = Plan(vehicles=vehicles, estimators=[estimator])
     case = case_of(world.vehicle, "false alarms", trial="false_alarms")
     (rows,) = scored(replace(world, inverse_map=made, _flights={}, _bounds={}), case, plan).values()
     return rows

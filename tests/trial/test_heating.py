@@ -45,7 +45,7 @@ def test_a_side_is_warmer(world: World) -> None:
 def test_a_map_without_temperature_flies_the_standard_wall(world: World) -> None:
     (cold, warm) = cases_for(world.vehicle, load_trial(trial_path("heating")))
     assert [cold.group, warm.group] == ["alone", "beyond"]
-    rows = {case.size: scored(world, case, Plan(vehicles=1, own_vehicles=True))["map"] for case in (cold, warm)}
+    rows = {case.size: scored(world, case, Plan(vehicles=1))["map"] for case in (cold, warm)}
     assert rows[cold.size][1]["rms"] < rows[warm.size][1]["rms"]
     assert rows[cold.size][0]["flagged_percent"] <= 2.0 < rows[warm.size][0]["flagged_percent"]
 
@@ -62,7 +62,7 @@ def test_a_wall_that_warms_costs_little(world: World, flown_snapshots: Snapshots
         inverse_map=with_manifold(linear, vehicle, flown_snapshots, structure),
         conditions=100,
     )
-    plan = Plan(vehicles=1, own_vehicles=True, estimators=["linear", "nonlinear"])
+    plan = Plan(vehicles=1, estimators=["linear", "nonlinear"])
     rows = {
         size: scored(warm, case_of(vehicle, "wall that warms", size, "heating"), plan)
         for size in ("isothermal", "temperature sensors", "no temperature sensors")

@@ -71,7 +71,7 @@ def rows_of_case(world: World, size: str, estimator: str, plan: Plan) -> list[Ro
 @pytest.mark.parametrize("size", ["two rows", "three rows", "one direction", "a direction and a row"])
 def test_rows_and_directions_lost(mapped: World, size: str) -> None:
     """Without mirror images 66 % of the samples of opposite rows lost, and of all axial gauges, are inside."""
-    plan = Plan(vehicles=2, own_vehicles=True)
+    plan = Plan(vehicles=2)
     every, *loads = rows_of_case(mapped, size, "nonlinear", plan)
     assert every["samples"] == 300 * every["sets"]
     assert every["no_estimate_percent"] == 0.0
@@ -87,7 +87,7 @@ def test_sets_that_are_drawn_have_the_next_samples(mapped: World) -> None:
     case = case_of(mapped.vehicle, "lost gauges", "all but 10, drawn", "lost_gauges")
     assert case.lost is not None
     few = case.model_copy(update={"lost": case.lost.model_copy(update={"sets": 4, "samples": 100})})
-    plan = Plan(vehicles=2, own_vehicles=True, estimators=["linear"])
+    plan = Plan(vehicles=2, estimators=["linear"])
     every = scored(mapped, few, plan)["linear"][0]
     assert (every["samples"], every["sets"], every["vehicles"]) == (400, 4, 300)
 

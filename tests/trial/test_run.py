@@ -98,7 +98,7 @@ def test_a_vehicle_of_its_own_in_every_sample(world: World) -> None:
     """Each sample has errors of its own; navigation errs as stated."""
     case = case_of(world.vehicle, "own flows", trial="uncertainty")
     many = other_world(world, conditions=50)
-    plan = PLAN.model_copy(update={"own_vehicles": True, "vehicles": 8})
+    plan = PLAN.model_copy(update={"vehicles": 8})
     read = joined(list(readings_of(many, case, plan)))
     assert read.strain.shape == (400, 54)
     assert read.vehicle.tolist() == list(range(400))
@@ -138,7 +138,7 @@ def test_the_tables_of_a_map_are_as_good_at_small_incidence(ic3x_demo: Path) -> 
     from builder.vehicle.file import IC3X
 
     world = world_of_files(IC3X, ic3x_demo / "map.h5", ic3x_demo / "independent_flows.h5")
-    plan = Plan(vehicles=10, own_vehicles=True, estimators=["linear", "nonlinear"])
+    plan = Plan(vehicles=10, estimators=["linear", "nonlinear"])
     for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
         case = case_of(world.vehicle, "incidence", size, "incidence")
         linear, nonlinear = scored(replace(world, conditions=200, _flights={}), case, plan).values()

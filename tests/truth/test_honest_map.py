@@ -241,7 +241,7 @@ def test_false_alarms_are_as_stated(
 ) -> None:
     """1e6 samples, every one of a vehicle of its own, seeds that the levels were not set with: a factor 2."""
     name = "linear" if inverse_map.manifold is None else "nonlinear stepping"
-    plan = Plan(vehicles=100, own_vehicles=True, estimators=[name])
+    plan = Plan(vehicles=100, estimators=[name])
     world = World(
         vehicle=shipped, structure=whole, flows=flows, inverse_map=inverse_map, conditions=10_000, seed=2
     )

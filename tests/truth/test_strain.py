@@ -28,7 +28,6 @@ from builder.truth.revolution.strain import (
     WALL_STEP,
     TrueFlights,
     TrueStructure,
-    one_flight,
     true_flights,
     true_strain,
     true_structure,
@@ -220,7 +219,7 @@ def test_many_vehicles_at_once_are_those_one_by_one(
     entry = Noise(std_um_per_m=0.4)
     many = drawn_many(entry, N_GAUGES, 3, np.random.default_rng(7))
     for number in range(len(CONDITIONS)):
-        found = true_strain(true_model, one_flight(flights, number), many)
+        found = true_strain(true_model, flights.rows(slice(number, number + 1)), many)
         for which in range(3):
             one = many.one_of(which)
             close(found[which], true_strain(true_model, flights, one)[number], 1e-12)
@@ -368,7 +367,7 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
     one, plain = (drawn(of, structure.counts, np.random.default_rng(3)) for of in (stated, vehicle.noise))
     np.testing.assert_array_equal(one.gauge_gain, plain.gauge_gain)
     many = drawn_many(stated, structure.counts, 3, np.random.default_rng(4))
-    read = true_strain(structure, one_flight(flown, 1), many)
+    read = true_strain(structure, flown.rows(slice(1, 2)), many)
     for number in range(3):
         close(read[number], true_strain(structure, flown, many.one_of(number))[1], 1e-12)
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):

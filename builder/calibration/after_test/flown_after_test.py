@@ -16,9 +16,8 @@ from builder.structure.as_built.derivatives import of_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built, slices
 from builder.trial.world import World
-from builder.truth.flights import RevolvedFlights
 from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
-from builder.truth.revolution.strain import reading_of, strain_per_pressure
+from builder.truth.revolution.strain import TrueFlights, reading_of, strain_per_pressure
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
@@ -26,7 +25,7 @@ from strainfmu.flight_condition import FlightCondition
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AllowedFlights(RevolvedFlights):
+class AllowedFlights(TrueFlights):
     """Flights of the drawing, read by vehicles that a test allows.
 
     Attributes
@@ -82,9 +81,9 @@ def allowed_flights(
         A condition is outside the flows of the independent model.
     """
     flights, table = world.fly(conditions), world.flows
-    assert isinstance(flights, RevolvedFlights)
+    assert isinstance(flights, TrueFlights)
     assert isinstance(table, FlowTable)
-    of_flow, of_unit = strain_per_pressure(flights.structure, flights.flown, exactly_built(flights.counts))
+    of_flow, of_unit = strain_per_pressure(flights.structure, flights, exactly_built(flights.counts))
     nominal = structure.strain_operator(structure.exactly_built())
     change = structure.strain_operator(remaining.parameters) - nominal
     slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)
@@ -100,8 +99,7 @@ def allowed_flights(
     rows.append(np.array([place[where[kind]][number] for kind, number in common], dtype=np.intp))
     value, vector = np.linalg.eigh(remaining.covariance)
     return AllowedFlights(
-        structure=flights.structure,
-        flown=flights.flown,
+        **vars(flights),
         of_flow=of_flow,
         of_unit=of_unit,
         change=strain[:, 0],
@@ -111,9 +109,7 @@ def allowed_flights(
     )
 
 
-def strain_of_flows(
-    operator: FloatArray, grid: SurfaceGrid, table: FlowTable, flights: RevolvedFlights
-) -> FloatArray:
+def strain_of_flows(operator: FloatArray, grid: SurfaceGrid, table: FlowTable, flights: TrueFlights) -> FloatArray:
     """Return (k, n_o) what ``operator`` (n_o, n_p) [1/Pa] on ``grid`` makes of p - p_internal in every flight.
 
     The pressure is linear between the stations of ``table``. Strain is linear in the flows of the

@@ -61,7 +61,8 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
                     start[shown], place[shown], xerr=np.array(error)[shown], fmt="none", ecolor="k", lw=0.8
                 )
         for y, row in enumerate(group):
-            text = f"{row['undetected_percent']:.1f}{'  missed' if row['verdict'] == MISSED else ''}"
+            percent = f"{row['undetected_percent']:.1f}"
+            text = f"{percent if percent != '0.0' else ''} {'missed' if row['verdict'] == MISSED else ''}"
             colour = "#d7301f" if row["verdict"] == MISSED else "k"
             bars.text(101.0, y, text, va="center", fontsize=7, clip_on=False, color=colour)
         labels = [row["case"] + (f" ({row['estimator']})" if several else "") for row in group]
@@ -78,10 +79,12 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
         sigmas.axvline(1.0, color="k", lw=0.5)
         for limit in (one for one in LIMITS[name] if one.column == "rms_z"):
             sigmas.axvspan(limit.low, limit.high, color="#c7e9c0", alpha=0.5)
+            sigmas.set_title("sigma too wide", fontsize=8, loc="left")
+            sigmas.set_title("too narrow", fontsize=8, loc="right")
         for axis in (bars, sigmas, *errors):
             axis.set_ylim(len(group) - 0.5, -0.5)
     panels[-1, 0].set_xlabel("samples [%]; right of the bars the undetected ones")
-    panels[-1, 1].set_xlabel("rms error over stated sigma; above 1: sigma is too small")
+    panels[-1, 1].set_xlabel("rms error over stated sigma")
     if several:
         panels[-1, 2].set_xlabel("rms error [1]")
     handles, labels = panels[0, 0].get_legend_handles_labels()

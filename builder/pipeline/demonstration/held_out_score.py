@@ -32,8 +32,7 @@ from builder.trial.estimators import Estimates, of_map, together
 from builder.trial.levels import stated_readings
 from builder.trial.readings import Readings, joined
 from builder.trial.world import World
-from builder.truth.flights import RevolvedFlights
-from builder.truth.revolution.strain import TrueStructure, flights_of_harmonics, true_structure
+from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -176,7 +175,7 @@ def _true_structure(vehicle: Vehicle) -> TrueStructure:
 
 def _flown(
     vehicle: Vehicle, snapshots: Snapshots, structure: TrueStructure, made: InverseMap, random: np.random.Generator
-) -> RevolvedFlights:
+) -> TrueFlights:
     """Return the flights of a vehicle in the flows of ``snapshots``: rolled where the map takes every flow at
     every roll angle."""
     grid = snapshots.grid
@@ -190,8 +189,7 @@ def _flown(
         for _ in range(ROLLS if rolled else 1):
             harmonic.append(amplitude)
             conditions.append(_rolled(condition, random) if rolled else condition)
-    flights = flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
-    return RevolvedFlights(structure=structure, flown=flights)
+    return flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
 
 
 def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCondition:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import radians
 from pathlib import Path
 from typing import Any
 
@@ -133,10 +133,3 @@ def independent_flows(
         max_harmonic=vehicle.resolution.truth.harmonics,
         provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
     )
-
-
-def with_knots(vehicle: Vehicle, mach: FloatArray, incidence: FloatArray) -> Vehicle:
-    """Return ``vehicle`` whose independent model has other knots, ``incidence`` in [rad]."""
-    values = mach.tolist(), [degrees(one) for one in incidence]
-    truth = vehicle.truth.model_copy(update=dict(zip(KNOTS, values, strict=True)))
-    return vehicle.model_copy(update={"truth": truth})

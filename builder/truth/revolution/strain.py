@@ -17,7 +17,7 @@ from builder.reporting import Progress
 from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import place_layouts
@@ -81,6 +81,7 @@ class TrueFlights:
 
     Attributes
     ----------
+    structure : of the vehicle.
     conditions : k flight conditions.
     table, uniform : amplitudes of the k flows per p_inf, and of one uniform outer pressure; they lead [1/Pa].
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
@@ -88,6 +89,7 @@ class TrueFlights:
     internal_pressure : (k,) stated pressure inside [Pa].
     """
 
+    structure: TrueStructure
     conditions: tuple[FlightCondition, ...]
     table: ResponseTable
     uniform: ResponseTable
@@ -95,6 +97,32 @@ class TrueFlights:
     ambient_pressure: FloatArray
     dynamic_pressure: FloatArray
     internal_pressure: FloatArray
+
+    @property
+    def counts(self) -> Counts:
+        return self.structure.counts
+
+    @property
+    def rolling(self) -> None:
+        return None
+
+    def rows(self, rows: slice) -> TrueFlights:
+        """Return the flights ``rows``."""
+        return TrueFlights(
+            structure=self.structure,
+            conditions=self.conditions[rows],
+            table=each(self.table, lambda one: one[..., rows, :, :, :]),
+            uniform=self.uniform,
+            coefficients=self.coefficients[rows],
+            ambient_pressure=self.ambient_pressure[rows],
+            dynamic_pressure=self.dynamic_pressure[rows],
+            internal_pressure=self.internal_pressure[rows],
+        )
+
+    def read(
+        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
+    ) -> FloatArray:
+        return true_strain(self.structure, self.rows(rows), built)
 
 
 def true_flights(
@@ -172,6 +200,7 @@ def _flights(
     reference = vehicle.reference_quantities()
     scale = np.array([coefficient_scale(condition.dynamic_pressure, reference) for condition in conditions])
     return TrueFlights(
+        structure=structure,
         conditions=tuple(conditions),
         table=table,
         uniform=_under(structure, everywhere),
@@ -238,21 +267,3 @@ def without_faint_harmonics(flights: TrueFlights, faint: float = 2e-4) -> TrueFl
     size = np.abs(flights.table.nominal).max(axis=(0, 2, 3))
     kept = int(np.flatnonzero(size > faint * size.max())[-1]) + 1
     return replace(flights, table=each(flights.table, lambda one: one[..., :kept, :, :]))
-
-
-def one_flight(flights: TrueFlights, number: int) -> TrueFlights:
-    """Return flight ``number`` alone."""
-    return some_flights(flights, slice(number, number + 1))
-
-
-def some_flights(flights: TrueFlights, rows: slice) -> TrueFlights:
-    """Return the flights ``rows``."""
-    return TrueFlights(
-        conditions=flights.conditions[rows],
-        table=each(flights.table, lambda one: one[..., rows, :, :, :]),
-        uniform=flights.uniform,
-        coefficients=flights.coefficients[rows],
-        ambient_pressure=flights.ambient_pressure[rows],
-        dynamic_pressure=flights.dynamic_pressure[rows],
-        internal_pressure=flights.internal_pressure[rows],
-    )
