@@ -14,22 +14,21 @@ from builder.pipeline.map_files import load_map_parts, make_map_parts
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.trial_run import (
-    CASES,
     FLOWS,
     TrialOptions,
     TrialResult,
+    finished,
     make_trial_flows,
     once,
     refuse_vehicle,
     true_world,
-    written,
 )
 from builder.pipeline.used_files import SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
 from builder.trial.cases import cases_for, load_trial
 from builder.trial.compared import NONLINEAR, ComparedWorld, compared_estimators, knowing, maps_for, refuse_unknown
 from builder.trial.regressions import REGRESSIONS
-from builder.trial.run import run_cases, scored
+from builder.trial.run import scored
 from builder.truth.independent_model import other_physics
 from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.errors import InputError
@@ -74,23 +73,21 @@ def run_comparison(
     solid = pipeline.vehicle.structure.model == "solid"
     files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
     cases = cases_for(vehicle, trial, options.only)
-    rows = run_cases(
+    return finished(
+        vehicle,
         cases,
         plan,
-        folder / CASES,
+        folder,
         reporter,
+        options,
         make_world=compared_world,
         world=(vehicle, *files, plan.conditions, plan.seed, trial.compare.training),
         inputs={
             "made from": pipeline.made_from(SNAPSHOTS, FLOWS, *([STRUCTURE] if solid else [])),
             "training": trial.compare.training,
-            "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
         },
         score=partial(scored, make_estimators=compared_estimators),
-        workers=options.workers,
-        scheduler=options.scheduler,
     )
-    return written(vehicle.name, cases, rows, folder, options.formats)
 
 
 def _installed(names: Sequence[str], reporter: Reporter) -> list[str]:
@@ -101,6 +98,7 @@ def _installed(names: Sequence[str], reporter: Reporter) -> list[str]:
     return [name for name in names if name not in missing]
 
 
+@once
 def compared_world(
     vehicle: Vehicle,
     snapshots: Path,
@@ -110,22 +108,14 @@ def compared_world(
     seed: int,
     training: int,
 ) -> ComparedWorld:
-    """Return the world of a comparison; a worker makes it once."""
-
-    def made() -> ComparedWorld:
-        parts = load_map_parts(vehicle, snapshots, structure, Silent())
-        maps = maps_for(vehicle, *parts, is_exact=False)
-        world = true_world(vehicle, flows, structure)
-        return ComparedWorld(
-            **world,
-            inverse_map=maps[NONLINEAR],
-            conditions=conditions,
-            seed=seed,
-            snapshots=parts[0],
-            map_structure=parts[1],
-            training=training,
-        )
-
-    key = f"{vehicle.model_dump_json()} {snapshots} {structure} {flows} {conditions} {seed} {training}"
-    world: ComparedWorld = once(key, made)
-    return world
+    """Return the world of a comparison."""
+    parts = load_map_parts(vehicle, snapshots, structure, Silent())
+    return ComparedWorld(
+        **true_world(vehicle, flows, structure),
+        inverse_map=maps_for(vehicle, *parts, is_exact=False)[NONLINEAR],
+        conditions=conditions,
+        seed=seed,
+        snapshots=parts[0],
+        map_structure=parts[1],
+        training=training,
+    )

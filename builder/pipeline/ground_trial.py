@@ -10,13 +10,12 @@ from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import make_independent_flows, make_snapshots
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.stages import check_before_long_work
-from builder.pipeline.trial_run import CASES, TrialOptions, TrialResult, once, refuse_vehicle, written
+from builder.pipeline.trial_run import TrialOptions, TrialResult, finished, once, refuse_vehicle
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS, open_pipeline
 from builder.reporting import Reporter
 from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.trial.cases import cases_for, load_trial
 from builder.trial.ground import GroundTests
-from builder.trial.run import run_cases
 from builder.trial.score import Row
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flows import load_truth_flows
@@ -57,26 +56,25 @@ def run_ground_tests(
         pipeline.use(FLOWS, options.flows, content_hash_of(options.flows, *schema))
     make_independent_flows(pipeline)
     cases = cases_for(vehicle, trial, options.only)
-    rows = run_cases(
+    result = finished(
+        vehicle,
         cases,
         plan,
-        folder / CASES,
+        folder,
         reporter,
+        options,
         make_world=tested_world,
         world=(vehicle, pipeline.path(SNAPSHOTS), pipeline.path(FLOWS), plan.conditions, trial.ground),
         inputs={
             "made from": pipeline.made_from(SNAPSHOTS, FLOWS),
             "ground": trial.ground.model_dump(),
-            "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
         },
         score=ground_rows,
-        workers=options.workers,
-        scheduler=options.scheduler,
     )
-    for row in rows:
+    for row in result.rows:
         if row["estimator"] == CALIBRATION:
-            reporter.note(_line(row, rows))
-    return written(vehicle.name, cases, rows, folder, options.formats)
+            reporter.note(_line(row, result.rows))
+    return result
 
 
 def _line(said: Row, rows: list[Row]) -> str:
@@ -94,15 +92,10 @@ def _line(said: Row, rows: list[Row]) -> str:
 SHARES = ("refused", "named", "silent", "gauges_blamed", "cases_blamed")
 
 
+@once
 def tested_world(
     vehicle: Vehicle, snapshots: Path, flows: Path, conditions: int, options: GroundTests
 ) -> GroundWorld:
-    """Return the world of ground tests; a worker makes it once."""
-
-    def made() -> GroundWorld:
-        table = load_truth_flows(flows, vehicle)
-        return ground_world(vehicle, load_snapshots(snapshots), table, conditions, options)
-
-    key = f"{vehicle.model_dump_json()} {snapshots} {flows} {conditions} {options.model_dump_json()}"
-    world: GroundWorld = once(key, made)
-    return world
+    """Return the world of ground tests."""
+    table = load_truth_flows(flows, vehicle)
+    return ground_world(vehicle, load_snapshots(snapshots), table, conditions, options)

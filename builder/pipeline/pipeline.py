@@ -11,7 +11,6 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import AnyStructure
 from builder.reporting import Reporter
 from builder.truth.revolution.strain import TrueStructure
-from builder.truth.shape.structure import ShapeStructure
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
 
@@ -54,7 +53,6 @@ class Pipeline:
         self.reused: list[str] = []
         self.map_parts: tuple[Snapshots, AnyStructure] | None = None
         self.true_structure: TrueStructure | None = None
-        self.shape_structure: ShapeStructure | None = None
 
     def path(self, name: str) -> Path:
         """Return where the file ``name`` is: the one used, or the folder's."""

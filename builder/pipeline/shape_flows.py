@@ -12,9 +12,6 @@ from builder.campaign.scheduling import Scheduling
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.stages import note_campaign
-from builder.pipeline.used_files import STRUCTURE
-from builder.structure.structure_file import load_structure
-from builder.truth.shape.structure import ShapeStructure, flying_structure
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.flight_condition import FlightCondition
@@ -47,12 +44,3 @@ def make_shape_flows(
         "internal_pressure": campaign.internal_pressure.tolist(),
     }
     pipeline.make(name, holds, inputs, write)
-
-
-def shape_structure_of(pipeline: Pipeline) -> ShapeStructure:
-    """Return the structure of the independent model, solved once per run."""
-    if pipeline.shape_structure is None:
-        path = pipeline.path(STRUCTURE)
-        known = load_structure(path) if path.is_file() else None
-        pipeline.shape_structure = flying_structure(pipeline.vehicle, known, pipeline.reporter)
-    return pipeline.shape_structure

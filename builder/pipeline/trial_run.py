@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+from pydantic import BaseModel
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.journal import Journal
@@ -34,7 +35,7 @@ from builder.trial.conditions import flown_conditions
 from builder.trial.estimators import available
 from builder.trial.flows import stress_flow_inputs, stress_flows
 from builder.trial.heating import temperature_of
-from builder.trial.run import run_cases
+from builder.trial.run import Score, run_cases, scored
 from builder.trial.score import ALL, Row
 from builder.trial.table import write_table
 from builder.trial.world import World
@@ -57,6 +58,9 @@ from strainfmu.flight_condition import ALTITUDE, CONDITION_QUANTITIES, FlightCon
 FLOWS, CASES, TABLE, FIGURE = "trial_flows.h5", "cases", "trial", "trial.png"
 
 SUFFIXES = (".csv", ".parquet", ".json")
+
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,11 +142,13 @@ def run_trial(
     plan = plan.model_copy(update={"estimators": available(inverse_map, plan.estimators)})
     make_trial_flows(pipeline, vehicle, cases_for(vehicle, trial), plan, options.flows)
     structure = pipeline.path(STRUCTURE)
-    rows = run_cases(
+    return finished(
+        vehicle,
         cases,
         plan,
-        folder / CASES,
+        folder,
         reporter,
+        options,
         make_world=world_of,
         world=(
             vehicle,
@@ -155,8 +161,33 @@ def run_trial(
         inputs={
             "map": content_hash_of(pipeline.path(MAP), inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION),
             "flows": pipeline.made_from(FLOWS),
-            "vehicle": vehicle.model_dump(exclude={"description", "truth"}),
         },
+    )
+
+
+def finished(
+    vehicle: Vehicle,
+    cases: list[Case],
+    plan: Plan,
+    folder: Path,
+    reporter: Reporter,
+    options: TrialOptions,
+    *,
+    make_world: Callable[..., Any],
+    world: tuple[Any, ...],
+    inputs: dict[str, Any],
+    score: Score = scored,
+) -> TrialResult:
+    """Run ``cases`` as :func:`~builder.trial.run.run_cases` and write the table to ``folder``."""
+    rows = run_cases(
+        cases,
+        plan,
+        folder / CASES,
+        reporter,
+        make_world=make_world,
+        world=world,
+        inputs={**inputs, "vehicle": vehicle.model_dump(exclude={"description", "truth"})},
+        score=score,
         workers=options.workers,
         scheduler=options.scheduler,
     )
@@ -193,41 +224,33 @@ def world_of_files(vehicle_path: Path, map_path: Path, flows: Path) -> World:
     inverse_map = load_inverse_map(map_path)
     vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
     check_fit(vehicle, inverse_map, map_path)
-    return _made(vehicle, map_path, flows, None, conditions=1, seed=1)
+    return world_of(vehicle, map_path, flows, None, 1, 1)
 
 
-@lru_cache(maxsize=1)
-def _place(key: str) -> list[Any]:
-    """Return a place for the world of a worker."""
-    return []
+def once(make: Callable[Given, Made]) -> Callable[Given, Made]:
+    """Return ``make``, which makes the world of a worker, such that the last arguments give the last world."""
+    last = dict[str, Made]()
+
+    @wraps(make)
+    def made(*args: Given.args, **kwargs: Given.kwargs) -> Made:
+        key = " ".join(one.model_dump_json() if isinstance(one, BaseModel) else str(one) for one in args)
+        if key not in last:
+            last.clear()
+            last[key] = make(*args, **kwargs)
+        return last[key]
+
+    return made
 
 
-def once(key: str, make: Callable[[], Any]) -> Any:
-    """Return what ``make`` returns; the next time the same, as long as ``key`` is the same."""
-    place = _place(key)
-    if not place:
-        place.append(make())
-    return place[0]
-
-
+@once
 def world_of(
     vehicle: Vehicle, inverse_map: Path, flows: Path, structure: Path | None, conditions: int, seed: int
 ) -> World:
-    """Return the world of a trial; a worker makes it once.
+    """Return the world of a trial.
 
     ``structure`` is the file of the map's structure, whose check is the mesh that flies, of another shape than a
     body of revolution.
     """
-    key = f"{vehicle.model_dump_json()} {inverse_map} {flows} {structure} {conditions} {seed}"
-    world: World = once(
-        key, lambda: _made(vehicle, inverse_map, flows, structure, conditions=conditions, seed=seed)
-    )
-    return world
-
-
-def _made(
-    vehicle: Vehicle, inverse_map: Path, flows: Path, structure: Path | None, *, conditions: int, seed: int
-) -> World:
     made, world = load_inverse_map(inverse_map), true_world(vehicle, flows, structure)
     return World(**world, inverse_map=made, conditions=conditions, seed=seed)
 

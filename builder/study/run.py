@@ -10,14 +10,13 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from builder.campaign.dask_workers import on_dask
-from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison.trade_study import trade_study_figure
 from builder.figures.drawing.canvas import save
-from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots, true_structure_of
+from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots
 from builder.pipeline.pipeline import FilesGiven, Pipeline
-from builder.pipeline.shape_flows import make_shape_flows, shape_structure_of
-from builder.pipeline.trial_run import shape_conditions
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
+from builder.pipeline.shape_flows import make_shape_flows
+from builder.pipeline.trial_run import shape_conditions, world_of
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.processors import processors
 from builder.reporting import Reporter, Silent
 from builder.study.study_file import Design, StudyFile, designs_of, load_study, vehicle_of
@@ -26,12 +25,9 @@ from builder.trial.levels import HARDWARE
 from builder.trial.run import scored
 from builder.trial.score import Row
 from builder.trial.table import write_table
-from builder.trial.world import World
-from builder.truth.revolution.flow_table import load_flow_table
 from builder.vehicle.file import Vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.files import fingerprint, write_bytes_atomically
 
@@ -192,19 +188,11 @@ def _rows(task: Task, reporter: Reporter) -> list[Row]:
         make_shape_flows(pipeline, vehicle, conditions, TRIAL_FLOWS, "flows of the trial")
 
     def write(path: Path) -> None:
-        inverse_map, revolved = load_inverse_map(pipeline.path(MAP)), vehicle.is_of_revolution
-        world = World(
-            vehicle=vehicle,
-            structure=true_structure_of(pipeline) if revolved else shape_structure_of(pipeline),
-            flows=load_flow_table(pipeline.path(FLOWS))
-            if revolved
-            else load_snapshots(pipeline.path(TRIAL_FLOWS)),
-            inverse_map=inverse_map,
-            conditions=plan.conditions,
-            seed=plan.seed,
-        )
+        flows, structure = FLOWS if vehicle.is_of_revolution else TRIAL_FLOWS, pipeline.path(STRUCTURE)
+        files = pipeline.path(MAP), pipeline.path(flows), structure if structure.is_file() else None
+        world = world_of(vehicle, *files, plan.conditions, plan.seed)
         (rows,) = scored(world, HARDWARE, plan).values()
-        made = [{"gauges": inverse_map.n_gauges, **row} for row in rows]
+        made = [{"gauges": world.inverse_map.n_gauges, **row} for row in rows]
         write_bytes_atomically(path, json.dumps(made, indent=1).encode())
 
     inputs = {

@@ -12,13 +12,11 @@ always, the limit at 95 % is 3 over the number of clusters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from math import isfinite, sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
@@ -124,7 +122,7 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
         row["rms_of_range"] = row["rms"] / spread[column] if spread[column] > CONSTANT else np.nan
         row |= clusters.percent("covered_1", is_within(own, std[:, column], 1.0))
         if read.bound is not None and column < read.bound.shape[1]:
-            row["bound"] = float(np.sqrt(mean_square(read.bound[:, [column]])[0]))
+            row["bound"] = sqrt(float(np.nanmean(read.bound[:, column] ** 2)))
             row["over_bound"] = row["rms"] / row["bound"]
         rows.append(row)
     return rows + [{"load": name, **shared, **_of_other(clusters, name, made, read)} for name in made.others]
@@ -171,149 +169,7 @@ def _rms(clusters: Clusters, values: FloatArray) -> tuple[float, float]:
     return rms, error / (2.0 * rms) if rms else 0.0
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Score:
-    """Errors of m loads in n samples; arrays have a number for each load, in the load's unit where none is stated.
-
-    Attributes
-    ----------
-    names : of the m loads.
-    samples : n.
-    mean_square : (m,) mean of the squared error [unit^2].
-    bias : (m,) mean error.
-    range : (m,) range of the truth; NaN where it is constant.
-    mean_std : (m,) mean stated standard deviation.
-    coverage_1, coverage_3 : (m,) fraction of samples with the truth within 1 and 3 sigma [1].
-    rms_z : (m,) root mean square of the error over its stated standard deviation [1].
-    wrong : fraction of samples of which a load is outside 3 sigma, or there is none [1].
-    health : fraction of samples in each state that occurred [1]; empty where health was not stated, which makes
-        the following five NaN.
-    detected : fraction of samples whose health is not OK [1].
-    alarms : fraction of samples with an alarm: health INCONSISTENT or SUSPECT [1].
-    false_alarms : fraction of samples with an alarm that are not wrong [1].
-    undetected_of_load : (m,) fraction of samples with the load outside 3 sigma, or none, and health OK [1].
-    undetected : fraction of samples that are wrong with health OK [1].
-    bound : (m,) root mean square of the Cramer-Rao bound in the samples, see :mod:`builder.trial.bound`; None
-        where it is not known.
-    """
-
-    names: tuple[str, ...]
-    samples: int
-    mean_square: FloatArray
-    bias: FloatArray
-    range: FloatArray
-    mean_std: FloatArray
-    coverage_1: FloatArray
-    coverage_3: FloatArray
-    rms_z: FloatArray
-    wrong: float
-    health: dict[str, float]
-    detected: float
-    alarms: float
-    false_alarms: float
-    undetected_of_load: FloatArray
-    undetected: float
-    bound: FloatArray | None = None
-
-    @property
-    def rms(self) -> FloatArray:
-        """(m,) root mean square of the error."""
-        return np.sqrt(self.mean_square)
-
-    @property
-    def rms_of_range(self) -> FloatArray:
-        """(m,) the same over the range of the truth [1]; NaN where that is constant."""
-        return self.rms / self.range
-
-    @property
-    def rms_of_bound(self) -> FloatArray | None:
-        """(m,) the same over the Cramer-Rao bound [1]; None where that is not known."""
-        return None if self.bound is None else self.rms / self.bound
-
-    @property
-    def healthy(self) -> float:
-        """Fraction of samples with health OK [1]."""
-        return self.health.get(HealthState.OK.name, 0.0)
-
-
-def score_of(
-    names: Sequence[str],
-    error: FloatArray,
-    std: FloatArray,
-    *,
-    truth: FloatArray | None = None,
-    health: ArrayLike | None = None,
-    bound: FloatArray | None = None,
-) -> Score:
-    """Return the score of n samples of m loads.
-
-    Parameters
-    ----------
-    names : of the loads.
-    error, std : (n, m) estimate less truth, and the stated standard deviation; NaN without an estimate.
-    truth : (n, m); None where its range is of no interest.
-    health : (n,) states; None where none are stated.
-    bound : (k, 5) standard deviations of the Cramer-Rao bound, of the samples or of the flights that they are of,
-        each with as many samples; a sixth load has none.
-    """
-    within = is_within(error, std)
-    wrong = ~within.all(axis=1)
-    fractions, is_ok, is_alarm = dict[str, float](), np.full(len(error), np.nan), np.full(len(error), np.nan)
-    if health is not None:
-        states = np.asarray(health).astype(int)
-        fractions = {HealthState(one).name: float(np.mean(states == one)) for one in np.unique(states)}
-        is_ok, is_alarm = (1.0 * np.isin(states, one) for one in ((HealthState.OK,), ALARMS))
-    unbounded = 0 if bound is None else len(names) - bound.shape[1]
-    spread = np.full(len(names), np.nan) if truth is None else np.ptp(truth, axis=0)
-    return Score(
-        names=tuple(names),
-        samples=len(error),
-        mean_square=mean_square(error),
-        bias=mean_of_known(error),
-        range=np.where(spread > CONSTANT, spread, np.nan),
-        mean_std=mean_of_known(std),
-        coverage_1=is_within(error, std, 1.0).mean(axis=0),
-        coverage_3=within.mean(axis=0),
-        rms_z=np.sqrt(mean_square(np.divide(error, std, out=np.full(error.shape, np.nan), where=std > 0.0))),
-        wrong=float(np.mean(wrong)),
-        health=fractions,
-        detected=float(np.mean(1.0 - is_ok)),
-        alarms=float(np.mean(is_alarm)),
-        false_alarms=float(np.mean(~wrong * is_alarm)),
-        undetected_of_load=np.mean(~within * is_ok[:, None], axis=0),
-        undetected=float(np.mean(wrong * is_ok)),
-        bound=None if bound is None else np.append(np.sqrt(mean_square(bound)), [np.nan] * unbounded),
-    )
-
-
 def is_within(error: FloatArray, std: FloatArray | float, sigmas: float = SIGMAS) -> BoolArray:
     """Return where ``error`` is at most ``sigmas`` of its standard deviations ``std``; not where it is NaN."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(error) <= sigmas * std)
-
-
-def mean_square(error: FloatArray) -> FloatArray:
-    """Return (m,) the mean of the squared columns of ``error`` (n, m) over what is known, NaN where nothing is."""
-    return mean_of_known(error**2)
-
-
-def mean_of_known(values: FloatArray) -> FloatArray:
-    """Return (m,) the mean of the columns of ``values`` (n, m) over what is known, NaN where nothing is."""
-    known = ~np.isnan(values)
-    total, count = np.where(known, values, 0.0).sum(axis=0), known.sum(axis=0)
-    return np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
-
-
-def rounded(value: float) -> float | None:
-    """Return ``value`` to five digits, None where it is not finite."""
-    return float(f"{value:.5g}") if np.isfinite(value) else None
-
-
-def by_name(
-    names: Sequence[str], values: FloatArray | None, shown: Callable[[float], float | None] = float
-) -> dict[str, Any]:
-    """Return ``values`` (m,) by ``names`` for a file of results: None for NaN and for all where there are none."""
-    if values is None:
-        return dict.fromkeys(names)
-    pairs = zip(names, values.tolist(), strict=True)
-    return {name: shown(value) if np.isfinite(value) else None for name, value in pairs}

@@ -79,6 +79,16 @@ def test_each_sample_is_one_of_five() -> None:
     assert b["rms_z"] == pytest.approx(np.sqrt((1.0 + 1.0 + 1.0 + 81.0) / 5.0))
 
 
+def test_normal_errors_of_the_stated_size() -> None:
+    random = np.random.default_rng(1)
+    std = random.uniform(0.5, 2.0, (200_000, 2))
+    made = Estimates(value=std * random.standard_normal(std.shape), std=std)
+    for row in rows_of(("a", "b"), made, read(np.zeros(std.shape)))[1:]:
+        assert row["covered_1_percent"] == pytest.approx(68.27, abs=0.5)
+        assert row["covered_percent"] == pytest.approx(99.73, abs=0.05)
+        assert row["rms_z"] == pytest.approx(1.0, abs=0.01)
+
+
 def test_errors_are_those_of_many_trials() -> None:
     """20 vehicles in 30 flights, each with an error of its own: the clustered error is the spread of the mean.
 

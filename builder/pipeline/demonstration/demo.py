@@ -193,31 +193,53 @@ def run_demo(
         run.make_flight_model()
     _fmus(pipeline, MAP if run is None else CALIBRATED, takes_zeros=run is not None)
     recording = _flight(pipeline, MEASURED | ({} if run is None else run.start_values()))
-    score = score_flight(recording, bound=bound_in_flight(_map(pipeline, run), recording))
     held_out = _held_out(pipeline) if snapshots.engine == "table" else {}
     _figures(pipeline, recording, physics)
     estimators = _estimators(pipeline, recording, physics) if run is None else {}
-    states = {} if run is None else run.score(recording)
+    return _result(
+        pipeline,
+        load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED)),
+        recording,
+        physics,
+        held_out=held_out,
+        estimators=estimators,
+        states={} if run is None else run.score(recording),
+    )
+
+
+def _result(
+    pipeline: Pipeline,
+    inverse_map: InverseMap,
+    recording: Recording,
+    physics: FlownPhysics,
+    *,
+    held_out: dict[str, Any],
+    estimators: dict[str, Any],
+    states: dict[str, Any],
+) -> DemoResult:
+    """Score the flight of ``inverse_map``, write ``summary.json`` and return the result."""
+    score = score_flight(recording, bound=bound_in_flight(inverse_map, recording))
     more = {"held_out": held_out, "physics": physics.record(), "estimators": estimators, "as_built": states}
-    _summary(pipeline, score, more)
+
+    def make(path: Path) -> None:
+        values = {**score, **{name: entry for name, entry in more.items() if entry}}
+        write_bytes_atomically(path, json.dumps(values, indent=1, allow_nan=False).encode())
+
+    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
+    pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)
     return DemoResult(
-        vehicle=vehicle.name,
-        folder=folder,
-        flight=_flight_in_words(recording),
+        vehicle=pipeline.vehicle.name,
+        folder=pipeline.path("summary.json").parent,
+        flight=f"{recording.time[-1]:.6g} s at {1.0 / COMMUNICATION_STEP_SIZE:g} Hz",
         files=pipeline.files,
         reused=tuple(pipeline.reused),
         physics=physics,
         score=score,
         held_out=held_out,
-        errors_in_sigma=errors_in_sigma(_map(pipeline, run)),
+        errors_in_sigma=errors_in_sigma(inverse_map),
         estimators=estimators,
         states=states,
     )
-
-
-def _map(pipeline: Pipeline, run: AsBuiltRun | None) -> InverseMap:
-    """Return the map that flies."""
-    return load_inverse_map(pipeline.path(MAP if run is None else CALIBRATED))
 
 
 def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
@@ -228,27 +250,8 @@ def _free_demo(pipeline: Pipeline, as_built: int | None) -> DemoResult:
     flown = load_trajectory(vehicle.manoeuvre(), tuple(vehicle.conditions.parameters))
     for warning in manoeuvre_warnings(vehicle, flown, snapshots.conditions(), False):
         pipeline.reporter.note(warning)
-    inverse_map = load_inverse_map(pipeline.path(MAP))
-    score = score_flight(recording, bound=bound_in_flight(inverse_map, recording))
-    physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
-    _summary(pipeline, score, {"physics": physics.record()})
-    return DemoResult(
-        vehicle=vehicle.name,
-        folder=pipeline.workspace.path("summary.json").parent,
-        flight=_flight_in_words(recording),
-        files=pipeline.files,
-        reused=tuple(pipeline.reused),
-        physics=physics,
-        score=score,
-        held_out={},
-        errors_in_sigma=errors_in_sigma(inverse_map),
-        estimators={},
-        states={},
-    )
-
-
-def _flight_in_words(recording: Recording) -> str:
-    return f"{recording.time[-1]:.6g} s at {1.0 / COMMUNICATION_STEP_SIZE:g} Hz"
+    physics, made = flown_physics(vehicle, vehicle.aerodynamics.engine), load_inverse_map(pipeline.path(MAP))
+    return _result(pipeline, made, recording, physics, held_out={}, estimators={}, states={})
 
 
 def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
@@ -477,12 +480,3 @@ def _errors_figure(recording: Recording, flown: dict[str, Flown], title: str) ->
 
 def _save(draw: Callable[[], figures.Figure], path: Path) -> None:
     save(draw(), path)
-
-
-def _summary(pipeline: Pipeline, score: dict[str, Any], more: dict[str, dict[str, Any]]) -> None:
-    def make(path: Path) -> None:
-        values = {**score, **{name: entry for name, entry in more.items() if entry}}
-        write_bytes_atomically(path, json.dumps(values, indent=1, allow_nan=False).encode())
-
-    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
-    pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)

@@ -8,12 +8,11 @@ axes of b = 0: their side force is the body's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray, float_or_array
+from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
@@ -25,19 +24,19 @@ class TurnedCoefficients:
     std: FloatArray
 
     @property
-    def C_D(self) -> Any:
+    def C_D(self) -> FloatArray:
         """Drag coefficient [1], positive along the wind."""
-        return float_or_array(self.values[..., 0])
+        return self.values[..., 0]
 
     @property
-    def C_S(self) -> Any:
+    def C_S(self) -> FloatArray:
         """Side force coefficient [1] of these axes, positive to starboard."""
-        return float_or_array(self.values[..., 1])
+        return self.values[..., 1]
 
     @property
-    def C_L(self) -> Any:
+    def C_L(self) -> FloatArray:
         """Lift coefficient [1], positive up."""
-        return float_or_array(self.values[..., 2])
+        return self.values[..., 2]
 
 
 def in_wind_axes(
