@@ -122,7 +122,7 @@ def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:
         row["rms_of_range"] = row["rms"] / spread[column] if spread[column] > CONSTANT else np.nan
         row |= clusters.percent("covered_1", is_within(own, std[:, column], 1.0))
         if read.bound is not None and column < read.bound.shape[1]:
-            row["bound"] = sqrt(float(np.nanmean(read.bound[:, column] ** 2)))
+            row["bound"] = sqrt(clusters.mean(read.bound[:, column] ** 2)[0])
             row["over_bound"] = row["rms"] / row["bound"]
         rows.append(row)
     return rows + [{"load": name, **shared, **_of_other(clusters, name, made, read)} for name in made.others]

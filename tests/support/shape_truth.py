@@ -30,4 +30,4 @@ def beam(surface: SurfaceMesh) -> ShapeStructure:
 def flights_at(conditions: Sequence[FlightCondition]) -> ShapeFlights:
     """Return newtonian flights, on the surface of the map."""
     flows = flown(conditions)
-    return shape_flights(shape_vehicle(), beam(flows.surface), flows, flows.surface)
+    return shape_flights(shape_vehicle(), beam(flows.surface), flows)

@@ -108,13 +108,6 @@ def test_coefficients_are_those_of_the_snapshots_and_the_rolling_moment_comes_be
     assert np.abs(found.rolling).max() > 1e-4
 
 
-def test_flights_are_chosen_with_all_that_is_theirs() -> None:
-    again = flights().chosen(np.array([5, 5, 2]))
-    assert [CONDITIONS.index(one) for one in again.conditions] == [5, 5, 2]
-    np.testing.assert_array_equal(again.read(built()), flights().read(built())[[5, 5, 2]])
-    np.testing.assert_array_equal(again.pressure, flights().pressure[[5, 5, 2]])
-
-
 def test_pressure_goes_to_the_nodes_of_the_map() -> None:
     """Linear over triangles: a coarser surface finds it within what the flow bends between nodes."""
     body = shape_vehicle().sectioned_body()

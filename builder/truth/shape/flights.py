@@ -27,7 +27,7 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -44,7 +44,6 @@ class ShapeFlights:
     counts : numbers of what has errors of its own.
     coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
     rolling : (k,) M_R [1].
-    pressure : (k, n_p) at the nodes of the map [Pa].
     ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
     """
 
@@ -55,24 +54,9 @@ class ShapeFlights:
     counts: Counts
     coefficients: FloatArray
     rolling: FloatArray
-    pressure: FloatArray
     ambient_pressure: FloatArray
     dynamic_pressure: FloatArray
     internal_pressure: FloatArray
-
-    def chosen(self, rows: IntArray) -> ShapeFlights:
-        """Return the flights ``rows`` (m,), some of them more than once if so."""
-        return replace(
-            self,
-            conditions=tuple(self.conditions[row] for row in rows.tolist()),
-            strain=self.strain[:, rows],
-            coefficients=self.coefficients[rows],
-            rolling=self.rolling[rows],
-            pressure=self.pressure[rows],
-            ambient_pressure=self.ambient_pressure[rows],
-            dynamic_pressure=self.dynamic_pressure[rows],
-            internal_pressure=self.internal_pressure[rows],
-        )
 
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
@@ -89,13 +73,12 @@ def shape_flights(
     vehicle: Vehicle,
     structure: ShapeStructure,
     flows: Snapshots,
-    nodes: SurfaceMesh | None = None,
     operator: FloatArray | None = None,
 ) -> ShapeFlights:
     """Return the flights of ``vehicle`` at the conditions of ``flows``.
 
-    ``nodes`` is the surface of the map, by default the flows' own; ``operator`` (n_w, n_d, n_q) is
-    :func:`~builder.truth.shape.structure.on_nodes_of` for these flows, where it is known.
+    ``operator`` (n_w, n_d, n_q) is :func:`~builder.truth.shape.structure.on_nodes_of` for these flows, where it is
+    known.
 
     Raises
     ------
@@ -117,7 +100,6 @@ def shape_flights(
         counts=structure.counts,
         coefficients=coefficients_of(net, loads[:5], conditions, reference),
         rolling=net @ loads[5] / (dynamic * reference.area * reference.length),
-        pressure=flows.pressure if nodes is None else on_nodes(flows, nodes),
         ambient_pressure=np.array([one.ambient_pressure for one in conditions]),
         dynamic_pressure=dynamic,
         internal_pressure=inside,
