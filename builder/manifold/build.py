@@ -11,12 +11,13 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
-from builder.inverse.noise.inertia import manoeuvre_strain
+from builder.inverse.noise.error_list import LEVEL, PROCESS, SPREAD, by_role, record_of
+from builder.inverse.noise.flow_models import FLOW_MODELS, difference_columns
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem, with_flow_models
-from builder.manifold.discrepancy import level_error, process_size, tested_shapes
+from builder.manifold.discrepancy import process_size, tested_shapes
 from builder.manifold.followed_errors import followed_errors
 from builder.manifold.parameter_slopes import FLOW_PARAMETERS, ParameterSlopes, compressed
 from builder.manifold.sensor_tables import base_pressure_error, gains_of_sensors, with_base_and_friction
@@ -80,9 +81,9 @@ def manifold_map(
     found, terms = tables_and_errors(vehicle, on_structure(snapshots, structure), structure, problem, nuisance)
     n_d = len(problem.strain_operator)
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
-    error = compressed(np.hstack(list(terms.values())))
+    estimated, considered = map(compressed, by_role(terms, problem.sensors is not None))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
-    products, common = followed_errors(vehicle, problem)
+    followed = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     made = ManifoldMap(
         mach_knots=found.mach_knots,
@@ -90,13 +91,16 @@ def manifold_map(
         response=coefficients,
         fixed_response=fixed,
         gauge_covariance=_fixed_covariance(problem),
-        error_strain=error[:n_d],
-        error_load=error[n_d:],
+        error_strain=estimated[:n_d],
+        error_load=estimated[n_d:],
+        considered_strain=considered[:n_d],
+        considered_load=considered[n_d:],
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
         **gains_of_sensors(vehicle, problem),
-        gauge_error_product=products,
-        common_error=common,
+        gauge_error_product=followed.of_gauge,
+        common_error=followed.estimated,
+        considered_common=followed.considered,
         reference_area=reference.area,
         reference_length=reference.length,
         mach_range=found.mach_knots[[0, -1]],
@@ -104,19 +108,22 @@ def manifold_map(
         incidence_limit=found.incidence_limit,
         crossflow_range=found.crossflow_range,
         considered_response=found.considered,
-        considered_strain=manoeuvre_strain(vehicle),
         mach_number_error=noise.navigation_mach_number,
         static_pressure_error=0.01 * noise.navigation_static_pressure_percent,
         dynamic_pressure_error=0.01 * noise.dynamic_pressure_percent,
         altitude_error=0.01 * noise.standard_atmosphere_percent,
         pressure_field=found.field if isinstance(found.field, FlightField) else None,
         shape_field=found.field if isinstance(found.field, ShapeField) else None,
-        parameters=_parameters(found.slopes, terms),
+        parameters=_parameters(found.slopes, terms, problem.sensors is not None),
     )
     check_told_apart(made)
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
-    return made, _terms_of(terms, problem.ensemble, n_g)
+    if problem.flow_models is not None:
+        terms[FLOW_MODELS] = (
+            difference_columns(problem.flow_models, operator) / problem.ensemble.mean_ambient_pressure
+        )
+    return made, _terms_of(vehicle, terms, problem.ensemble, n_g)
 
 
 def tables_and_errors(
@@ -141,9 +148,9 @@ def tables_and_errors(
     terms |= _scaled_nuisance(nuisance, problem) | base_pressure_error(vehicle, problem, len(operator))
     if problem.leeward is not None:
         terms[LEEWARD_PRESSURE] = operator @ problem.leeward.T / problem.ensemble.mean_ambient_pressure
-    level = level_error(vehicle, problem, operator, found.overpressure)
-    if level is not None:
-        terms["fraction of the overpressure"] = level
+    level = model_form(vehicle.map, vehicle.noise).of_overpressure
+    if level > 0.0:
+        terms[LEVEL] = level * (operator @ found.overpressure)[:, None]
     return found, terms
 
 
@@ -152,26 +159,33 @@ def _operator(problem: Problem) -> FloatArray:
     return np.vstack([problem.strain_operator, problem.load_operator])
 
 
-def _parameters(slopes: ParameterSlopes | None, terms: dict[str, FloatArray]) -> ParameterTables | None:
+def _parameters(
+    slopes: ParameterSlopes | None, terms: dict[str, FloatArray], is_measured: bool
+) -> ParameterTables | None:
     """Return ``slopes`` with the errors that are left where all parameters are known."""
     if slopes is None:
         return None
-    others = [columns for name, columns in terms.items() if name != FLOW_PARAMETERS]
+    others = by_role({name: columns for name, columns in terms.items() if name != FLOW_PARAMETERS}, is_measured)[0]
     unit, spread = slopes.compressed_errors()
     return ParameterTables(
         powers=slopes.powers,
         slope=slopes.slope,
         unit_error=unit,
         spread_error=spread,
-        error=compressed(np.hstack(others)),
+        error=compressed(others),
     )
 
 
-def _terms_of(terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int) -> list[dict[str, Any]]:
+def _terms_of(
+    vehicle: Vehicle, terms: dict[str, FloatArray], ensemble: Ensemble, n_gauges: int
+) -> list[dict[str, Any]]:
     """Return name and rms strain over the gauges [m/m] of each of ``terms``, at the mean p_inf of the flows."""
     pressure = ensemble.mean_ambient_pressure
     return [
-        {"name": name, "rms_strain": pressure * float(np.sqrt(np.sum(columns[:n_gauges] ** 2) / n_gauges))}
+        {
+            **record_of(name, vehicle),
+            "rms_strain": pressure * float(np.sqrt(np.sum(columns[:n_gauges] ** 2) / n_gauges)),
+        }
         for name, columns in terms.items()
     ]
 
@@ -192,10 +206,10 @@ def _scaled_errors(
     of_prior = model_form(vehicle.map, noise).of_prior
     size = process_size(vehicle, problem)
     if size > 0.0:
-        found["pressure off the tables"] = size * process
+        found[PROCESS] = size * process
     if of_prior > 0.0:
         spread = _spread_of_flows(problem.ensemble, operator)
-        found["fraction of the snapshots"] = of_prior * spread
+        found[SPREAD] = of_prior * spread
     if noise.internal_pressure_percent > 0.0:
         column = 0.01 * noise.internal_pressure_percent * operator.sum(axis=1)
         n_d = len(problem.strain_operator)

@@ -90,36 +90,6 @@ def process_size(vehicle: Vehicle, problem: Problem) -> float:
     return model_form(vehicle.map, vehicle.noise).process_at(dynamic)
 
 
-def corrects_level(vehicle: Vehicle, problem: Problem) -> bool:
-    """Return whether the residual says how far the level of the pressure is off the tables.
-
-    Auxiliary sensors, as ports, see the pressure itself. Strain of gauges determines it to some per cent at best:
-    in a flow as the snapshots' that correction is noise alone, in one of another level it is worth its noise. So
-    ``level_by_strain`` states which flows to expect.
-    """
-    return problem.sensors is not None or vehicle.map.level_by_strain
-
-
-def level_error(
-    vehicle: Vehicle, problem: Problem, operator: FloatArray, overpressure: FloatArray
-) -> FloatArray | None:
-    """Return columns (n, k) per p_inf of a fraction of ``overpressure`` (n_p,) all over the body; None for none.
-
-    ``operator`` (n, n_p) gives strains, then loads. Where the residual does not correct the level, they are two
-    errors, one of strain and one of the loads: the estimate follows from the tables, its standard deviation
-    holds both.
-    """
-    size = model_form(vehicle.map, vehicle.noise).of_overpressure
-    if size == 0.0:
-        return None
-    column = size * (operator @ overpressure)[:, None]
-    if corrects_level(vehicle, problem):
-        return column
-    n_d, apart = len(problem.strain_operator), np.repeat(column, 2, axis=1)
-    apart[n_d:, 0] = apart[:n_d, 1] = 0.0
-    return apart
-
-
 TESTED = 6
 """Shapes of pressure off the tables that are tested, together."""
 
@@ -135,7 +105,10 @@ def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
     state[0, MACH], state[0, U] = manifold.mach_range.mean(), 0.5 * manifold.incidence_limit
     state[0, LOG_PRESSURE] = np.log(manifold.pressure_range).mean()
     covariance = strain_covariance(manifold, manifold.gauge_covariance, state)[0]
-    of_shapes = float(np.exp(2.0 * state[0, LOG_PRESSURE])) * manifold.scaled_covariance
+    considered = manifold.considered_columns[: manifold.n_gauges]
+    of_shapes = float(np.exp(2.0 * state[0, LOG_PRESSURE])) * (
+        manifold.scaled_covariance + considered @ considered.T
+    )
     root = np.linalg.cholesky(covariance - of_shapes)
     half = np.linalg.solve(root, of_shapes)
     value, vector = np.linalg.eigh(np.linalg.solve(root, half.T))

@@ -6,8 +6,9 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import rolled_modes
+from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION, LEVEL, PROCESS, SPREAD, parts_of
 from builder.inverse.solution import Problem
-from builder.manifold.discrepancy import corrects_level, gaussian_process_shapes, process_size
+from builder.manifold.discrepancy import gaussian_process_shapes, process_size
 from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.interpolation import left_out_errors
 from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
@@ -46,10 +47,16 @@ def flight_field(
     prior, prior_std = _of_prior(vehicle, problem, grid, n_h)
     n_m = flows.amplitude.shape[-1]
     numerics = [error] if of_grid is None else [error, of_grid[..., :n_m]]
-    covariance = sum((_of_numerics(one[..., :n_h], response) for one in numerics), start=process + prior)
     level = model_form(vehicle.map, vehicle.noise).of_overpressure * flows.overpressure()
-    if corrects_level(vehicle, problem):
-        covariance[:, 0, 0] += np.outer(level, response[:, :, 0, 0] @ level)
+    of_level = np.zeros_like(process)
+    of_level[:, 0, 0] = np.outer(level, response[:, :, 0, 0] @ level)
+    of_numerics = (_of_numerics(one[..., :n_h], response) for one in numerics)
+    covariances = {PROCESS: process, SPREAD: prior, LEVEL: of_level}
+    covariances |= dict(zip((INTERPOLATION, GRID_REFINEMENT), of_numerics, strict=False))
+    measured = problem.sensors is not None
+    covariance = sum(
+        (parts_of(name, measured)[0] ** 2 * one for name, one in covariances.items()), start=0.0 * process
+    )
     return FlightField(
         station=grid.x,
         radius=grid.radius,

@@ -8,12 +8,16 @@ incidence and depends on where the wind comes from: its square is fitted by squa
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
+from builder.inverse.noise.error_list import error_named
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.sensor_tables import friction_error
+from builder.structure.as_built_kinds import Role
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.proportional_errors import PAIRS
@@ -26,8 +30,16 @@ _FIRST, _SECOND = np.array(PAIRS).T
 _TWICE = np.where(_FIRST == _SECOND, 1.0, 2.0)
 
 
-def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Return errors of each gauge (21, n_d) and common ones (n_t, 6, n_d) that follow strain, but for gains."""
+class FollowedErrors(NamedTuple):
+    """Errors of each gauge (21, n_d), and common ones (n_t, 6, n_d) that are estimated and considered."""
+
+    of_gauge: FloatArray
+    estimated: FloatArray
+    considered: FloatArray
+
+
+def followed_errors(vehicle: Vehicle, problem: Problem) -> FollowedErrors:
+    """Return the errors that follow strain, but for gains."""
     reference, ensemble = vehicle.reference_quantities(), problem.ensemble
     n_d = len(problem.strain_operator)
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
@@ -35,7 +47,8 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
     loads = ensemble.responses(problem.load_operator[FIVE_LOADS]) / pressure / scale
     c = np.hstack([np.ones((len(loads), 1)), loads])
     root = np.sqrt(ensemble.member_weight)[:, None]
-    products, square, common = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d)), []
+    products, square = np.zeros((len(PAIRS), n_d)), np.zeros((len(c), n_d))
+    common: dict[Role, list[FloatArray]] = {"estimated": [], "considered": []}
     for error in [*problem.errors, *friction_error(vehicle, problem)]:
         if error.name in ("gauge gain", "common gain", "sensor gain"):
             continue
@@ -43,10 +56,13 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> tuple[FloatArray, Flo
         if not error.common or error.with_rest:
             square += left * left
         if error.common:
-            common.append(slope)
+            common[error_named(error.name).role].append(slope)
             continue
         products += _TWICE[:, None] * slope[_FIRST] * slope[_SECOND]
-    return products + squares_fitted(c, square, ensemble.member_weight), np.array(common).reshape(-1, 6, n_d)
+    return FollowedErrors(
+        products + squares_fitted(c, square, ensemble.member_weight),
+        *(np.array(slopes).reshape(-1, 6, n_d) for slopes in common.values()),
+    )
 
 
 def _regressed(

@@ -25,9 +25,6 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 
-GRID_REFINEMENT = "grid of the flow"
-"""Name of the error."""
-
 COARSER = 2.0 / 3.0
 """Cells of the coarser grid over the campaign's, in either direction."""
 

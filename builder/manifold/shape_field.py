@@ -7,10 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.noise.error_list import LEVEL, PROCESS, SPREAD, parts_of
 from builder.inverse.noise.flows_between import FlowsBetween
+from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.solution import Problem
 from builder.manifold.condition_tables import condition_tables
-from builder.manifold.discrepancy import corrects_level, process_size
+from builder.manifold.discrepancy import process_size
 from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
@@ -48,18 +50,16 @@ def shape_field(
         variance += np.sum((problem.off_the_snapshots / problem.ensemble.mean_ambient_pressure) ** 2, axis=0)
     covariance = np.zeros((len(modes), len(problem.strain_operator)))
     expected = model_form(vehicle.map, vehicle.noise)
-    fields = [modes @ one for one in found.errors.values()]
-    fields += [process_size(vehicle, problem) * process]
-    fields += [expected.of_prior * one for one in _spread(problem)]
+    fields = [(name, modes @ one) for name, one in found.errors.items()]
+    fields += [(PROCESS, process_size(vehicle, problem) * process)]
+    fields += [(SPREAD, expected.of_prior * one) for one in _spread(problem)]
     if problem.leeward is not None:
-        fields += [problem.leeward.T / problem.ensemble.mean_ambient_pressure]
-    level = expected.of_overpressure * overpressure[:, None]
-    if corrects_level(vehicle, problem):
-        fields += [level]
-    else:
-        variance += level[:, 0] ** 2
-    for one in fields:
-        covariance += one @ (problem.strain_operator @ one).T
+        fields += [(LEEWARD_PRESSURE, problem.leeward.T / problem.ensemble.mean_ambient_pressure)]
+    fields += [(LEVEL, expected.of_overpressure * overpressure[:, None])]
+    for name, one in fields:
+        part = parts_of(name, problem.sensors is not None)[0]
+        if part > 0.0:
+            covariance += part**2 * (one @ (problem.strain_operator @ one).T)
         variance += np.sum(one**2, axis=1)
     return ShapeField(
         modes=modes.astype(np.float32),

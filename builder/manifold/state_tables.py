@@ -9,6 +9,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.noise.error_list import GRID_REFINEMENT, INTERPOLATION
 from builder.inverse.noise.flow_models import newtonian_snapshots
 from builder.inverse.noise.flows_between import FlowsBetween, flows_between
 from builder.inverse.problem import AnyStructure
@@ -17,7 +18,7 @@ from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import gaussian_process_shapes, process_on_surface, response_of_shapes
 from builder.manifold.field_tables import flight_field
 from builder.manifold.flow_amplitudes import FlowAmplitudes, flow_amplitudes
-from builder.manifold.grid_refinement import GRID_REFINEMENT, grid_errors
+from builder.manifold.grid_refinement import grid_errors
 from builder.manifold.interpolation import interpolation_errors, rolled_errors
 from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.parameter_slopes import ParameterSlopes
@@ -151,7 +152,7 @@ def _of_revolution(
         flows = flows.less_ambient()
     n_m = flows.amplitude.shape[-1]
     response = ring_response(operator, grid, n_m)
-    errors = {"interpolation": interpolation_errors(flows, response).T}
+    errors = {INTERPOLATION: interpolation_errors(flows, response).T}
     of_grid = grid_errors(vehicle, snapshots)
     if of_grid is not None:
         errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T

@@ -57,7 +57,7 @@ from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.signal_names import TEMPERATURE
 
-MAP_METHOD_VERSION = 25
+MAP_METHOD_VERSION = 26
 """Raised whenever the same files give another map, so that maps are made again."""
 
 

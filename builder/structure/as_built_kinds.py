@@ -21,6 +21,9 @@ Extent = Literal["gauge", "vehicle", "region", "row", "joint", "load"]
 """What has its own parameter: each gauge, the vehicle, each region of the wall, each row of gauges at one roll
 angle, each joint, or each load."""
 
+Role = Literal["estimated", "considered", "split"]
+"""What the gain of a map may do about an error, see :mod:`builder.inverse.noise.error_list`."""
+
 UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0}
 """Size of the units of entries, in SI."""
 
@@ -44,6 +47,8 @@ class ParameterKind:
     flight : whether strain in flight depends on it; a ground test alone does otherwise.
     taken_for_zero : whether the standard deviation is 0 by default, and the test says whether that holds.
     alike_in_flight : whether [noise] states one number for all regions alike, not one for each.
+    role : in maps. The gain corrects errors of single gauges, of gains and of zeros, and does not know errors of
+        the layout and the wall.
     """
 
     name: str
@@ -60,6 +65,7 @@ class ParameterKind:
     flight: bool = True
     taken_for_zero: bool = False
     alike_in_flight: bool = False
+    role: Role = "estimated"
 
     @property
     def scale(self) -> float:
@@ -172,6 +178,7 @@ AS_BUILT = (
         calibration="layout_roll_deg",
         noise="layout_roll_deg",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="youngs_modulus",
@@ -190,6 +197,7 @@ AS_BUILT = (
         noise="wall_thickness_percent",
         step=1e-3,
         alike_in_flight=True,
+        role="considered",
     ),
     ParameterKind(
         name="wall_cosine",
@@ -200,6 +208,7 @@ AS_BUILT = (
         calibration="wall_harmonic_percent",
         noise="wall_harmonic_percent",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="wall_sine",
@@ -210,6 +219,7 @@ AS_BUILT = (
         calibration="wall_harmonic_percent",
         noise="wall_harmonic_percent",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="wall_taper",
@@ -221,6 +231,7 @@ AS_BUILT = (
         noise="wall_taper_percent",
         step=1e-3,
         taken_for_zero=True,
+        role="considered",
     ),
     ParameterKind(
         name="wall_second_cosine",
@@ -232,6 +243,7 @@ AS_BUILT = (
         noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
+        role="considered",
     ),
     ParameterKind(
         name="wall_second_sine",
@@ -243,6 +255,7 @@ AS_BUILT = (
         noise="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
+        role="considered",
     ),
     ParameterKind(
         name="mass",
@@ -272,6 +285,7 @@ AS_BUILT = (
         calibration="clamp_compliance_mm",
         noise="clamp_compliance_mm",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="clamp_transverse",
@@ -283,6 +297,7 @@ AS_BUILT = (
         calibration="clamp_compliance_mm",
         noise="clamp_compliance_mm",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="region_modulus",
@@ -293,6 +308,7 @@ AS_BUILT = (
         calibration="region_modulus_percent",
         noise="region_modulus_percent",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="row_orientation",
@@ -303,6 +319,7 @@ AS_BUILT = (
         calibration="row_orientation_deg",
         noise="row_orientation_deg",
         step=1e-3,
+        role="considered",
     ),
     ParameterKind(
         name="joint_softness",
@@ -313,6 +330,7 @@ AS_BUILT = (
         calibration="joint_softness_mm",
         noise="joint_softness_mm",
         step=1e-3,
+        role="considered",
     ),
 )
 """Kinds of the vehicle as a calibration estimates it, in the order of its vector. New ones go to the end, so that

@@ -61,7 +61,16 @@ def cramer_rao_bound(
         return None
     n_d, n_f = len(manifold.error_strain), len(manifold.error_load)
     none = np.zeros((n_d, 1)), np.zeros((n_f, 1))
-    sound = replace(manifold, error_strain=none[0], error_load=none[1], parameters=None, shape_field=None)
+    sound = replace(
+        manifold,
+        error_strain=none[0],
+        error_load=none[1],
+        considered_strain=None,
+        considered_load=None,
+        considered_response=None,
+        parameters=None,
+        shape_field=None,
+    )
     state = flight_states(conditions)
     of_navigation = _of_navigation(manifold, state, known, dynamic_pressure_std)
     pieces = [slice(first, first + PIECE) for first in range(0, len(state), PIECE)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.map.options import LOAD_FACTOR
 from strainfmu.errors import InputError
 
 
@@ -22,7 +21,6 @@ OF_THE_NONLINEAR = (
     "discrepancy_roll_deg",
     "discrepancy_of_prior_percent",
     "discrepancy_of_overpressure_percent",
-    "level_by_strain",
 )
 """Entries of [map] that the tables of the nonlinear estimator take alone."""
 
@@ -51,8 +49,6 @@ def unused_entries(vehicle: Vehicle) -> Iterator[str]:
         for name in OF_THE_NONLINEAR:
             if name in entry.model_fields_set:
                 yield f"map.{name}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"
-        if LOAD_FACTOR in vehicle.noise.model_fields_set:
-            yield f"noise.{LOAD_FACTOR}: not used, it is for estimator 'nonlinear', and the map's is 'linear'"
     if entry.case == 1 and entry.prior_modes is not None:
         yield "map.prior_modes: not used, it is for case 2, and the map's is 1"
 

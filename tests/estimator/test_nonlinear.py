@@ -51,7 +51,7 @@ def test_a_jump_of_the_pressure_keeps_the_deviations() -> None:
     before = estimator.track(strain_at(CONDITION), **navigation(CONDITION))
     lower = replace(CONDITION, altitude=CONDITION.altitude - 1000.0)
     after = estimator.track(strain_at(lower), **navigation(lower))
-    assert after.loads_std == pytest.approx(before.loads_std, rel=0.02)
+    assert after.loads_std == pytest.approx(before.loads_std, rel=0.06)
 
 
 def test_the_air_of_a_day_differs_from_the_standard_atmosphere() -> None:

@@ -43,7 +43,7 @@ from zlib import crc32
 import numpy as np
 from calibrated_maps import calibrated
 from deflected_shape import known_map
-from flight_maps import whole_map, with_considered_error, with_considered_strain
+from flight_maps import whole_map, with_considered_columns, with_considered_error
 from inertia_maps import with_masses
 from other_load_maps import with_further_tables, with_own_further
 from parameter_maps import with_errors_of_parameters, with_parameter_tables, with_parameters
@@ -179,7 +179,7 @@ KINDS: dict[str, Kind] = {
     "sections": _nonlinear(lambda: with_further_tables(whole_map())),
     "surface": _nonlinear(shape_map),
     "considered": _nonlinear(
-        lambda: with_considered_strain(with_considered_error(with_further_tables(whole_map())))
+        lambda: with_considered_columns(with_considered_error(with_further_tables(whole_map())))
     ),
     "temperature": _nonlinear(lambda: with_temperature(whole_map())),
     "sensors": _nonlinear(lambda: with_temperature(with_sensors(with_further_tables(whole_map())))),

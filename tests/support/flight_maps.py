@@ -125,11 +125,17 @@ def with_considered_error(inverse_map: InverseMap) -> InverseMap:
     return replace(inverse_map, manifold=replace(manifold, considered_response=error))
 
 
-def with_considered_strain(inverse_map: InverseMap) -> InverseMap:
-    """``inverse_map`` with two considered errors of strain alone, much as strain changes with the incidence."""
+def with_considered_columns(inverse_map: InverseMap) -> InverseMap:
+    """``inverse_map`` with considered errors that do not follow the state: two of strain and loads, much as these
+    change with the incidence, and one that all gauges have in common."""
     manifold = inverse_map.manifold
     assert manifold is not None
-    at = [exact_response(6.0, *crossflow, 5e3) for crossflow in ((0.07, 0.03), (0.075, 0.03), (0.07, 0.035))]
-    change = np.stack([at[1] - at[0], at[2] - at[0]], axis=1)[: manifold.n_gauges]
-    strain = change * (1.0 + 0.1 * np.random.default_rng(6).standard_normal(change.shape))
-    return replace(inverse_map, manifold=replace(manifold, considered_strain=strain))
+    random, pressure, n_f = np.random.default_rng(6), 5e3, manifold.n_loads
+    at = [exact_response(6.0, *crossflow, pressure) for crossflow in ((0.07, 0.03), (0.075, 0.03), (0.07, 0.035))]
+    change = np.stack([at[1] - at[0], at[2] - at[0]], axis=1) / pressure
+    change *= 1.0 + 0.1 * random.standard_normal(change.shape)
+    load = 1e-3 * random.standard_normal((n_f, 2))
+    load[:5] = change[manifold.n_gauges :]
+    common = 0.02 * np.median(np.abs(change)) * random.standard_normal((1, 6, manifold.n_gauges))
+    columns = {"considered_strain": change[: manifold.n_gauges], "considered_load": load}
+    return replace(inverse_map, manifold=replace(manifold, **columns, considered_common=common))

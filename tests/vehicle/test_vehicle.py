@@ -341,9 +341,9 @@ def test_entries_that_the_map_does_not_use_are_named(tmp_path: Path) -> None:
     """Of the nonlinear estimator with the linear one, of Case 2 with Case 1; what stands by default is not."""
     text = IC3X.read_text(encoding="utf-8")
     assert not list(unused_entries(load_vehicle(IC3X)))
-    both = 'estimator = "nonlinear"\nlevel_by_strain = true'
+    both = 'estimator = "nonlinear"'
     for old, new, named in (
-        ('estimator = "nonlinear"', 'estimator = "linear"', ["map.level_by_strain"]),
+        (both, 'estimator = "linear"\ndiscrepancy_percent = 1.0', ["map.discrepancy_percent"]),
         (both, "discrepancy_length = 0.3", []),
         (both, 'form = "absolute"\ndiscrepancy_length = 0.3', ["map.discrepancy_length"]),
         (both, "prior_modes = 20", ["map.prior_modes"]),

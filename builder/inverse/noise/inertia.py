@@ -91,28 +91,6 @@ def strain_by_inertia(
     )
 
 
-def manoeuvre_strain(vehicle: Vehicle) -> FloatArray | None:
-    """Return (n_d, 3) strain of the layout in use by ``noise.manoeuvre_load_factor`` along each axis [m/m].
-
-    None where a section [mass] includes inertia, and where the mass of the wall is not known or loads nothing.
-
-    Raises
-    ------
-    InputError
-        As :func:`strain_by_inertia`.
-    """
-    load_factor, entries = vehicle.noise.manoeuvre_load_factor, vehicle.structure
-    on_fourier = vehicle.is_of_revolution and entries.model == "fourier" and entries.external is None
-    has_density = all(one.density_kg_per_m3 is not None for one in (vehicle.material, *vehicle.materials.values()))
-    is_held = entries.support != "free_flight"
-    if load_factor == 0.0 or vehicle.mass is not None or vehicle.sensors is not None:
-        return None
-    if not (on_fourier and has_density and is_held):
-        return None
-    strain = strain_by_inertia(vehicle, Mass(), stations=()).of_listed[:, :N_FORCES]
-    return STANDARD_GRAVITY * load_factor * strain
-
-
 def unit_station(vehicle: Vehicle, entry: Mass) -> float:
     """Return the station of the inertial unit [m]."""
     return vehicle.reference_quantities().moment_station if entry.unit_x_m is None else entry.unit_x_m

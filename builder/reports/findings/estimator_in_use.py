@@ -22,7 +22,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE
+from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, evaluate
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
@@ -33,7 +33,6 @@ HARDWARE = (
     "other errors of all gauges, as of clocking and wall",
 )
 NAVIGATION = ("Mach number", "static pressure", "dynamic pressure", "ranges of the map")
-MANOEUVRES = "mass of the wall in manoeuvres"
 """The sources of the nonlinear estimator's variance, with :data:`NOISE`, :data:`OFF_TABLES` and
 :data:`~builder.inverse.noise.flow_models.FLOW_MODELS`."""
 
@@ -129,8 +128,8 @@ def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[Coefficie
 def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return (k, 5) contribution of each source to the variance of each coefficient [1], and the covariance.
 
-    The covariance (k, 5, 5) is of an estimate linearised at ``flown`` (k, 4), with all navigation; the
-    contributions add up to its diagonal.
+    The covariance (k, 5, 5) is of an estimate linearised at ``flown`` (k, 4), with all navigation, of strain that
+    fits the tables; the contributions add up to its diagonal.
     """
     manifold = inverse_map.manifold
     assert manifold is not None
@@ -151,10 +150,11 @@ def _sources_of(
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
     manifold, n_d = reference.manifold, reference.n_d
-    found = reference.posterior(state, sample, reference.strain_covariance(state))
+    found = reference.posterior(
+        state, sample, reference.strain_covariance(state, considered=True), considered=True
+    )
     pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
-    considered = reference.considered(state, sample, found)
-    joint = found.covariance[0] + considered.T @ considered
+    joint = found.covariance[0]
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
     gain = slopes @ found.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
@@ -162,11 +162,17 @@ def _sources_of(
     c = np.append(1.0, loads / (pressure * manifold.references))
     first, second = np.triu_indices(len(c))
     of_gauge = np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
-    common = np.einsum("a,tan->nt", c, manifold.common_error)
-    off_tables = of_strain @ manifold.error_strain - scale[FIVE_LOADS, None] * manifold.error_load[FIVE_LOADS]
+    common_errors = [one for one in (manifold.common_error, manifold.considered_common) if one is not None]
+    common = np.einsum("a,tan->nt", c, np.concatenate(common_errors))
+    columns = np.hstack([np.vstack([manifold.error_strain, manifold.error_load]), manifold.considered_columns])
+
+    def of_columns(columns: FloatArray) -> FloatArray:
+        by_load = scale[FIVE_LOADS, None] * columns[n_d:][FIVE_LOADS]
+        return np.asarray(np.sum((of_strain @ columns[:n_d] - by_load) ** 2, axis=1))
+
     parts = {
         NOISE: np.einsum("in,nm,im->i", of_strain, manifold.gauge_covariance, of_strain, optimize=True),
-        OFF_TABLES: pressure**2 * np.sum(off_tables**2, axis=1),
+        OFF_TABLES: pressure**2 * of_columns(columns),
         HARDWARE[0]: np.sum((of_strain * manifold.gain_std * strain) ** 2, axis=1),
         HARDWARE[1]: pressure**2 * of_strain**2 @ of_gauge,
         HARDWARE[2]: (of_strain @ (manifold.common_gain * strain)) ** 2,
@@ -174,12 +180,8 @@ def _sources_of(
         **dict(zip(NAVIGATION, (of_air * sample.air.log_std).T ** 2, strict=False)),
         NAVIGATION[3]: np.sum((of_prior * reference.prior_std) ** 2, axis=1),
     }
-    n_flow = 0 if manifold.considered_tables is None else 1
-    by_error = (considered @ slopes[FIVE_LOADS].T) ** 2
-    if n_flow:
-        parts[FLOW_MODELS] = by_error[0]
-    if len(by_error) > n_flow:
-        parts[MANOEUVRES] = by_error[n_flow:].sum(axis=0)
+    if manifold.considered_tables is not None:
+        parts[FLOW_MODELS] = of_columns(evaluate(manifold.considered_tables, state[None]).value.T)
     covariance = wider * (slopes[FIVE_LOADS] @ joint @ slopes[FIVE_LOADS].T)
     return {name: wider * part for name, part in parts.items()}, covariance
 

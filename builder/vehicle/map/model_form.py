@@ -30,9 +30,6 @@ a larger part gives the lateral loads errors that no flow has. The difference of
 LEEWARD = 2.5
 """Fraction of the leeward difference over ``model_form_percent``."""
 
-NEWTONIAN = 10.0
-"""Fraction of the difference of newtonian flow over ``model_form_percent``."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ModelForm:
@@ -77,7 +74,7 @@ def model_form(entry: MapEntry, noise: Noise) -> ModelForm:
         of_prior=size(entry.discrepancy_of_prior_percent, SPREAD_OF_SNAPSHOTS),
         of_overpressure=size(entry.discrepancy_of_overpressure_percent),
         of_leeward=min(1.0, size(entry.discrepancy_of_leeward_percent, LEEWARD)),
-        of_newtonian=size(entry.discrepancy_of_newtonian_percent, NEWTONIAN),
+        of_newtonian=size(entry.discrepancy_of_newtonian_percent),
         process=None if process is None else 0.01 * process,
         scale=percent / MODEL_FORM_PERCENT,
     )

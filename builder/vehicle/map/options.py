@@ -118,11 +118,10 @@ class MapEntry(Section):
     difference that the snapshots have from their mean (left out: 0.3 times ``model_form_percent``); and
     ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out:
     ``model_form_percent``), all over the body at once, which gauges determine poorly and axial force follows: it
-    widens the standard deviations and, where there are no auxiliary sensors, corrects nothing unless
-    ``level_by_strain`` says so. Of ``newtonian`` flow round sections or a surface
+    widens the standard deviations and corrects nothing. Of ``newtonian`` flow round sections or a surface
     ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the difference between
     ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear map too. Of other
-    flow, ``discrepancy_of_newtonian_percent`` (left out: ten times ``model_form_percent``) of its difference from
+    flow, ``discrepancy_of_newtonian_percent`` (left out: ``model_form_percent``) of its difference from
     newtonian flow is expected by the nonlinear estimator, and by the linear map next to it.
     """
 
@@ -149,7 +148,6 @@ class MapEntry(Section):
     discrepancy_of_overpressure_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_of_leeward_percent: float | None = Field(default=None, ge=0.0, le=100.0)
     discrepancy_of_newtonian_percent: float | None = Field(default=None, ge=0.0, le=300.0)
-    level_by_strain: bool = False
 
     @property
     def follows_pressure(self) -> bool:
@@ -230,12 +228,6 @@ HARDWARE_ERRORS = (
 )
 """Entries of [noise] that are errors of the hardware, one standard deviation each."""
 
-LOAD_FACTOR = "manoeuvre_load_factor"
-"""The entry of [noise] that the nonlinear estimator takes alone."""
-
-_ADDED = (*HARDWARE_ERRORS, LOAD_FACTOR)
-"""What counts besides the gauges' own noise."""
-
 
 class Noise(Section):
     """Strain error: the gauges' own noise, and the errors of the hardware.
@@ -258,10 +250,6 @@ class Noise(Section):
     ``joint_softness_mm`` of the wall's material would. Each gauge reads ``transverse_sensitivity_percent`` of the
     strain across it. These are 0 by default. Errors by region or joint need a
     body of revolution.
-
-    ``manoeuvre_load_factor`` is the specific force of manoeuvres [g] along each axis, which widens the uncertainty
-    of the nonlinear estimator by the strain of the wall's own mass. It counts for a held body of revolution on the
-    Fourier model whose materials have densities, and not with a section [mass], which has its own.
 
     ``nuisance_file`` is a CSV file next to the vehicle file with the strain of further modes, such as temperature
     distributions, at one standard deviation.
@@ -292,7 +280,6 @@ class Noise(Section):
     region_modulus_percent: float = Field(default=0.0, ge=0.0, le=50.0)
     joint_softness_mm: float = Field(default=0.0, ge=0.0, le=1e3)
     transverse_sensitivity_percent: float = Field(default=0.0, ge=0.0, le=50.0)
-    manoeuvre_load_factor: float = Field(default=2.5, ge=0.0, le=1e3)
     navigation_mach_number: float = Field(default=0.05, ge=1e-4, le=10.0)
     navigation_static_pressure_percent: float = Field(default=2.0, ge=1e-3, le=100.0)
     standard_atmosphere_percent: float = Field(default=100.0 * DEVIATION_OF_AIR, ge=1e-3, le=100.0)
@@ -302,7 +289,7 @@ class Noise(Section):
     def _paper_has_no_hardware_errors(cls, values: Any) -> Any:
         if not isinstance(values, dict) or values.get("model") != "paper":
             return values
-        return dict.fromkeys(_ADDED, 0.0) | values
+        return dict.fromkeys(HARDWARE_ERRORS, 0.0) | values
 
     @model_validator(mode="after")
     def _one_way(self) -> Noise:
@@ -313,7 +300,7 @@ class Noise(Section):
 
     @model_validator(mode="after")
     def _paper_is_gauge_noise_alone(self) -> Noise:
-        added = [name for name in _ADDED if getattr(self, name) > 0.0]
+        added = [name for name in HARDWARE_ERRORS if getattr(self, name) > 0.0]
         if self.model == "paper" and added:
             raise ValueError(f"model 'paper' is gauge noise alone, but {added[0]} is {getattr(self, added[0]):g}")
         if self.model == "paper" and self.nuisance_file is not None:
@@ -327,8 +314,8 @@ class Noise(Section):
         return max(self.gauge_position_mm, self.transverse_sensitivity_percent, *turns) > 0.0
 
     def without_hardware_errors(self) -> Noise:
-        """Return the same section with every error of the hardware, and of manoeuvres, set to 0."""
-        return self.model_copy(update=dict.fromkeys(_ADDED, 0.0))
+        """Return the same section with every error of the hardware set to 0."""
+        return self.model_copy(update=dict.fromkeys(HARDWARE_ERRORS, 0.0))
 
     @property
     def with_truncated_modes(self) -> bool:

@@ -1,7 +1,9 @@
 """The pressure on the surface at an estimated flight state, corrected by the residual of strain.
 
-With C the covariance of pressure off the tables with strain: p = p(x) + C S^-1 r. The variance of a node with the
-derivative J_p by the state is (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C', as for the loads.
+With C the covariance with strain of pressure off the tables that the gain may correct: p = p(x) + C S^-1 r, as the
+loads. The variance of a node with the derivative J_p by the state is
+
+    (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C'.
 """
 
 from __future__ import annotations
@@ -179,7 +181,7 @@ def flight_pressure(
     """
     table, n_d = table_pressure(manifold, field, state), len(strain)
     value, by_state_of_rows = (one[0] for one in flight_tables.evaluate(tables.tables, state[None]))
-    covariance = strain_covariance(tables, manifold.gauge_covariance, state[None])[0]
+    covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
     residual = np.where(used, strain - value[:n_d], 0.0)
     jacobian = np.where(used[:, None], by_state_of_rows[:n_d], 0.0)

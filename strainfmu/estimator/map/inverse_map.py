@@ -56,7 +56,7 @@ from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
-SCHEMA_VERSION = 9
+SCHEMA_VERSION = 10
 
 DEFAULT_SCORE_LIMIT = 3.0
 """Standard deviations beyond the envelope that count as outside, where the map states no other."""

@@ -2,8 +2,16 @@
 
 Rows are the strains, then M, ln p_inf and ln q_inf of air data, then the ranges of the map as a weak prior of the
 state. At a state x_0 the model is linear: x - x_0 is free, strain has the error covariance S(x_0), outputs are the
-state and the loads; pressure off the tables is noise of strain and loads together. Its posterior is the next
-state, and at the end the estimate.
+state and the loads; errors that scale are noise of strain and loads together. Its posterior is the next state, and
+at the end the estimate f.
+
+S holds the errors that the gain may correct. The considered ones h, with loads b, are in S_full = S + sum of h h'
+alone, whose posterior at the same state is f_full with covariance C_full. What the estimate is worth, given the
+sample, is the mean square of its error under the full model, and the alarms have the precision of that:
+
+    cov f = C_full + (f - f_full)(f - f_full)',   P = S_full^-1 - S_full^-1 J H_full^-1 J' S_full^-1.
+
+Source: Schmidt, Advances in Control Systems 3 (1966) 293, for considered parameters.
 """
 
 from __future__ import annotations
@@ -84,11 +92,13 @@ class NonlinearEstimate(FlightLoads):
     step: float
 
 
-def strain_covariance(manifold: ManifoldMap, noise: FloatArray, state: FloatArray) -> FloatArray:
-    """Return S (k, n_d, n_d) [(m/m)^2] about the tables of ``manifold`` at the flight states ``state`` (k, 4).
+def strain_covariance(
+    manifold: ManifoldMap, noise: FloatArray, state: FloatArray, considered: bool = True
+) -> FloatArray:
+    """Return S_full (k, n_d, n_d) [(m/m)^2] about the tables of ``manifold`` at the states ``state`` (k, 4).
 
     It is the sum of ``noise`` (n_d, n_d), which does not scale, of pressure off the tables, and of errors in
-    proportion to strain.
+    proportion to strain. Without the ``considered`` errors it is S.
     """
     (value, _), n_d = evaluate(manifold.tables, state), manifold.n_gauges
     pressure, strain = np.exp(state[:, LOG_PRESSURE]), value[:, :n_d]
@@ -97,10 +107,17 @@ def strain_covariance(manifold: ManifoldMap, noise: FloatArray, state: FloatArra
     first, second = np.triu_indices(6)
     of_gauge = square * np.maximum((c[:, first] * c[:, second]) @ manifold.gauge_error_product, 0.0)
     gain = manifold.gain_std * strain
-    columns = pressure[:, None, None] * np.einsum("ka,tan->knt", c, manifold.common_error)
-    columns = np.concatenate([columns, (manifold.common_gain * strain)[:, :, None]], axis=2)
-    covariance = noise + square[:, :, None] * manifold.scaled_covariance
-    covariance = covariance + columns @ np.swapaxes(columns, 1, 2)
+    scaled, common, of_state = manifold.scaled_covariance, manifold.common_error, [manifold.common_gain * strain]
+    if considered:
+        columns, tables = manifold.considered_columns[:n_d], manifold.considered_tables
+        scaled = scaled + columns @ columns.T
+        if manifold.considered_common is not None:
+            common = np.concatenate([common, manifold.considered_common])
+        if tables is not None:
+            of_state.append(evaluate(tables, state).value[:, :n_d])
+    columns = pressure[:, None, None] * np.einsum("ka,tan->knt", c, common)
+    columns = np.concatenate([columns, np.stack(of_state, axis=2)], axis=2)
+    covariance = noise + square[:, :, None] * scaled + columns @ np.swapaxes(columns, 1, 2)
     diagonal = np.arange(n_d)
     covariance[:, diagonal, diagonal] += of_gauge + gain * gain
     return covariance
@@ -131,9 +148,9 @@ class NonlinearReference:
         value, jacobian = evaluate(self.rows, state[None])
         return value[0], jacobian[0]
 
-    def strain_covariance(self, state: FloatArray) -> FloatArray:
-        """Return S (n_d, n_d) at ``state`` (4,)."""
-        return strain_covariance(self.manifold, self.noise, state[None])[0]
+    def strain_covariance(self, state: FloatArray, considered: bool = False) -> FloatArray:
+        """Return S (n_d, n_d) at ``state`` (4,), with ``considered`` errors S_full."""
+        return strain_covariance(self.manifold, self.noise, state[None], considered)[0]
 
     def prior(self, air: AirInputs) -> tuple[FloatArray, FloatArray]:
         """Return (4,) mean and standard deviation of the state by the ranges of the map and measured angles."""
@@ -145,17 +162,28 @@ class NonlinearReference:
         std[at] = (precision[0] + precision[1]) ** -0.5
         return mean, std
 
-    def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray) -> Model:
+    def load_errors(self, state: FloatArray, considered: bool) -> tuple[FloatArray, FloatArray]:
+        """Return (n_d, m) the covariance of strain and loads by their common errors at ``state``, and (m, m)."""
+        manifold, n_d = self.manifold, self.n_d
+        columns = [np.vstack([manifold.error_strain, manifold.error_load])]
+        if considered:
+            columns.append(manifold.considered_columns)
+        of_state = np.exp(state[LOG_PRESSURE]) * np.hstack(columns)
+        if considered and manifold.considered_tables is not None:
+            of_state = np.hstack([of_state, evaluate(manifold.considered_tables, state[None]).value.T])
+        strain, load = of_state[:n_d], of_state[n_d:]
+        return strain @ load.T, load @ load.T
+
+    def model(self, state: FloatArray, air: AirInputs, covariance: FloatArray, considered: bool = False) -> Model:
         """Return the model about ``state`` with the error ``covariance`` of strain; outputs: state, then loads."""
-        n_d, (value, jacobian), pressure = self.n_d, self.at(state), np.exp(state[LOG_PRESSURE])
+        n_d, (value, jacobian) = self.n_d, self.at(state)
         m, n = len(value) - n_d, n_d + N_AIR + N_STATES
         of_air, by_state = air_rows(state)
         variance = np.where(np.isnan(air.std), 1.0, air.log_std) ** 2
         noise = np.diag(np.concatenate([np.zeros(n_d), variance, self.prior(air)[1] ** 2]))
         noise[:n_d, :n_d] = covariance
         cross, output_noise = np.zeros((n, N_STATES + m)), np.zeros((N_STATES + m, N_STATES + m))
-        cross[:n_d, N_STATES:] = pressure**2 * self.manifold.load_strain_covariance.T
-        output_noise[N_STATES:, N_STATES:] = pressure**2 * self.manifold.load_covariance
+        cross[:n_d, N_STATES:], output_noise[N_STATES:, N_STATES:] = self.load_errors(state, considered)
         return model_of(
             n,
             N_STATES + m,
@@ -168,11 +196,14 @@ class NonlinearReference:
             output_noise=output_noise,
         )
 
-    def posterior(self, state: FloatArray, sample: Sample, covariance: FloatArray) -> Posterior:
+    def posterior(
+        self, state: FloatArray, sample: Sample, covariance: FloatArray, considered: bool = False
+    ) -> Posterior:
         """Return the posterior of ``sample`` about ``state``, with the error ``covariance`` of strain."""
         rows = np.concatenate([sample.rows, sample.air.log_value, self.prior(sample.air)[0]])
         used = np.concatenate([sample.used, np.isfinite(sample.air.value), np.ones(N_STATES, dtype=bool)])
-        return condition(prepare(self.model(state, sample.air, covariance), used), rows[None], np.ones(1))
+        model = self.model(state, sample.air, covariance, considered)
+        return condition(prepare(model, used), rows[None], np.ones(1))
 
     # Iterations.
 
@@ -289,51 +320,19 @@ class NonlinearReference:
         pressure = np.exp(joined)
         return pressure**2 * size - 2.0 * pressure * along + apart**2 @ precision, joined
 
-    def considered(self, state: FloatArray, sample: Sample, found: Posterior) -> FloatArray:
-        """Return (k, 4 + m) errors of state and loads where strain and loads have the considered errors.
-
-        They are independent combinations of the map's errors; the flow's is in the first alone. Amplitudes are
-        standard normal; the residual r leaves them the covariance C = (1 + H' P H)^-1 about C H' P r, and the mean
-        of their products counts.
-
-        Source: Schmidt, Advances in Control Systems 3 (1966) 293.
-        """
-        strain, loads = self.considered_at(state)
-        seen = found.precision[0, : self.n_d] @ self.residual(state, sample)
-        precision = np.eye(len(strain)) + strain @ found.precision[0, : self.n_d, : self.n_d] @ strain.T
-        covariance = np.linalg.inv(precision)
-        mean = covariance @ (strain @ seen)
-        own = np.hstack([np.zeros((len(strain), N_STATES)), loads])
-        turned = strain @ found.gain[0, :, : self.n_d].T - own
-        return np.asarray(np.linalg.cholesky(covariance + np.outer(mean, mean)).T @ turned)
-
-    def considered_at(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return strain (k, n_d) and loads (k, m) of the considered errors at ``state``, the flow's first."""
-        tables, m = self.manifold.considered_tables, self.manifold.n_loads
-        of_flow = np.zeros((0, self.n_d + m)) if tables is None else evaluate(tables, state[None]).value
-        alone = self.manifold.considered_strain
-        of_strain = np.zeros((0, self.n_d)) if alone is None else alone.T
-        strain = np.vstack([of_flow[:, : self.n_d], of_strain])
-        return strain, np.vstack([of_flow[:, self.n_d :], np.zeros((len(of_strain), m))])
-
-    def residual(self, state: FloatArray, sample: Sample) -> FloatArray:
-        """Return (n,) rows of ``sample`` less those at ``state``, 0 of what is not known."""
-        rows = np.concatenate([sample.rows, sample.air.log_value, self.prior_mean])
-        there = np.concatenate([self.at(state)[0][: self.n_d], air_rows(state)[0], state])
-        return np.where(np.isfinite(rows), rows - there, 0.0)
-
     def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
         """Return the estimate at the solved ``state``."""
         covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
         found = self.posterior(state, sample, covariance)
-        considered = self.considered(state, sample, found)
-        whole = found.covariance[0] + considered.T @ considered
+        full = self.posterior(state, sample, self.strain_covariance(state, considered=True), considered=True)
+        apart = found.mean[0] - full.mean[0]
+        whole = full.covariance[0] + np.outer(apart, apart)
         air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
         return NonlinearEstimate(
             **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),
-            chi_square=float(found.chi_square[0]),
-            standardised=found.standardised[0, :n_d],
-            air_standardised=found.standardised[0, n_d : n_d + N_AIR],
+            chi_square=float(full.chi_square[0]),
+            standardised=full.standardised[0, :n_d],
+            air_standardised=full.standardised[0, n_d : n_d + N_AIR],
             air_inputs=sample.air,
             air=air,
             air_std=air_std,

@@ -19,7 +19,7 @@ import numpy as np
 from strainfmu.errors import InputError
 
 MAGIC = b"SFMUMAP\0"
-FORMAT_VERSION = 7
+FORMAT_VERSION = 8
 CHECKED_FROM = 32
 """Position of the first byte that the checksum covers."""
 

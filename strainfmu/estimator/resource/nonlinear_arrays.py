@@ -51,8 +51,6 @@ def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
     }
     if manifold.considered_tables is not None:
         parts["considered"] = _considered(inverse_map, manifold.considered_tables)
-    if manifold.considered_strain is not None:
-        parts["considered_strain"] = {"errors": manifold.considered_strain.T}
     if inverse_map.has_other_loads:
         parts["flight_loads"] = _other_loads(manifold)
     if manifold.parameters is not None:
@@ -132,8 +130,10 @@ def _solver(manifold: ManifoldMap) -> Values:
 
 
 def _errors(manifold: ManifoldMap) -> Values:
-    """Return the errors of strain and loads, the latter two per p_inf^2."""
+    """Return the errors of strain and loads, those of both per p_inf^2; considered ones apart."""
     strain, load = manifold.error_strain, manifold.error_load[FIVE_LOADS]
+    columns, common = manifold.considered_columns, manifold.considered_common
+    considered, considered_load = columns[: manifold.n_gauges], columns[manifold.n_gauges :][FIVE_LOADS]
     return {
         "gain_std": manifold.gain_std,
         "common_gain": manifold.common_gain,
@@ -143,6 +143,10 @@ def _errors(manifold: ManifoldMap) -> Values:
         "load_covariance": product(load, load.T),
         "gauge_error_product": manifold.gauge_error_product,
         "common_error": manifold.common_error,
+        "considered_covariance": product(considered, considered.T),
+        "considered_load_strain_covariance": product(considered_load, considered.T),
+        "considered_load_covariance": product(considered_load, considered_load.T),
+        "considered_common": np.zeros((0, *manifold.common_error.shape[1:])) if common is None else common,
         "shapes": manifold.shapes.T,
     }
 
@@ -150,11 +154,15 @@ def _errors(manifold: ManifoldMap) -> Values:
 def _other_loads(manifold: ManifoldMap) -> Values:
     """Return tables of the loads behind the five over the flight state, and errors per p_inf^2."""
     first, load = manifold.n_gauges + FIVE_LOADS.stop, manifold.error_load[OTHER_LOADS]
+    considered = manifold.considered_columns
+    strain, considered_load = considered[: manifold.n_gauges], considered[first:]
     return {
         **vars(channel_tables(manifold.response[:, :, first:], np.zeros(0))),
         "fixed_response": manifold.fixed_response[first:],
         "strain_covariance": product(load, manifold.error_strain.T),
         "variance": np.sum(load * load, axis=1),
+        "considered_strain_covariance": product(considered_load, strain.T),
+        "considered_variance": np.sum(considered_load * considered_load, axis=1),
     }
 
 

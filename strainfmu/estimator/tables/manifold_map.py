@@ -49,13 +49,16 @@ class ManifoldMap:
     mach_knots, incidence_knots, response, fixed_response : n_d strains, then n_f loads over the flight state, see
         :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`.
     gauge_covariance : (n_d, n_d) of what does not scale, as gauge noise and apparent strain [(m/m)^2].
-    error_strain, error_load : (n_d, k) [1/Pa], (n_f, k) [m2, m3] per standard deviation, and per p_inf, of
-        pressure off the tables and of the internal pressure.
+    error_strain, error_load : (n_d, k) [1/Pa], (n_f, k) [m2, m3] per standard deviation, and per p_inf, of errors
+        that the gain may correct, as of the internal pressure.
+    considered_strain, considered_load : the same of errors that it may not, as of pressure off the tables: they
+        count in covariances and alarms alone (considered parameters, Schmidt 1966); None for none.
     gauge_gain_std, common_gain_std : errors of each gauge's gain, and of all together, relative [1].
     sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the auxiliary sensors, which are the last of the
         n_d gauges; None for none.
     gauge_error_product : (21, n_d) sum over errors of each gauge of D_a D_b, doubled for a < b [1/Pa^2].
-    common_error : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a [1/Pa].
+    common_error, considered_common : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a
+        [1/Pa], that the gain may and may not correct; None of the latter for none.
     reference_area, reference_length : S [m2], L [m].
     mach_range, pressure_range : (2,) of M [1] and p_inf [Pa] that the map holds for.
     incidence_limit : largest total incidence that it holds for [rad].
@@ -68,10 +71,8 @@ class ManifoldMap:
         largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
     discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
         none.
-    considered_response : as ``response``, of an error that widens the standard deviations of the estimates and
-        corrects nothing (Schmidt's considered parameter), at one standard deviation; None for none.
-    considered_strain : (n_d, k) strain of further such errors, which no air load makes, at one standard deviation
-        each [m/m]; None for none.
+    considered_response : as ``response``, of a considered error that follows the flight state, at one standard
+        deviation; None for none.
     pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
         any other shape; None where the map does not hold it.
     parameters : what flow parameters change; None where the map holds none.
@@ -103,6 +104,8 @@ class ManifoldMap:
     discrepancy_shapes: FloatArray | None = None
     considered_response: FloatArray | None = None
     considered_strain: FloatArray | None = None
+    considered_load: FloatArray | None = None
+    considered_common: FloatArray | None = None
     crossflow_range: FloatArray | None = None
     pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
     shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
@@ -130,7 +133,10 @@ class ManifoldMap:
         if self.considered_response is not None:
             shapes["considered_response"] = self.response.shape
         if self.considered_strain is not None:
-            shapes["considered_strain"] = (n_d, *self.considered_strain.shape[1:2])
+            k = self.considered_strain.shape[1:2]
+            shapes |= {"considered_strain": (n_d, *k), "considered_load": (n_f, *k)}
+        if self.considered_common is not None:
+            shapes["considered_common"] = (len(self.considered_common), 6, n_d)
         if self.crossflow_range is not None:
             shapes["crossflow_range"] = (2, 2)
         if self.sensor_gain_std is not None or self.sensor_common_gain_std is not None:
@@ -212,6 +218,13 @@ class ManifoldMap:
         )
 
     @cached_property
+    def considered_columns(self) -> FloatArray:
+        """(n_d + n_f, k) strain and loads of considered errors that do not follow the state, k = 0 for none."""
+        if self.considered_strain is None or self.considered_load is None:
+            return np.zeros((self.n_gauges + self.n_loads, 0))
+        return np.vstack([self.considered_strain, self.considered_load])
+
+    @cached_property
     def considered_tables(self) -> FlightTables | None:
         """Strain and all loads of the considered error over the flight state; None for none."""
         if self.considered_response is None:
@@ -256,7 +269,7 @@ class ManifoldMap:
 
     @cached_property
     def scaled_covariance(self) -> FloatArray:
-        """(n_d, n_d) of the errors that scale, per p_inf^2 [1/Pa^2]."""
+        """(n_d, n_d) of the errors that scale and the gain may correct, per p_inf^2 [1/Pa^2]."""
         return np.asarray(self.error_strain @ self.error_strain.T)
 
     @cached_property
@@ -274,7 +287,9 @@ UNITS = {
     "incidence_knots": "rad",
     "response": "1/Pa, m2, m3",
     "considered_response": "1/Pa, m2, m3",
-    "considered_strain": "m/m",
+    "considered_strain": "1/Pa",
+    "considered_load": "m2, m3",
+    "considered_common": "1/Pa",
     "fixed_response": "m/m, N, N.m",
     "gauge_covariance": "(m/m)^2",
     "error_strain": "1/Pa",

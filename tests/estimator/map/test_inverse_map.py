@@ -147,7 +147,7 @@ def test_truncated_file_is_refused(share: float, saved: Path) -> None:
 @pytest.mark.parametrize("version", [8, 10])
 def test_other_schema_version_is_refused(version: int, tmp_path: Path) -> None:
     files.write_hdf5_atomically(tmp_path / "map.h5", SCHEMA, version, lambda file: None)
-    with pytest.raises(InputError, match=f"expected schema version 9, got {version}; build it again"):
+    with pytest.raises(InputError, match=f"expected schema version 10, got {version}; build it again"):
         load_inverse_map(tmp_path / "map.h5")
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from flight_maps import whole_map, with_considered_error, with_considered_strain
+from flight_maps import whole_map, with_considered_columns, with_considered_error
 from linear_kinds import in_use, known_sensors
 from other_load_maps import with_further_tables
 from parameter_maps import with_errors_of_parameters, with_parameter_tables
@@ -45,7 +45,7 @@ KINDS = {
     "sensors_temperature": Kind(make=lambda: with_temperature(with_sensors(with_further_tables(whole_map())))),
     "zeros": Kind(make=whole_map, has_zeros=True),
     "considered": Kind(
-        make=lambda: with_considered_strain(with_considered_error(with_further_tables(whole_map())))
+        make=lambda: with_considered_columns(with_considered_error(with_further_tables(whole_map())))
     ),
     "parameters": Kind(
         make=lambda: with_errors_of_parameters(with_parameter_tables(with_further_tables(whole_map())))

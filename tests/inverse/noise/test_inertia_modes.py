@@ -12,7 +12,6 @@ from builder.inverse.noise.inertia import (
     InertiaStrain,
     inertia_map,
     inertia_terms,
-    manoeuvre_strain,
     strain_by_inertia,
     with_rest,
 )
@@ -117,31 +116,3 @@ def test_what_does_not_go_with_masses_is_refused(tmp_path) -> None:
     path.write_text(text.replace('model = "fourier" ', 'model = "solid" ') + "\n[mass]\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"mass: expected a profile and structure.model 'fourier'"):
         builder.load_vehicle(path)
-
-
-def test_manoeuvres_strain_as_the_wall_at_their_load_factor() -> None:
-    vehicle = with_entry().model_copy(update={"mass": None})
-    listed = strain_by_inertia(vehicle, Mass()).of_listed[:, :3]
-    found = manoeuvre_strain(vehicle)
-    assert found is not None
-    np.testing.assert_allclose(found, 2.5 * 9.80665 * listed, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"mass": ENTRY},
-        {"noise": {"manoeuvre_load_factor": 0.0}},
-        {"material": {"density_kg_per_m3": None}},
-        {"structure": {"support": "free_flight"}},
-        {"structure": {"model": "solid"}},
-    ],
-    ids=str,
-)
-def test_manoeuvres_that_no_mass_is_known_of_strain_nothing(change: dict[str, object]) -> None:
-    plain = with_entry().model_copy(update={"mass": None})
-    update = {
-        name: getattr(plain, name).model_copy(update=one) if isinstance(one, dict) else one
-        for name, one in change.items()
-    }
-    assert manoeuvre_strain(plain.model_copy(update=update)) is None

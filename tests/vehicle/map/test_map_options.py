@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from builder.vehicle.map.options import HARDWARE_ERRORS, LOAD_FACTOR, MapEntry, Noise
+from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
 from strainfmu.estimator.regularisation import RULES
 
 pytestmark = pytest.mark.fast
@@ -114,7 +114,6 @@ def test_hardware_errors_are_on_by_default_and_off_in_the_source() -> None:
     plain = Noise(std_um_per_m=0.4)
     assert {name: getattr(plain, name) for name in HARDWARE_ERRORS} == stated
     assert plain.moves_gauges
-    assert plain.manoeuvre_load_factor == 2.5
     for off in (Noise(std_um_per_m=0.4, model="paper"), plain.without_hardware_errors()):
-        assert not any(getattr(off, name) for name in (*HARDWARE_ERRORS, LOAD_FACTOR))
+        assert not any(getattr(off, name) for name in HARDWARE_ERRORS)
         assert not off.moves_gauges

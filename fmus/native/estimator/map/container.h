@@ -14,7 +14,7 @@
 
 #include "../../core/resource.h"
 
-#define MAP_FORMAT_VERSION 7
+#define MAP_FORMAT_VERSION 8
 #define MOST_ARRAYS 512
 
 typedef struct {

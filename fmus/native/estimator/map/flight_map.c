@@ -128,6 +128,11 @@ static void take_errors(MapFile *file, FlightMap *map, size_t n) {
     map->load_covariance = map_doubles(file, "flight.load_covariance", N_LOADS, N_LOADS);
     map->gauge_error_product = map_doubles(file, "flight.gauge_error_product", N_PAIRS, n);
     map->common_error = map_doubles(file, "flight.common_error", map->n_common, 1 + N_LOADS, n);
+    map->n_considered_common = map_length(file, "flight.considered_common", 0, 0, MAX_KNOTS);
+    map->considered_covariance = map_doubles(file, "flight.considered_covariance", n, n);
+    map->considered_load_strain_covariance = map_doubles(file, "flight.considered_load_strain_covariance", N_LOADS, n);
+    map->considered_load_covariance = map_doubles(file, "flight.considered_load_covariance", N_LOADS, N_LOADS);
+    map->considered_common = map_doubles(file, "flight.considered_common", map->n_considered_common, 1 + N_LOADS, n);
     map->shape = map_doubles(file, "flight.shapes", map->n_shapes, n);
     map->chi_square_limit = map_doubles(file, "flight.chi_square_limit", n + N_NAVIGATION + 1);
     map->chi_square_scale = map_number(file, "flight.chi_square_scale");
@@ -143,13 +148,7 @@ static void take_errors(MapFile *file, FlightMap *map, size_t n) {
 int considered_parse(MapFile *file, size_t n_gauges, size_t n_loads, FlightMap *map) {
     if (map_has(file, "considered")) {
         map->considered = map->tables; /* for the knots */
-        map->n_considered = 1;
         tables_parse(file, "considered", n_gauges + n_loads, &map->considered);
-    }
-    if (map_has(file, "considered_strain")) {
-        const size_t count = map_length(file, "considered_strain.errors", 0, 1, MAX_CONSIDERED - map->n_considered);
-        map->considered_strain = map_doubles(file, "considered_strain.errors", count, n_gauges);
-        map->n_considered += count;
     }
     return file->good;
 }

@@ -9,7 +9,6 @@
 #define N_STATES 4     /* of the flight state: M [1], u, w [rad], ln(p_inf / Pa) */
 #define N_NAVIGATION 3 /* M [1], p_inf [Pa], q_inf [Pa] */
 #define MAX_SHAPES 16  /* of pressure off the tables that are tested */
-#define MAX_CONSIDERED 5 /* errors that widen standard deviations and correct nothing */
 #define N_MEASURED 7   /* M, ln p_inf, ln q_inf of navigation; then the four priors */
 
 enum { STATE_MACH, STATE_U, STATE_W, STATE_PRESSURE };
@@ -32,8 +31,8 @@ typedef struct {
 typedef struct {
     TableMap tables;            /* of strains, then loads */
     TableMap considered;        /* of strains, then all loads, of a considered error; no rows in maps without */
-    size_t n_considered;        /* considered errors: that one, and those of strain alone */
     size_t n_common;            /* errors that all gauges have in common */
+    size_t n_considered_common; /* considered ones of these */
     size_t n_shapes;            /* of pressure off the tables that are tested, at most MAX_SHAPES */
     double reference_area, reference_length;
     double mach_range[2], pressure_range[2], log_pressure_range[2], middle_log_pressure, incidence_limit;
@@ -61,14 +60,18 @@ typedef struct {
     const double *gauge_error_product;                  /* (21, n_gauges) */
     const double *common_error;                         /* (n_common, 6, n_gauges) */
     const double *shape;                                /* (n_shapes, n_gauges) */
-    const double *considered_strain;                    /* (n_considered, less one with tables; n_gauges) */
+    const double *considered_covariance;                /* (n_gauges, n_gauges) of considered errors, */
+    const double *considered_load_strain_covariance;    /* (5, n_gauges), */
+    const double *considered_load_covariance;           /* (5, 5), */
+    const double *considered_common;                    /* (n_considered_common, 6, n_gauges) */
     const double *chi_square_limit;                     /* (n_gauges + 4) by degrees of freedom from 0 on */
 } FlightMap;
 
 /* Read tables of n_rows rows of a part, whose knots are known. 1; 0 with a text. */
 int tables_parse(MapFile *file, const char *part, size_t n_rows, TableMap *tables);
 
-/* Read the parts of the considered errors, of strains and loads, after the part of the tables. 1; 0 with a text. */
+/* Read the part of the considered error that has tables of strains and loads, after the part of the tables. 1; 0 with a
+   text. */
 int considered_parse(MapFile *file, size_t n_gauges, size_t n_loads, FlightMap *map);
 
 /* Read the part for n_gauges gauges. 1; 0 with a text that states what is wrong. */

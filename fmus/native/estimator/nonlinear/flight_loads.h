@@ -5,29 +5,41 @@
 
 #include "solver_state.h"
 
-/* Loads and coefficients of the solution, from its state and the problem about it. */
-void flight_set_loads(FlightSolver *solver);
+/* Loads and coefficients of the solution, from its state and the problem about it, of whose state the first n_free elements
+   are free; their covariances, and the state's, by the full model, which this makes. */
+void flight_set_loads(FlightSolver *solver, size_t n_free);
 
-/* q_inf of the solution [Pa], the derivative of its logarithm by the state, and the variance that covers its error over
-   the variance of the logarithm. */
+/* q_inf of the solution [Pa], the derivative of its logarithm by the state, the logarithm less the full model's, and the
+   variance that covers its error over the variance of the logarithm. */
 typedef struct {
-    double dynamic, by_state[N_STATES], wider;
+    double dynamic, by_state[N_STATES], apart, wider;
 } PressureErrors;
 
 PressureErrors flight_pressure_errors(const FlightSolver *solver);
 
-/* What considered error `error` adds to a load: by its change of the state, of which `by_state` are the derivatives,
-   and at a fixed state, `scale` of it; `turned` as below. */
-double flight_considered(const FlightSolver *solver, size_t error, size_t load, const double *turned, double scale,
-                         const double *by_state);
-
-/* L^-1 of `count` covariances with strain (count, n_gauges), per p_inf^2, in turned (count, n). */
+/* L^-1 of `count` covariances with strain (count, n_gauges), per p_inf^2, in turned (count, n); and the same of the full
+   model, with those of the considered errors, for loads from `first` on. */
 void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned);
+void flight_turn_full(const FlightSolver *solver, const double *strain_covariance, const double *considered, size_t first,
+                      size_t count, double *turned);
 
-/* A row of a response at the solution, corrected by the residual of strain, and its derivatives by the state; `turned`
-   (n) is that row of flight_turn. */
-double flight_corrected(const FlightSolver *solver, const Response *response, size_t row, const double *turned,
-                        double *by_state);
+/* A row of a response at the solution, corrected by the weighted residual in `right`, and its derivatives by the state;
+   `turned` (n) is that row of flight_turn. */
+double flight_corrected(const FlightSolver *solver, const double *right, const Response *response, size_t row,
+                        const double *turned, double *by_state);
+
+/* Derivatives of a load and of its coefficient by the state in the full model, and what they are apart from its estimates. */
+typedef struct {
+    double by_state[N_STATES], apart, of_coefficient[N_STATES], coefficient_apart;
+} LoadErrors;
+
+/* Of a row of a response whose value is `value`; `turned` (n) is that row of flight_turn_full. */
+LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *pressure, const Response *response,
+                              size_t row, double value, const double *turned, double scale);
+
+/* What strain leaves at a fixed state of the product of two loads, `square` per p_inf^2. */
+double flight_load_square(const FlightSolver *solver, double square, size_t load, size_t other, const double *turned,
+                          const double *other_turned);
 
 /* The relative standard deviation of a lognormal value, of which three reach as far as three of its logarithm's. */
 double lognormal_deviation(double of_log);

@@ -81,7 +81,7 @@ void flight_noise_rows(const FlightSolver *solver, const double *gauge_noise, do
     set_state_rows(solver, gauge_noise, of_air, rows, scratch);
     flight_turn(solver, map->load_strain_covariance, N_LOADS, scratch);
     for (size_t i = 0; i < N_LOADS; i++) {
-        flight_corrected(solver, &solver->response, solver->n_gauges + i, scratch + i * n, by_state[i]);
+        flight_corrected(solver, solver->right, &solver->response, solver->n_gauges + i, scratch + i * n, by_state[i]);
     }
     turn_to_noise(solver, gauge_noise, N_LOADS, scratch);
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -114,7 +114,7 @@ void flight_other_noise(FlightOtherLoads *other_loads, const FlightSolver *solve
             scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
         const double scale = 1.0 / (pressure.dynamic * reference), turn = reference / own;
         double by_state[N_STATES], *turned = other_loads->turned + j * n;
-        flight_corrected(solver, &other_loads->response, j, turned, by_state);
+        flight_corrected(solver, solver->right, &other_loads->response, j, turned, by_state);
         turn_to_noise(solver, gauge_noise, 1, turned);
         combine_rows(solver, by_state, rows, turned, of_load);
         set_coefficient_row(solver, &pressure, scale, scale * out->value[OTHER_LOADS][j], rows, of_load, of_coefficient);

@@ -14,12 +14,15 @@ int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_ga
                 "the harmonics of the strains");
     map->strain_covariance = map_doubles(file, "flight_loads.strain_covariance", n_loads, n_gauges);
     map->variance = map_doubles(file, "flight_loads.variance", n_loads);
+    map->considered_strain_covariance =
+        map_doubles(file, "flight_loads.considered_strain_covariance", n_loads, n_gauges);
+    map->considered_variance = map_doubles(file, "flight_loads.considered_variance", n_loads);
     return file->good;
 }
 
 size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges) {
     const size_t m = map->tables.n_rows;
-    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * (in_lanes(n_gauges) + MOST_OTHERS);
+    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * (2 * in_lanes(n_gauges) + MOST_OTHERS);
 }
 
 void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, double **doubles) {
@@ -28,6 +31,8 @@ void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, d
         flight_tables_arrays(map, &other_loads->tables, doubles);
         response_arrays(map, &other_loads->response, doubles);
         other_loads->turned = *doubles;
+        *doubles += map->n_rows * in_lanes(n_gauges);
+        other_loads->full_turned = *doubles;
         *doubles += map->n_rows * in_lanes(n_gauges);
         other_loads->others = *doubles;
         *doubles += map->n_rows * MOST_OTHERS;
@@ -79,28 +84,25 @@ static double joined(double std, double variance) {
 static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, size_t j,
                      const PressureErrors *pressure, OtherLoads *out) {
     const FlightMap *map = solver->map;
-    const double *turned = other_loads->turned + j * solver->n, *errors = solver->solution.state_covariance;
+    const FlightOtherLoadsMap *own_map = &other_loads->map;
+    const Response *response = &other_loads->response;
+    const double *full_turned = other_loads->full_turned + j * solver->n, *covariance = solver->full.state_covariance;
     const int is_moment = out->map.is_moment[j] > 0.0;
     const double reference = map->reference_area * (is_moment ? map->reference_length : 1.0);
     const double own =
         scalar_input(inputs, REFERENCE_AREA) * (is_moment ? scalar_input(inputs, REFERENCE_LENGTH) : 1.0);
-    const double square = solver->factor_pressure * solver->factor_pressure;
-    double by_state[N_STATES], of_coefficient[N_STATES];
-    const double load = flight_corrected(solver, &other_loads->response, j, turned, by_state);
-    const double left = square * other_loads->map.variance[j] - lane_dot(solver->n, turned, turned);
-    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain determines wholly, rounding leaves less */
     const double scale = 1.0 / (pressure->dynamic * reference), turn = reference / own;
-    for (size_t k = 0; k < N_STATES; k++) {
-        of_coefficient[k] = scale * by_state[k] - scale * load * pressure->by_state[k];
-    }
-    double variance = quadratic(N_STATES, by_state, errors, by_state) + remaining;
-    double of_both = quadratic(N_STATES, of_coefficient, errors, of_coefficient) + scale * scale * remaining;
-    for (size_t e = 0; e < map->n_considered; e++) {
-        const double load_error = flight_considered(solver, e, N_LOADS + j, turned, 1.0, by_state);
-        const double both_error = flight_considered(solver, e, N_LOADS + j, turned, scale, of_coefficient);
-        variance += load_error * load_error;
-        of_both += both_error * both_error;
-    }
+    double by_state[N_STATES];
+    const double load =
+        flight_corrected(solver, solver->right, response, j, other_loads->turned + j * solver->n, by_state);
+    const LoadErrors errors = flight_load_errors(solver, pressure, response, j, load, full_turned, scale);
+    const double left = flight_load_square(solver, own_map->variance[j] + own_map->considered_variance[j], N_LOADS + j,
+                                           N_LOADS + j, full_turned, full_turned);
+    const double remaining = left > 0.0 ? left : 0.0; /* of a load that strain determines wholly, rounding leaves less */
+    const double variance =
+        quadratic(N_STATES, errors.by_state, covariance, errors.by_state) + remaining + errors.apart * errors.apart;
+    const double of_both = quadratic(N_STATES, errors.of_coefficient, covariance, errors.of_coefficient)
+                         + scale * scale * remaining + errors.coefficient_apart * errors.coefficient_apart;
     const double *widening = solver->solution.widening + N_STATES;
     const int is_widened = widening[0] != 0.0;
     const double of_load = is_widened ? widening_of(widening, &out->map, j) : 1.0;
@@ -119,6 +121,8 @@ void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *so
     set_others(other_loads, solver);
     flight_response(&other_loads->tables, solver->wide, solver->state, &other_loads->response);
     flight_turn(solver, other_loads->map.strain_covariance, m, other_loads->turned);
+    flight_turn_full(solver, other_loads->map.strain_covariance, other_loads->map.considered_strain_covariance, N_LOADS, m,
+                     other_loads->full_turned);
     const PressureErrors pressure = flight_pressure_errors(solver);
     for (size_t j = 0; j < m; j++) {
         set_load(other_loads, solver, inputs, j, &pressure, out);

@@ -15,6 +15,7 @@ typedef struct {
     TableMap tables;                 /* a row per load, on the knots of the tables of strain; no rows in maps without */
     const double *strain_covariance; /* (n_loads, n_gauges) per p_inf^2 */
     const double *variance;          /* (n_loads) per p_inf^2 */
+    const double *considered_strain_covariance, *considered_variance; /* the same of considered errors */
 } FlightOtherLoadsMap;
 
 typedef struct {
@@ -22,6 +23,7 @@ typedef struct {
     FlightTables tables;
     Response response;
     double *turned; /* (n_loads, n) L^-1 of strain_covariance, n_gauges in lanes */
+    double *full_turned; /* (n_loads, n) the same of the full model */
     double *others; /* (MOST_OTHERS, n_loads) of the tables at other solutions */
 } FlightOtherLoads;
 

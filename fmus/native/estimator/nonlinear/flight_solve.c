@@ -12,13 +12,9 @@
 #define AT_ONCE 6          /* ratios of standard deviations up to 1e51 have a product */
 #define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
 
-/* L of S at the state of solver->response; L of the unit matrix for gauges that are not in use. */
-static void set_factor(FlightSolver *solver) {
+/* L of a covariance; L of the unit matrix for gauges that are not in use. */
+static void decompose(const FlightSolver *solver, double *factor) {
     const size_t n = solver->n;
-    double *factor = solver->factor;
-    solver->factor_pressure = solver->response.pressure;
-    memcpy(solver->factor_state, solver->state, sizeof solver->factor_state);
-    flight_strain_covariance(solver);
     for (size_t g = 0; g < n; g++) {
         if (g < solver->n_gauges && solver->sample.used[g]) {
             continue;
@@ -29,6 +25,14 @@ static void set_factor(FlightSolver *solver) {
         factor[g * n + g] = 1.0;
     }
     cholesky(solver->wide, n, factor);
+}
+
+/* L of S at the state of solver->response. */
+static void set_factor(FlightSolver *solver) {
+    solver->factor_pressure = solver->response.pressure;
+    memcpy(solver->factor_state, solver->state, sizeof solver->factor_state);
+    flight_strain_covariance(solver);
+    decompose(solver, solver->factor);
 }
 
 static void evaluate(FlightSolver *solver, const double *state) {
@@ -66,27 +70,10 @@ void flight_measurement_row(double log_mach_slope, size_t which, double *row) {
     }
 }
 
-/* Add the measurement to Hessian, gradient and cost. */
-static void add_measurement(FlightSolver *solver) {
-    for (size_t m = 0; m < N_MEASURED; m++) {
-        const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
-        double row[N_STATES];
-        flight_measurement_row(solver->log_mach_slope, m, row);
-        for (size_t i = 0; i < N_STATES; i++) {
-            const double weighted = precision * row[i];
-            for (size_t j = 0; j < N_STATES; j++) {
-                solver->hessian[i * N_STATES + j] += weighted * row[j];
-            }
-            solver->gradient[i] += weighted * innovation;
-        }
-        solver->cost += precision * (innovation * innovation);
-    }
-}
-
-/* The problem about the state of solver->response, weighted by solver->factor. */
-static void linearise(FlightSolver *solver) {
+/* Residual and Jacobian, weighted by a factor, in right; Hessian, gradient and cost with the measurement. */
+static void weigh(const FlightSolver *solver, const double *factor, double *right, double *hessian, double *gradient,
+                  double *cost) {
     const size_t n = solver->n;
-    double *right = solver->right;
     memset(right, 0, N_RIGHT * n * sizeof *right);
     for (size_t g = 0; g < solver->n_gauges; g++) {
         if (solver->sample.used[g]) {
@@ -96,18 +83,60 @@ static void linearise(FlightSolver *solver) {
             }
         }
     }
-    solve_lower(solver->wide, n, solver->factor, N_RIGHT, right);
+    solve_lower(solver->wide, n, factor, N_RIGHT, right);
     double products[N_RIGHT][N_RIGHT];
     lane_products(solver->wide, n, right, products);
     for (size_t i = 0; i < N_STATES; i++) {
         for (size_t j = 0; j < N_STATES; j++) {
-            solver->hessian[i * N_STATES + j] = products[1 + i][1 + j];
+            hessian[i * N_STATES + j] = products[1 + i][1 + j];
         }
-        solver->gradient[i] = products[1 + i][0];
+        gradient[i] = products[1 + i][0];
     }
-    solver->cost = products[0][0];
+    *cost = products[0][0];
+    for (size_t m = 0; m < N_MEASURED; m++) {
+        const double precision = solver->sample.precision[m], innovation = solver->innovation[m];
+        double row[N_STATES];
+        flight_measurement_row(solver->log_mach_slope, m, row);
+        for (size_t i = 0; i < N_STATES; i++) {
+            const double weighted = precision * row[i];
+            for (size_t j = 0; j < N_STATES; j++) {
+                hessian[i * N_STATES + j] += weighted * row[j];
+            }
+            gradient[i] += weighted * innovation;
+        }
+        *cost += precision * (innovation * innovation);
+    }
+}
+
+/* The problem about the state of solver->response, weighted by solver->factor. */
+static void linearise(FlightSolver *solver) {
     set_innovation(solver);
-    add_measurement(solver);
+    weigh(solver, solver->factor, solver->right, solver->hessian, solver->gradient, &solver->cost);
+}
+
+void flight_weigh_full(FlightSolver *solver, size_t n_free) {
+    FullModel *full = &solver->full;
+    double inner[N_STATES * N_STATES], inverse[N_STATES * N_STATES];
+    if (solver->map->considered.n_rows > 0) {
+        flight_response(&full->tables, solver->wide, solver->state, &full->response);
+    }
+    flight_full_covariance(solver);
+    decompose(solver, full->factor);
+    weigh(solver, full->factor, full->right, full->hessian, full->gradient, &full->cost);
+    for (size_t i = 0; i < n_free; i++) {
+        memcpy(inner + i * n_free, full->hessian + i * N_STATES, n_free * sizeof *inner);
+    }
+    invert_small(n_free, inner, inverse);
+    memset(full->state_covariance, 0, sizeof full->state_covariance);
+    for (size_t i = 0; i < n_free; i++) {
+        memcpy(full->state_covariance + i * N_STATES, inverse + i * n_free, n_free * sizeof *inverse);
+    }
+    for (size_t i = 0; i < N_STATES; i++) {
+        full->shift[i] = 0.0;
+        for (size_t j = 0; j < N_STATES; j++) {
+            full->shift[i] += full->state_covariance[i * N_STATES + j] * full->gradient[j];
+        }
+    }
 }
 
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state) {
@@ -169,21 +198,22 @@ static void next_state(FlightSolver *solver, double *state) {
     flight_limited(solver->map, solver->state, step, state);
 }
 
-/* (S^-1 r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1. */
+/* (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1 of the full model. */
 void flight_set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
-    Solution *found = &solver->solution;
+    const FullModel *full = &solver->full;
     double *back = solver->turned;
-    invert_lower(solver->wide, n, solver->factor, back, solver->inverse);
-    turn_back(solver->wide, n, solver->inverse, solver->right, back, solver->squares);
+    invert_lower(solver->wide, n, full->factor, back, solver->inverse);
+    turn_back(solver->wide, n, solver->inverse, full->right, back, solver->squares);
     for (size_t g = 0; g < solver->n_gauges; g++) {
-        double row[N_STATES];
+        double row[N_STATES], residual = back[g];
         for (size_t k = 0; k < N_STATES; k++) {
             row[k] = back[(1 + k) * n + g];
+            residual -= row[k] * full->shift[k];
         }
-        const double diagonal = solver->squares[g] - quadratic(N_STATES, row, found->state_covariance, row);
-        found->standardised_residual[g] =
-            solver->sample.used[g] && diagonal > 0.0 ? back[g] / sqrt(diagonal) : 0.0;
+        const double diagonal = solver->squares[g] - quadratic(N_STATES, row, full->state_covariance, row);
+        solver->solution.standardised_residual[g] =
+            solver->sample.used[g] && diagonal > 0.0 ? residual / sqrt(diagonal) : 0.0;
     }
 }
 
@@ -197,13 +227,14 @@ static void whiten_shapes(FlightSolver *solver) {
             shapes[s * n + g] = solver->sample.used[g] ? solver->map->shape[s * solver->n_gauges + g] : 0.0;
         }
     }
-    solve_lower(solver->wide, n, solver->factor, count, shapes);
+    solve_lower(solver->wide, n, solver->full.factor, count, shapes);
 }
 
 /* r' P A (A' P A)^-1 A' P r of the shapes A, by the Cholesky factor of A' P A, row by row. A shape counts for nothing
    where those before it leave a rounding error of its variance. */
 static void set_shape_square(FlightSolver *solver) {
     const size_t n = solver->n, count = solver->map->n_shapes;
+    const FullModel *full = &solver->full;
     Solution *found = &solver->solution;
     double by_state[MAX_SHAPES][N_STATES], factor[MAX_SHAPES][MAX_SHAPES], size[MAX_SHAPES];
     found->shape_square = 0.0;
@@ -211,14 +242,15 @@ static void set_shape_square(FlightSolver *solver) {
     for (size_t s = 0; s < count; s++) {
         const double *shape = solver->shapes + s * n;
         const double alone = lane_dot(n, shape, shape);
-        double rest = lane_dot(n, shape, solver->right);
+        double rest = lane_dot(n, shape, full->right);
         for (size_t k = 0; k < N_STATES; k++) {
-            by_state[s][k] = lane_dot(n, shape, solver->right + (1 + k) * n);
+            by_state[s][k] = lane_dot(n, shape, full->right + (1 + k) * n);
+            rest -= by_state[s][k] * full->shift[k];
         }
-        double left = alone - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[s]);
+        double left = alone - quadratic(N_STATES, by_state[s], full->state_covariance, by_state[s]);
         for (size_t t = 0; t < s; t++) {
             double common = lane_dot(n, shape, solver->shapes + t * n)
-                          - quadratic(N_STATES, by_state[s], found->state_covariance, by_state[t]);
+                          - quadratic(N_STATES, by_state[s], full->state_covariance, by_state[t]);
             for (size_t k = 0; k < t; k++) {
                 common -= factor[s][k] * factor[t][k];
             }
@@ -233,17 +265,25 @@ static void set_shape_square(FlightSolver *solver) {
     }
 }
 
+static double along_shift(const FullModel *full, const double *row) {
+    double sum = 0.0;
+    for (size_t k = 0; k < N_STATES; k++) {
+        sum += row[k] * full->shift[k];
+    }
+    return sum;
+}
+
 /* Of the innovation at the minimum of the linearised problem. */
 static void set_navigation_residuals(FlightSolver *solver) {
+    const FullModel *full = &solver->full;
     Solution *found = &solver->solution;
     for (size_t m = 0; m < N_NAVIGATION; m++) {
         const double precision = solver->sample.precision[m];
         double row[N_STATES];
         flight_measurement_row(solver->log_mach_slope, m, row);
-        const double reached = quadratic(N_STATES, row, found->state_covariance, row);
+        const double reached = quadratic(N_STATES, row, full->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
-        const double remaining =
-            solver->innovation[m] - quadratic(N_STATES, row, found->state_covariance, solver->gradient);
+        const double remaining = solver->innovation[m] - along_shift(full, row);
         found->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
     }
 }
@@ -252,7 +292,8 @@ static void set_navigation_residuals(FlightSolver *solver) {
 static double cost_of_angles(const FlightSolver *solver) {
     double cost = 0.0;
     for (size_t k = STATE_U; k <= STATE_W && solver->angles.count > 0; k++) {
-        const double joined = solver->innovation[N_NAVIGATION + k], prior = solver->map->prior_mean[k] - solver->state[k];
+        const double shift = solver->full.shift[k], joined = solver->innovation[N_NAVIGATION + k] - shift;
+        const double prior = solver->map->prior_mean[k] - solver->state[k] - shift;
         cost += solver->sample.precision[N_NAVIGATION + k] * (joined * joined)
               - solver->map->prior_precision[k] * (prior * prior);
     }
@@ -260,23 +301,15 @@ static double cost_of_angles(const FlightSolver *solver) {
 }
 
 void flight_settle(FlightSolver *solver) {
+    const FullModel *full = &solver->full;
     Solution *found = &solver->solution;
     memcpy(found->state, solver->state, sizeof found->state);
     invert_small(N_STATES, solver->hessian, found->state_covariance);
-    memcpy(found->widened_covariance, found->state_covariance, sizeof found->widened_covariance);
     memset(found->widening, 0, sizeof found->widening);
     found->n_others = 0;
-    found->chi_square = solver->cost - cost_of_angles(solver);
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
-    flight_set_loads(solver);
-    for (size_t e = 0; e < solver->map->n_considered; e++) {
-        const double *shift = solver->considered.shift[e];
-        for (size_t i = 0; i < N_STATES; i++) {
-            for (size_t j = 0; j < N_STATES; j++) {
-                found->widened_covariance[i * N_STATES + j] += shift[i] * shift[j];
-            }
-        }
-    }
+    flight_set_loads(solver, N_STATES);
+    found->chi_square = full->cost - along_shift(full, full->gradient) - cost_of_angles(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }

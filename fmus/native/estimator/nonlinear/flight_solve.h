@@ -23,6 +23,9 @@ void flight_linearise_anew(FlightSolver *solver, const double *state);
 double flight_deviance(const FlightSolver *solver);
 void flight_settle(FlightSolver *solver);
 
+/* The full model at the state of the problem, of which the first n_free elements are free. */
+void flight_weigh_full(FlightSolver *solver, size_t n_free);
+
 /* Its standardised residuals of the gauges, which settling leaves as they were. */
 void flight_set_gauge_residuals(FlightSolver *solver);
 

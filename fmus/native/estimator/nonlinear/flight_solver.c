@@ -7,8 +7,9 @@ size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges);
     const size_t of_tables =
         map->considered.n_rows == 0 ? 0 : flight_tables_doubles(&map->considered) + response_doubles(&map->considered);
-    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 4 * n * n
-         + SEARCH_STARTS * SEARCH_STATES * n + (6 + 2 * N_RIGHT + map->n_common + 1 + map->n_shapes + map->n_considered) * n;
+    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 6 * n * n
+         + SEARCH_STARTS * SEARCH_STATES * n
+         + (6 + 3 * N_RIGHT + N_LOADS + map->n_common + map->n_considered_common + 2 + map->n_shapes) * n;
 }
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
@@ -29,7 +30,9 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     response_arrays(&map->tables, &solver->response, doubles);
     solver->gauge_covariance = taken(doubles, n * n);
     solver->scaled_covariance = taken(doubles, n * n);
+    solver->considered_covariance = taken(doubles, n * n);
     solver->factor = taken(doubles, n * n);
+    solver->full.factor = taken(doubles, n * n);
     solver->inverse = taken(doubles, n * n);
     solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
     solver->search_weight = taken(doubles, n);
@@ -40,17 +43,19 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->squares = taken(doubles, n);
     solver->right = taken(doubles, N_RIGHT * n);
     solver->turned = taken(doubles, N_RIGHT * n);
-    solver->columns = taken(doubles, (map->n_common + 1) * n);
+    solver->full.right = taken(doubles, N_RIGHT * n);
+    solver->full.turned = taken(doubles, N_LOADS * n);
+    solver->columns = taken(doubles, (map->n_common + map->n_considered_common + 2) * n);
     solver->shapes = taken(doubles, map->n_shapes * n);
     if (map->considered.n_rows > 0) {
-        flight_tables_arrays(&map->considered, &solver->considered.tables, doubles);
-        response_arrays(&map->considered, &solver->considered.response, doubles);
+        flight_tables_arrays(&map->considered, &solver->full.tables, doubles);
+        response_arrays(&map->considered, &solver->full.response, doubles);
     }
-    solver->considered.strain = taken(doubles, map->n_considered * n);
     solver->sample.used = *bytes;
     *bytes += n_gauges;
     widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);
     widen(n_gauges, n, map->scaled_covariance, solver->scaled_covariance);
+    widen(n_gauges, n, map->considered_covariance, solver->considered_covariance);
     flight_search_prepare(solver);
 }
 

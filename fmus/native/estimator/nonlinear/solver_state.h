@@ -37,7 +37,7 @@ typedef struct {
 
 /* Estimates of a sample, about the map's moment point and references. */
 typedef struct {
-    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* of the problem about the state */
+    double state[N_STATES], state_covariance[N_STATES * N_STATES]; /* by the errors that the gain may correct */
     double loads[N_LOADS], load_covariance[N_LOADS * N_LOADS];
     double coefficients[N_LOADS], coefficient_covariance[N_LOADS * N_LOADS];
     double chi_square;
@@ -45,7 +45,7 @@ typedef struct {
     double *standardised_residual; /* (n) */
     double navigation_residual[N_NAVIGATION];
     double widening[N_WIDENING];                       /* factors on standard deviations, for what else fits; 0 for none, */
-    double widened_covariance[N_STATES * N_STATES];    /* of the state with them; the loads' have them */
+    double widened_covariance[N_STATES * N_STATES];    /* of the state by all errors, with them, as the loads' */
     double shape_square; /* chi-square of the shapes of pressure off the tables in the residual */
     size_t n_others; /* other solutions that fit, whose squared differences count as variance by these parts */
     double other_part[MOST_OTHERS], other_state[MOST_OTHERS][N_STATES];
@@ -58,15 +58,17 @@ typedef struct {
 
 #define KEPT_SEARCHES 2 /* with all of navigation, and without what is inconsistent */
 
-/* The considered errors at the state of the problem, see strainfmu/estimator/tables/manifold_map.py, as independent
-   combinations of them. */
+/* The problem about the state with the considered errors, too: covariances and alarms follow from it. */
 typedef struct {
-    FlightTables tables;    /* of the first, in maps that have it */
+    FlightTables tables; /* of the considered error that has some, in maps that have it */
     Response response;
-    double *strain;         /* (n_considered, n) L^-1 of the strain of each */
-    double part[MAX_CONSIDERED];            /* what each has of the first, in its standard deviations; 0 without tables */
-    double shift[MAX_CONSIDERED][N_STATES]; /* of the state, by each */
-} Considered;
+    double *factor;      /* (n, n) L */
+    double *right;       /* (N_RIGHT, n) L^-1 of residual and Jacobian */
+    double *turned;      /* (N_LOADS, n) L^-1 of covariances of loads with strain */
+    double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;
+    double state_covariance[N_STATES * N_STATES];
+    double shift[N_STATES]; /* its estimate of the state, less the state */
+} FullModel;
 
 /* Arrays are by gauge, `n` of them: n_gauges in lanes. */
 typedef struct {
@@ -74,7 +76,7 @@ typedef struct {
     size_t n_gauges, n;
     int wide;
     FlightTables tables;
-    double *gauge_covariance, *scaled_covariance; /* (n, n) */
+    double *gauge_covariance, *scaled_covariance, *considered_covariance; /* (n, n) */
     double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
     double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
@@ -83,7 +85,7 @@ typedef struct {
     MeasuredAngles angles;
     Sample sample;
     Solution solution;
-    Considered considered;
+    FullModel full;
     /* Scratch: the problem about a state. */
     double state[N_STATES];
     Response response;
@@ -95,7 +97,7 @@ typedef struct {
     double *turned;              /* (N_RIGHT, n) */
     double *squares;             /* (n) */
     double *shapes;              /* (n_shapes, n) L^-1 of them */
-    double *columns;             /* (n_common + 1, n) */
+    double *columns;             /* (n_common + n_considered_common + 2, n) */
     double innovation[N_MEASURED];
     double log_mach_slope;       /* derivative of ln q_inf by M */
     double hessian[N_STATES * N_STATES], gradient[N_STATES], cost;

@@ -2,54 +2,65 @@
 
 #include "../numerics/wide.h"
 
-void flight_proportional_errors(FlightSolver *solver, double *own) {
+/* c = [1, loads over references] of the tables at the state. */
+static void set_coefficients(const FlightSolver *solver, double c[1 + N_LOADS]) {
     const FlightMap *map = solver->map;
-    const size_t n = solver->n, n_gauges = solver->n_gauges;
-    const double pressure = solver->response.pressure, square = pressure * pressure;
-    const double *strain = solver->response.value, *loads = strain + n_gauges;
-    double c[1 + N_LOADS] = {1.0}, pair[N_PAIRS];
+    const double *loads = solver->response.value + solver->n_gauges;
+    c[0] = 1.0;
     for (size_t i = 0; i < N_LOADS; i++) {
         const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
-        c[1 + i] = loads[i] / (pressure * reference);
+        c[1 + i] = loads[i] / (solver->response.pressure * reference);
     }
+}
+
+/* Variances of the errors of each gauge alone, in own (n). */
+static void set_own(const FlightSolver *solver, const double c[1 + N_LOADS], double *own) {
+    const FlightMap *map = solver->map;
+    const size_t n_gauges = solver->n_gauges;
+    const double *strain = solver->response.value, square = solver->response.pressure * solver->response.pressure;
+    memset(own, 0, solver->n * sizeof *own);
     for (size_t a = 0, k = 0; a <= N_LOADS; a++) {
-        for (size_t b = a; b <= N_LOADS; b++) {
-            pair[k++] = c[a] * c[b];
-        }
-    }
-    memset(own, 0, n * sizeof *own);
-    for (size_t k = 0; k < N_PAIRS; k++) {
-        for (size_t g = 0; g < n_gauges; g++) {
-            own[g] += pair[k] * map->gauge_error_product[k * n_gauges + g];
+        for (size_t b = a; b <= N_LOADS; b++, k++) {
+            const double pair = c[a] * c[b];
+            for (size_t g = 0; g < n_gauges; g++) {
+                own[g] += pair * map->gauge_error_product[k * n_gauges + g];
+            }
         }
     }
     for (size_t g = 0; g < n_gauges; g++) {
         const double gain = map->gain_std[g] * strain[g];
         own[g] = square * (own[g] > 0.0 ? own[g] : 0.0) + gain * gain;
-        solver->columns[map->n_common * n + g] = map->common_gain[g] * strain[g];
     }
-    for (size_t t = 0; t < map->n_common; t++) {
-        double *column = solver->columns + t * n;
+}
+
+/* Columns of `count` errors (count, 6, n_gauges) that all gauges have in common; the column behind them. */
+static double *set_common(const FlightSolver *solver, const double c[1 + N_LOADS], size_t count, const double *errors,
+                          double *column) {
+    const size_t n = solver->n, n_gauges = solver->n_gauges;
+    for (size_t t = 0; t < count; t++, column += n) {
         memset(column, 0, n * sizeof *column);
         for (size_t a = 0; a <= N_LOADS; a++) {
-            const double *error = map->common_error + (t * (1 + N_LOADS) + a) * n_gauges;
-            const double factor = pressure * c[a];
+            const double *error = errors + (t * (1 + N_LOADS) + a) * n_gauges;
+            const double factor = solver->response.pressure * c[a];
             for (size_t g = 0; g < n_gauges; g++) {
                 column[g] += factor * error[g];
             }
         }
     }
+    return column;
 }
 
 /* On and below the diagonal, with whole lanes. */
-EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, const double *restrict fixed,
-                               const double *restrict scaled, const double *restrict columns, double *restrict out) {
+EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, double considered_square,
+                               const double *restrict fixed, const double *restrict scaled,
+                               const double *restrict considered, const double *restrict columns, double *restrict out) {
     for (size_t j = 0; j < n; j++) {
         for (size_t i = j / LANES * LANES; i < n; i += LANES) {
             const double *restrict base = fixed + j * n + i, *restrict more = scaled + j * n + i;
+            const double *restrict rest = considered + j * n + i;
             double sum[LANES];
             for (size_t r = 0; r < LANES; r++) {
-                sum[r] = base[r] + square * more[r];
+                sum[r] = base[r] + square * more[r] + considered_square * rest[r];
             }
             for (size_t t = 0; t < n_columns; t++) {
                 const double *restrict column = columns + t * n + i;
@@ -64,20 +75,47 @@ EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, const 
 }
 
 #if HAS_AVX2
-AVX2 static void add_covariance_avx2(size_t n, size_t n_columns, double square, const double *fixed,
-                                     const double *scaled, const double *columns, double *out) {
-    add_covariance(n, n_columns, square, fixed, scaled, columns, out);
+AVX2 static void add_covariance_avx2(size_t n, size_t n_columns, double square, double considered_square,
+                                     const double *fixed, const double *scaled, const double *considered,
+                                     const double *columns, double *out) {
+    add_covariance(n, n_columns, square, considered_square, fixed, scaled, considered, columns, out);
 }
 #endif
 
-void flight_strain_covariance(FlightSolver *solver) {
+/* With considered errors, or without. */
+static void set_covariance(FlightSolver *solver, int with_considered, double *out) {
+    const FlightMap *map = solver->map;
     const size_t n = solver->n;
     const double square = solver->response.pressure * solver->response.pressure;
-    double *own = solver->squares;
-    flight_proportional_errors(solver, own);
-    CHOSEN(solver->wide, add_covariance)(n, solver->map->n_common + 1, square, solver->gauge_covariance,
-                                         solver->scaled_covariance, solver->columns, solver->factor);
+    double c[1 + N_LOADS], *own = solver->squares, *column = solver->columns;
+    set_coefficients(solver, c);
+    set_own(solver, c, own);
+    column = set_common(solver, c, map->n_common, map->common_error, column);
+    memset(column, 0, n * sizeof *column);
     for (size_t g = 0; g < solver->n_gauges; g++) {
-        solver->factor[g * n + g] += own[g];
+        column[g] = map->common_gain[g] * solver->response.value[g];
     }
+    column += n;
+    if (with_considered) {
+        column = set_common(solver, c, map->n_considered_common, map->considered_common, column);
+        if (map->considered.n_rows > 0) {
+            memset(column, 0, n * sizeof *column);
+            memcpy(column, solver->full.response.value, solver->n_gauges * sizeof *column);
+            column += n;
+        }
+    }
+    const size_t count = (size_t)(column - solver->columns) / n;
+    CHOSEN(solver->wide, add_covariance)(n, count, square, with_considered ? square : 0.0, solver->gauge_covariance,
+                                         solver->scaled_covariance, solver->considered_covariance, solver->columns, out);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        out[g * n + g] += own[g];
+    }
+}
+
+void flight_strain_covariance(FlightSolver *solver) {
+    set_covariance(solver, 0, solver->factor);
+}
+
+void flight_full_covariance(FlightSolver *solver) {
+    set_covariance(solver, 1, solver->full.factor);
 }

@@ -5,10 +5,10 @@
 
 #include "solver_state.h"
 
-/* Columns of the errors that all gauges have in common, in solver->columns, and variances of each gauge in own (n). */
-void flight_proportional_errors(FlightSolver *solver, double *own);
-
 /* S about the state of solver->response, in solver->factor, before it is decomposed; all gauges. */
 void flight_strain_covariance(FlightSolver *solver);
+
+/* The same of S with the considered errors, in solver->full.factor; solver->full.response has those with tables. */
+void flight_full_covariance(FlightSolver *solver);
 
 #endif

@@ -50,14 +50,13 @@ static double risen(double value, const double *ends) {
     return clipped((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
 }
 
-/* At the state of the problem, of a covariance of it. */
-static void estimate(FlightSolver *solver, const double *covariance, Estimated *found) {
-    Solution *solution = &solver->solution;
-    memcpy(solution->state_covariance, covariance, sizeof solution->state_covariance);
-    flight_set_loads(solver);
+/* At the state of the problem, of which the first n_free elements are free. */
+static void estimate(FlightSolver *solver, size_t n_free, Estimated *found) {
+    const Solution *solution = &solver->solution;
+    flight_set_loads(solver, n_free);
     for (size_t k = 0; k < N_STATES; k++) {
         found->value[k] = solver->state[k];
-        found->variance[k] = covariance[k * (N_STATES + 1)];
+        found->variance[k] = solution->widened_covariance[k * (N_STATES + 1)];
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         found->value[N_STATES + i] = solution->loads[i];
@@ -94,7 +93,6 @@ static void look_aside(FlightSolver *solver, const double *state, const double *
     const double own = covariance[STATE_PRESSURE * (N_STATES + 1)], three = ASIDE * sqrt(own);
     const double size = sign * (three < LARGEST_ASIDE ? three : LARGEST_ASIDE) / own;
     double next[N_STATES], step[N_STATES] = {0.0}, inverse[N_INNER * N_INNER];
-    double of_others[N_STATES * N_STATES] = {0.0}; /* for ln p_inf it is the distance itself */
     for (size_t k = 0; k < N_STATES; k++) {
         next[k] = state[k] + size * covariance[k * N_STATES + STATE_PRESSURE];
     }
@@ -112,12 +110,8 @@ static void look_aside(FlightSolver *solver, const double *state, const double *
         flight_limited(solver->map, solver->state, step, next);
         flight_linearise_anew(solver, next);
     }
-    invert_inner(solver, inverse);
-    for (size_t i = 0; i < N_INNER; i++) {
-        memcpy(of_others + i * N_STATES, inverse + i * N_INNER, N_INNER * sizeof *inverse);
-    }
     Estimated other;
-    estimate(solver, of_others, &other);
+    estimate(solver, N_INNER, &other); /* for ln p_inf the error is the distance itself */
     const double excess = other.deviance - base->deviance;
     enlarge(base, &other, 1.0 - risen(excess, UNLIKELY), 1.0 / (excess > LEAST_EXCESS ? excess : LEAST_EXCESS), largest);
 }
@@ -137,7 +131,7 @@ static double weight_of_end(const double *state, const double *hessian, const do
 static void look_at_ends(FlightSolver *solver, const double *state, const double *hessian, const Estimated *base,
                          double *largest) {
     size_t farthest = 0;
-    double most = 0.0, square, inverse[N_STATES * N_STATES];
+    double most = 0.0, square;
     for (size_t s = 0; s < SEARCH_STARTS; s++) {
         const double weight =
             weight_of_end(state, hessian, solver->end[s], solver->end_deviance[s] - base->deviance, &square);
@@ -151,8 +145,7 @@ static void look_at_ends(FlightSolver *solver, const double *state, const double
     }
     Estimated other;
     flight_linearise_anew(solver, solver->end[farthest]);
-    invert_small(N_STATES, solver->hessian, inverse);
-    estimate(solver, inverse, &other);
+    estimate(solver, N_STATES, &other);
     const double weight =
         weight_of_end(state, hessian, solver->state, other.deviance - base->deviance, &square);
     enlarge(base, &other, weight, 1.0 / LEAST_EXCESS, largest);
@@ -165,7 +158,7 @@ static void find_widening(FlightSolver *solver, double *widening) {
     memcpy(state, solver->state, sizeof state);
     memcpy(hessian, solver->hessian, sizeof hessian);
     invert_small(N_STATES, hessian, covariance);
-    estimate(solver, covariance, &base);
+    estimate(solver, N_STATES, &base);
     memcpy(largest, base.variance, sizeof largest);
     look_aside(solver, state, covariance, &base, 1.0, largest);
     look_aside(solver, state, covariance, &base, -1.0, largest);

@@ -180,8 +180,7 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
             continue;
         }
         flight_linearise_anew(solver, all->state[s]);
-        invert_small(N_STATES, solver->hessian, found->state_covariance);
-        flight_set_loads(solver);
+        flight_set_loads(solver, N_STATES);
         memcpy(loads[n_others], found->loads, sizeof found->loads);
         memcpy(coefficients[n_others], found->coefficients, sizeof found->coefficients);
         part[n_others] = PART * weight;

@@ -1,0 +1,163 @@
+"""The one list of errors that a map includes, each with the entry that states it, where it acts, and its role.
+
+The role says what the gain may do about an error. Covariances and alarms have all errors alike.
+
+``estimated``
+    The gain may correct it: the residual determines it, or is free to.
+``considered``
+    The gain does not know it. So the estimate does not follow what looks like it, and gains nothing where other
+    tolerances grow smaller.
+``split``
+    Estimated at :data:`ESTIMATED_PART` of its standard deviation, considered at the rest. Wholly estimated, errors
+    of the flow cost as much again in moments on flows that have none; wholly considered, they cost as much in
+    forces across on flows that have them.
+
+With auxiliary sensors, as pressure ports, errors of the pressure on the surface are estimated: these measure it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from builder.inverse.noise.flow_models import FLOW_MODELS
+from builder.inverse.noise.flows_between import BETWEEN
+from builder.inverse.noise.inertia import NAME as INERTIA
+from builder.inverse.noise.inertia import VIBRATION_MODES
+from builder.inverse.noise.leeward import LEEWARD_PRESSURE
+from builder.structure.as_built_kinds import IN_NOISE, Role
+from builder.vehicle.file import Vehicle
+from builder.vehicle.map.model_form import model_form
+from strainfmu.arrays import FloatArray
+
+ESTIMATED_PART = 0.15
+"""Part rho of the standard deviation of a split error that the gain may correct."""
+
+PROCESS, SPREAD, LEVEL = "pressure off the tables", "fraction of the snapshots", "fraction of the overpressure"
+"""Names of the parts of the model-form error."""
+
+INTERPOLATION, GRID_REFINEMENT = "interpolation", "grid of the flow"
+"""Names of the numerical errors of the flow."""
+
+_GAUGE, _ALL, _PRESSURE, _NUMERICS = "each gauge", "all gauges", "pressure on the surface", "numerics of the build"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapError:
+    """One error.
+
+    Attributes
+    ----------
+    name : of its columns in the map.
+    acts_on : what it changes.
+    role : see above.
+    entry : of the vehicle file that states its standard deviation, empty where the build determines it.
+    unit : of the entry.
+    size : attribute of :class:`~builder.vehicle.map.model_form.ModelForm` that has its size [1], where the entry
+        may be left out.
+    """
+
+    name: str
+    acts_on: str
+    role: Role
+    entry: str = ""
+    unit: str = ""
+    size: str = ""
+
+    def stated_size(self, vehicle: Vehicle) -> float | None:
+        """Return the standard deviation in the unit of the entry; None where no one number states it."""
+        if self.size:
+            value = getattr(model_form(vehicle.map, vehicle.noise), self.size)
+            return None if value is None else 100.0 * float(value)
+        value = vehicle
+        for name in filter(None, self.entry.split(".")):
+            value = getattr(value, name, None)
+        return float(value) if isinstance(value, int | float) else None
+
+
+def _of_pressure(name: str, entry: str, role: Role, size: str) -> MapError:
+    return MapError(name=name, acts_on=_PRESSURE, role=role, entry=f"map.{entry}", unit="%", size=size)
+
+
+ERRORS = {
+    one.name: one
+    for one in (
+        MapError(name="gauge noise", acts_on=_GAUGE, role="estimated", entry="noise.std_um_per_m", unit="um/m"),
+        *(
+            MapError(
+                name=kind.column_name,
+                acts_on=kind.acts_on,
+                role=kind.role,
+                entry=f"noise.{kind.noise}",
+                unit=f"{kind.unit} of {kind.relative_to}" if kind.relative_to else kind.unit,
+            )
+            for kind in IN_NOISE
+        ),
+        MapError(name="mesh, of each gauge", acts_on=_NUMERICS, role="estimated"),
+        MapError(name="mesh, in common", acts_on=_NUMERICS, role="considered"),
+        MapError(name=INTERPOLATION, acts_on=_NUMERICS, role="estimated"),
+        MapError(name="tables", acts_on=_NUMERICS, role="estimated"),
+        MapError(name=BETWEEN, acts_on=_NUMERICS, role="estimated"),
+        MapError(name=GRID_REFINEMENT, acts_on=_NUMERICS, role="considered"),
+        _of_pressure(PROCESS, "discrepancy_percent", "considered", "process"),
+        _of_pressure(SPREAD, "discrepancy_of_prior_percent", "split", "of_prior"),
+        _of_pressure(LEVEL, "discrepancy_of_overpressure_percent", "considered", "of_overpressure"),
+        _of_pressure(LEEWARD_PRESSURE, "discrepancy_of_leeward_percent", "considered", "of_leeward"),
+        _of_pressure(FLOW_MODELS, "discrepancy_of_newtonian_percent", "considered", "of_newtonian"),
+        MapError(name=INERTIA, acts_on=_ALL, role="estimated", entry="mass"),
+        MapError(name="errors of masses", acts_on=_ALL, role="estimated", entry="mass"),
+        MapError(
+            name=VIBRATION_MODES, acts_on=_ALL, role="estimated", entry="mass.vibration_um_per_m", unit="um/m"
+        ),
+        MapError(name="temperature", acts_on=_ALL, role="estimated", entry="temperature"),
+        MapError(name="modulus with temperature", acts_on=_ALL, role="estimated", entry="temperature"),
+        MapError(name="apparent strain with temperature", acts_on=_GAUGE, role="estimated", entry="temperature"),
+    )
+}
+"""All errors by name. What is not listed is estimated: modes of ``noise.nuisance_file``, flow parameters, errors
+of the sensors of [sensors], and what a ground test left."""
+
+
+def error_named(name: str) -> MapError:
+    """Return the error of columns ``name``."""
+    return ERRORS.get(name, MapError(name=name, acts_on=_ALL, role="estimated"))
+
+
+def role_of(name: str, is_measured: bool = False) -> Role:
+    """Return the role of the error ``name``; ``is_measured`` with auxiliary sensors."""
+    one = error_named(name)
+    return "estimated" if is_measured and one.acts_on == _PRESSURE else one.role
+
+
+def parts_of(name: str, is_measured: bool = False) -> tuple[float, float]:
+    """Return the parts of the standard deviation of ``name`` that are estimated and considered."""
+    role = role_of(name, is_measured)
+    part = ESTIMATED_PART if role == "split" else float(role == "estimated")
+    return part, float(np.sqrt(1.0 - part * part))
+
+
+def by_role(terms: Mapping[str, FloatArray], is_measured: bool = False) -> tuple[FloatArray, FloatArray]:
+    """Return columns (n, k) of ``terms`` by name that are estimated, and those that are considered."""
+    rows = len(next(iter(terms.values())))
+    found: tuple[list[FloatArray], list[FloatArray]] = ([np.zeros((rows, 0))], [np.zeros((rows, 0))])
+    for name, columns in terms.items():
+        for one, part in zip(found, parts_of(name, is_measured), strict=True):
+            if part > 0.0:
+                one.append(part * columns)
+    return np.hstack(found[0]), np.hstack(found[1])
+
+
+def record_of(name: str, vehicle: Vehicle) -> dict[str, Any]:
+    """Return what the provenance of a map says of the error ``name``, but how much it strains."""
+    one = error_named(name)
+    size = one.stated_size(vehicle)
+    return {
+        "name": name,
+        **({"entry": one.entry} if one.entry else {}),
+        **({} if size is None else {"size": size, "unit": one.unit}),
+        "acts_on": one.acts_on,
+        "role": role_of(name, vehicle.sensors is not None),
+    }
