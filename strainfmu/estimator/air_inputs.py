@@ -22,18 +22,14 @@ class QSource(IntEnum):
     """What a dynamic pressure is computed from, the input ``q_source``."""
 
     AUTO = 0
-    """Decided in each sample: computed where it is equal to what Mach number and static pressure, or Mach number
-    and altitude, give; otherwise measured."""
+    """Not stated: with a Mach number it counts as computed from that and from the static pressure, or else an
+    atmosphere; without, as measured."""
     INDEPENDENT = 1
     """Measured, or computed from neither Mach number nor static pressure."""
     MACH_AND_PRESSURE = 2
     """Computed from Mach number and static pressure."""
     MACH_AND_ALTITUDE = 3
     """Computed from Mach number and the standard atmosphere, or the atmosphere of the day, at the altitude."""
-
-
-LARGEST_DIFFERENCE = 1.5e-3
-"""Largest relative difference of a computed dynamic pressure from what it is computed from, by rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,8 +166,10 @@ _Q_SOURCE = AirInput(
     symbol="source(q_inf)",
     unit="1",
     shown=None,
-    text=f"{_Q_SOURCE_TEXT}; a computed one counts as no measurement",
-    text_of_linear=f"{_Q_SOURCE_TEXT}; a computed one has the error of what it is computed from",
+    text=f"{_Q_SOURCE_TEXT}; not stated, with a Mach number, it counts as computed and is no measurement: state 1 "
+    "where it is measured, for smaller sigmas",
+    text_of_linear=f"{_Q_SOURCE_TEXT}; not stated, with a Mach number, it counts as computed and has the error of "
+    "what it is computed from: state 1 where it is measured, for smaller sigmas",
     note=" " + ", ".join(f"{one.value} {one.name}" for one in QSource),
     aliases=("qsource", "dynamicpressuresource", "pressuresource"),
     largest=float(max(QSource)),

@@ -327,7 +327,7 @@ class Estimator:
             1 %: a Mach number by T0 = T (1 + 0.2 M^2), with T of the standard atmosphere at ``altitude``, which it
             needs, and 3 % of T. It is joined with ``mach_number``. Maps with tables alone take it.
         q_source : what ``dynamic_pressure`` is computed from: a :class:`QSource`, its name or its number, one for
-            all samples or numbers (k,). A computed one is no measurement; the default decides by the values.
+            all samples or numbers (k,). A computed one is no measurement; with a Mach number so is the default.
         measured_angle_of_attack, measured_sideslip_angle : [rad] by an inertial system, vanes or flush ports, NaN
             where not known; a linear estimate uses them for health alone.
         measured_angle_of_attack_std, measured_sideslip_angle_std : their standard deviations; NaN takes 1 deg.

@@ -14,7 +14,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, SAMPLE_INPUTS, QSource
 from strainfmu.estimator.health import USABLE_STATES
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, ENVELOPE_SCORE, SUSPECTS, USABLE
@@ -184,6 +184,7 @@ def estimate_file(
                 *opened.notes,
                 *_unused_inputs(source, estimator, plan),
                 *_own_zeros(source, estimator, zeros),
+                *_unstated_source(plan),
             ]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.other_columns, estimator.row_names if residuals else ())
@@ -258,6 +259,16 @@ def _own_zeros(source: Path, estimator: BlockEstimator, zeros: Path | None) -> l
         return []
     rms = 1e6 * float(np.sqrt(np.mean(estimator.zero**2)))
     return [f"{source}: its calibration's zero offsets are subtracted, {rms:.3g} um/m rms; --zeros states others"]
+
+
+def _unstated_source(plan: ColumnPlan) -> list[str]:
+    """Return the line that a dynamic pressure counts as computed, as its source is not stated."""
+    if Q_SOURCE in plan.flow or not {DYNAMIC_PRESSURE, MACH_NUMBER} <= set(plan.flow):
+        return []
+    return [
+        f"{plan.path}: dynamic_pressure: counts as computed from mach_number, so that it confirms nothing; where "
+        f"it is measured, a column {Q_SOURCE} of {QSource.INDEPENDENT:d} makes sigma of the coefficients smaller"
+    ]
 
 
 def _check_field(path: Path, inverse_map: InverseMap | None, source: Path, time_constant: float | None) -> None:

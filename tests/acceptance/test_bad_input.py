@@ -164,8 +164,8 @@ def test_damaged_and_older_maps(ogive_demo: Path, tmp_path: Path, run: Run) -> N
         file["state_operator"][0, 0] *= 1.0 + 1e-9
     refused(run("export", path, "-o", fmu), "damaged or altered")
     refused(run("inspect", path), "damaged or altered")
-    assert b"strainfmu.inverse_map 9 " in original
-    path.write_bytes(original.replace(b"strainfmu.inverse_map 9 ", b"strainfmu.inverse_map 8 ", 1))
+    assert b"strainfmu.inverse_map 10 " in original
+    path.write_bytes(original.replace(b"strainfmu.inverse_map 10 ", b"strainfmu.inverse_map 9 ", 1))
     refused(run("export", path, "-o", fmu), "expected schema version 10, got 9")
     refused(run("export", ogive_demo / "snapshots.h5", "-o", fmu), "strainfmu.snapshots")
     assert not fmu.exists()

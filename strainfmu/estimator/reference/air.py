@@ -129,14 +129,7 @@ def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[st
     manifold = inverse_map.manifold
     assert manifold is not None
     records = {name: np.array([value]) for name, value in given.items()}
-    pressure_std = air.log_std[1] if np.isfinite(air.value[1]) else manifold.static_pressure_error
-    source = pressure_source(
-        records,
-        np.array([air.std[0] if np.isfinite(air.std[0]) else manifold.mach_number_error]),
-        np.array([pressure_std]),
-        manifold.altitude_error,
-        np.array([air.log_std[2]]),
-    )[0]
+    source = pressure_source(records)[0]
     if source == QSource.INDEPENDENT or not np.isfinite(air.value[2]):
         return air
     value, std = air.value.copy(), air.std.copy()

@@ -7,14 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.atmosphere import DEVIATION_OF_AIR, HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.estimator.air_inputs import (
     AIR_INPUTS,
-    ALTITUDE,
     ANGLE_ERROR,
     DYNAMIC_PRESSURE,
     LARGEST_ANGLE,
-    LARGEST_DIFFERENCE,
     MACH_NUMBER,
     MEASURED_ANGLES,
     Q_SOURCE,
@@ -24,12 +22,6 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.arguments import given as positive
 from strainfmu.estimator.signal_names import NOT_KNOWN
-
-PART_OF_DEVIATION = 0.05
-"""The same over the standard deviation of the difference of independent values: one in 25 of these is as near."""
-
-EARTH_RADIUS = 6356766.0
-"""[m] of geopotential altitudes; source: U.S. Standard Atmosphere, 1976."""
 
 DAY_OF_MACH = 0.025
 """Relative standard deviation of a Mach number that no other measurement confirms.
@@ -57,35 +49,15 @@ def air_of(inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     }
 
 
-def pressure_source(
-    given: Mapping[str, FloatArray],
-    mach_std: FloatArray,
-    pressure_std: FloatArray,
-    altitude_std: float,
-    dynamic_std: FloatArray,
-) -> IntArray:
+def pressure_source(given: Mapping[str, FloatArray]) -> IntArray:
     """Return (k,) the sources of the dynamic pressures, :class:`QSource` but for AUTO.
 
-    Parameters
-    ----------
-    given : (k,) inputs by name, NaN where not given.
-    mach_std : (k,) standard deviations of M [1].
-    pressure_std, altitude_std, dynamic_std : relative ones of p_inf, of p(h), and of q_inf.
+    What nothing states counts as computed from the Mach number, where that is ``given``, and from the static
+    pressure, or else from an atmosphere. Inputs are (k,) by name, NaN where not given.
     """
-    stated, altitude = np.nan_to_num(given[Q_SOURCE]), np.where(np.isinf(given[ALTITUDE]), np.nan, given[ALTITUDE])
-    geometric = static_pressure_at(EARTH_RADIUS * altitude / (EARTH_RADIUS + altitude))
-
-    def is_computed(pressure: FloatArray, std: FloatArray | float) -> BoolArray:
-        mach = given[MACH_NUMBER]
-        expected = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-        deviation = np.hypot(computed_pressure_error(mach, mach_std, std), dynamic_std)
-        allowed = np.minimum(PART_OF_DEVIATION * deviation, LARGEST_DIFFERENCE)
-        apart = np.abs(given[DYNAMIC_PRESSURE] - expected)
-        return np.isfinite(expected) & (apart <= allowed * expected)
-
-    by_altitude = is_computed(static_pressure_at(altitude), altitude_std) | is_computed(geometric, altitude_std)
-    found = np.where(by_altitude, QSource.MACH_AND_ALTITUDE, QSource.INDEPENDENT)
-    found = np.where(is_computed(given[STATIC_PRESSURE], pressure_std), QSource.MACH_AND_PRESSURE, found)
+    stated = np.nan_to_num(given[Q_SOURCE])
+    computed = np.where(np.isnan(given[STATIC_PRESSURE]), QSource.MACH_AND_ALTITUDE, QSource.MACH_AND_PRESSURE)
+    found = np.where(np.isnan(given[MACH_NUMBER]), QSource.INDEPENDENT, computed)
     return np.where(stated > 0.5, np.round(stated), found).astype(np.int64)
 
 
@@ -116,7 +88,7 @@ def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error:
     relative = given[f"{STATIC_PRESSURE}{STD}"] / given[STATIC_PRESSURE]
     pressure_std = np.where(np.isnan(relative), DAY_OF_PRESSURE, relative)
     with np.errstate(invalid="ignore"):  # q and M may be infinite
-        source = pressure_source(given, mach_std, pressure_std, DEVIATION_OF_AIR, std / q)
+        source = pressure_source(given)
         of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
         own = q * computed_pressure_error(mach, mach_std, of_pressure)
     return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(given, own))

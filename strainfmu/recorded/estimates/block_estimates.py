@@ -9,12 +9,12 @@ from typing import Protocol
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
 from strainfmu.estimator.air_data import NAVIGATION
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, LARGEST_DIFFERENCE, MACH_NUMBER, Q_SOURCE
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.reference.pressure_source import pressure_source
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -102,19 +102,6 @@ class BlockEstimator(Protocol):
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
 
 
-def _is_computed(flow: Mapping[str, FloatArray], unknown: FloatArray) -> BoolArray:
-    """Return (n,) whether the dynamic pressure is computed from the others of ``flow``: it is no measurement."""
-    mach, stated = flow.get(MACH_NUMBER, unknown), np.nan_to_num(flow.get(Q_SOURCE, unknown))
-    by_altitude = static_pressure_at(flow.get(ALTITUDE, unknown))
-    static = flow.get(STATIC_PRESSURE, unknown)
-    found = stated > 1.5
-    for pressure in (static, by_altitude):
-        expected = 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure
-        apart = np.abs(flow[DYNAMIC_PRESSURE] - expected)
-        found |= (stated < 0.5) & (apart <= LARGEST_DIFFERENCE * expected)
-    return found
-
-
 def dropped_navigation(
     block: StrainBlock, found: BlockEstimates, columns: Sequence[tuple[str, str]]
 ) -> dict[str, BoolArray]:
@@ -131,7 +118,8 @@ def dropped_navigation(
     flow = {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}
     given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
     given[STATIC_PRESSURE] |= ~np.isnan(flow.get(ALTITUDE, unknown))
-    given[DYNAMIC_PRESSURE] &= ~_is_computed(flow, unknown)
+    source = pressure_source({name: flow.get(name, unknown) for name in (MACH_NUMBER, STATIC_PRESSURE, Q_SOURCE)})
+    given[DYNAMIC_PRESSURE] &= source == QSource.INDEPENDENT
     used = {name: found.other_values[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
     return {name: given[name] & ~used[name] for name in NAVIGATION}
 

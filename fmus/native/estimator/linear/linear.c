@@ -60,8 +60,7 @@ static double pressure_deviation(const Linear *linear, double pressure) {
     const double mach_std = isnan(stated_mach) || isnan(mach) ? DAY_OF_MACH * known : stated_mach;
     const double relative = known_input(inputs, STATIC_PRESSURE_STD) / known_input(inputs, STATIC_PRESSURE);
     const double pressure_std = isnan(relative) ? DAY_OF_PRESSURE : relative;
-    const PressureSource source =
-        pressure_source(inputs, mach_std, pressure_std, DAY_OF_ALTITUDE, deviation / pressure);
+    const PressureSource source = pressure_source(inputs);
     if (source == INDEPENDENT) {
         return deviation;
     }

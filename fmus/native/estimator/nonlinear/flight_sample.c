@@ -81,9 +81,7 @@ static int is_value(double value) {
    not given, and for nothing where it is. Its standard deviation is by its sources. */
 static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *found) {
     double *value = found->value, *std = found->std;
-    const double pressure_std = is_value(value[1]) ? std[1] / value[1] : map->error[1];
-    const PressureSource source =
-        pressure_source(inputs, std[0], pressure_std, map->altitude_error, std[2] / value[2]);
+    const PressureSource source = pressure_source(inputs);
     if (source == INDEPENDENT || !is_value(value[2])) {
         return;
     }

@@ -18,10 +18,9 @@ typedef enum { AUTO, INDEPENDENT, MACH_AND_PRESSURE, MACH_AND_ALTITUDE } Pressur
    atmosphere. */
 double pressure_by_altitude(const Inputs *inputs);
 
-/* The source of the dynamic pressure of the inputs, never AUTO: AUTO is decided by whether the value follows from Mach
-   number and a pressure. The standard deviations are of M [1] and relative ones of p_inf, p(h) and q_inf. */
-PressureSource pressure_source(const Inputs *inputs, double mach_std, double pressure_std, double altitude_std,
-                               double dynamic_std);
+/* The source of the dynamic pressure of the inputs, never AUTO: what nothing states counts as computed from the Mach number,
+   where that is known, and from the static pressure, or else from an atmosphere. */
+PressureSource pressure_source(const Inputs *inputs);
 
 /* The relative standard deviation of a dynamic pressure by the ones of what it is computed from. */
 double computed_pressure_error(double mach, double mach_std, double pressure_std);
