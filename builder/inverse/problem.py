@@ -17,7 +17,7 @@ from builder.inverse.noise.flow_models import newtonian_difference
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
-from builder.inverse.noise.inertia import inertia_map, inertia_terms, strain_by_inertia
+from builder.inverse.noise.inertia import inertia_errors, inertia_map, inertia_terms, strain_by_inertia
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
 from builder.inverse.noise.mesh_error import MeshError, mesh_error
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
@@ -145,7 +145,7 @@ def inverse_problem(
     by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
     inertia = inertia_map(vehicle, by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
-    errors += left
+    errors += [*left, *inertia_errors(vehicle, by_inertia, ensemble, structure.surface)]
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [

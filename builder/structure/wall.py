@@ -106,11 +106,13 @@ class FlightMasses:
     density : of the wall's own material [kg/m3].
     points : (station [m], mass [kg]) on the axis, carried by the wall there.
     covers : (start, end [m], mass per outer area [kg/m2]) that stiffen nothing.
+    has_stiff_base : whether the aft ring keeps its shape, as on a bulkhead; it is an open end otherwise.
     """
 
     density: float
     points: tuple[tuple[float, float], ...] = ()
     covers: tuple[tuple[float, float, float], ...] = ()
+    has_stiff_base: bool = False
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,7 @@ def wall_of(vehicle: Vehicle) -> Wall:
             density=own.density_kg_per_m3,
             points=tuple((one.x_m, one.mass_kg) for one in entry.point_masses),
             covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
+            has_stiff_base=entry.base == "stiff",
         )
     return Wall(
         thickness=1e-3 * entry.wall_thickness_mm,

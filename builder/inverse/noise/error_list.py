@@ -25,8 +25,8 @@ import numpy as np
 
 from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.inverse.noise.flows_between import BETWEEN
+from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
-from builder.inverse.noise.inertia import VIBRATION_MODES
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.structure.as_built_kinds import IN_NOISE, Role
 from builder.vehicle.file import Vehicle
@@ -108,7 +108,14 @@ ERRORS = {
         _of_pressure(LEEWARD_PRESSURE, "discrepancy_of_leeward_percent", "considered", "of_leeward"),
         _of_pressure(FLOW_MODELS, "discrepancy_of_newtonian_percent", "considered", "of_newtonian"),
         MapError(name=INERTIA, acts_on=_ALL, role="estimated", entry="mass"),
-        MapError(name="errors of masses", acts_on=_ALL, role="estimated", entry="mass"),
+        MapError(name=MASSES, acts_on=_ALL, role="estimated", entry="mass"),
+        MapError(
+            name=THEORY,
+            acts_on=_ALL,
+            role="estimated",
+            entry="mass.inertia_strain_percent",
+            unit="% in a held body",
+        ),
         MapError(
             name=VIBRATION_MODES, acts_on=_ALL, role="estimated", entry="mass.vibration_um_per_m", unit="um/m"
         ),

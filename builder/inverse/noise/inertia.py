@@ -7,8 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.aero.loads.groups import Surface
+from builder.aero.loads.operator import load_operator_on
+from builder.inverse.modes.ensemble import Ensemble
+from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
-from builder.structure.fourier.inertia_strain import bending_strain, inertia_strain
+from builder.structure.fourier.inertia_strain import N_RIGID, bending_strain, inertia_strain, rigid_inertia
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
 from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -20,8 +24,8 @@ from builder.vehicle.structure.mass import Mass
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 
-NAME = "inertia"
-"""Name of the noise term of the modes."""
+NAME, MASSES, THEORY = "inertia", "errors of masses", "strain of inertia"
+"""Names of the noise term of the modes, of the errors of masses, and of the error of the strain by inertia."""
 
 VIBRATION_MODES = "modes of vibration"
 """Name of the noise term of the bending modes."""
@@ -119,19 +123,81 @@ def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaS
     entry = vehicle.mass
     if entry is None or inertia is None or strain is None:
         return []
-    size = {
-        _STRUCTURE: 0.01 * entry.structure_percent,
-        _EQUIPMENT: 0.01 * entry.equipment_percent,
-        UNLISTED: entry.unlisted_kg,
-    }
+    size = _sizes(entry)
     force = inertia.prior_std[:N_FORCES]
     errors = [size[name.split()[0]] * one[:, :N_FORCES] * force for name, one in strain.by_part.items()]
     stds = np.full(inertia.vibration_strain.shape[1], inertia.vibration_std)
     return [
         nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std),
         nuisance_modes(VIBRATION_MODES, inertia.vibration_strain, stds),
-        NoiseTerm("errors of masses", np.hstack(errors)),
+        *([] if flies(vehicle) else [NoiseTerm(MASSES, np.hstack(errors)), _theory(entry, inertia)]),
     ]
+
+
+def _theory(entry: Mass, inertia: InertiaMap) -> NoiseTerm:
+    """Return the error of the strain of each gauge by inertia in a held body, of its gain and of the structure."""
+    of_mode = 0.01 * entry.inertia_strain_percent * inertia.mode_strain * inertia.prior_std
+    return NoiseTerm(THEORY, np.diag(np.linalg.norm(of_mode[:, :N_FORCES], axis=1)))
+
+
+def flies(vehicle: Vehicle) -> bool:
+    """Return whether nothing holds ``vehicle``: its acceleration follows from the load."""
+    return vehicle.structure.support == "free_flight"
+
+
+def inertia_errors(
+    vehicle: Vehicle, strain: InertiaStrain | None, ensemble: Ensemble, surface: Surface
+) -> list[HardwareError]:
+    """Return the errors of the strain by the accelerations that the load causes in free flight.
+
+    Errors of masses strain as the masses do, balanced. Another theory of the structure gives this strain with an
+    error of ``mass.inertia_strain_percent`` of the strain in a held body; half of the variance counts as one error
+    that all gauges have in common, half as an error of each gauge, as for a mesh.
+    """
+    entry = vehicle.mass
+    if entry is None or strain is None or not flies(vehicle):
+        return []
+    acceleration = _accelerations(vehicle, entry, surface)
+    size, half = _sizes(entry), np.sqrt(0.5) * 0.01 * entry.inertia_strain_percent
+    held = half * _held_strain(vehicle, entry) @ acceleration
+    columns = [
+        (MASSES, size[name.split()[0]] * one[:, :N_RIGID] @ acceleration, True)
+        for name, one in strain.by_part.items()
+    ]
+    return [
+        HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=common)
+        for name, operator, common in (*columns, (THEORY, held, True), (THEORY, held, False))
+        if np.any(operator)
+    ]
+
+
+def _accelerations(vehicle: Vehicle, entry: Mass, surface: Surface) -> FloatArray:
+    """Return (5, n_p) specific force along x, y, z and angular acceleration about y, z, at the unit, per pressure
+    on ``surface``."""
+    resolution, unit = vehicle.resolution.map, unit_station(vehicle, entry)
+    axial, normal, side, pitching, yawing = load_operator_on(surface, unit)
+    load = np.stack([axial, side, normal, pitching, -yawing])  # a yawing moment to starboard turns about -z
+    return np.linalg.solve(rigid_inertia(_mesh(vehicle, wall_of(vehicle), resolution), unit), load)
+
+
+def _held_strain(vehicle: Vehicle, entry: Mass) -> FloatArray:
+    """Return (n_d, 5) strain of the listed masses where the aft ring is held."""
+    wall = wall_of(vehicle)
+    mesh, layout = _mesh(vehicle, replace(wall, flight=None), vehicle.resolution.map), vehicle.gauges.layout
+    flying = _mesh(vehicle, wall, vehicle.resolution.map)
+    assert flying.masses is not None
+    placed = place_layouts(vehicle, mesh, [layout])[1][layout]
+    parts = {NAME: flying.masses}
+    return inertia_strain(mesh, wall.material, placed, parts, unit_station(vehicle, entry))[NAME][:, :N_RIGID]
+
+
+def _sizes(entry: Mass) -> dict[str, float]:
+    """Return the standard deviations of the masses of a part, over theirs, or of 1 kg."""
+    return {
+        _STRUCTURE: 0.01 * entry.structure_percent,
+        _EQUIPMENT: 0.01 * entry.equipment_percent,
+        UNLISTED: entry.unlisted_kg,
+    }
 
 
 def with_rest(

@@ -38,7 +38,6 @@ from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import LOADS, models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.tables.flight_tables import N_STATES
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 MISS_PROBABILITY = 0.01
@@ -146,56 +145,39 @@ def _detection(precision: FloatArray, information: FloatArray) -> _Detection:
 
 
 class _About(NamedTuple):
-    """The nonlinear estimator about a flight state; k considered errors.
+    """The nonlinear estimator about a flight state, of strain that fits the tables.
 
     Attributes
     ----------
-    gain : (5, n_d) coefficients per strain.
-    precision : (n_d, n_d) P; ``seen`` (n_d,) P times the residual of strain, air data and ranges.
-    variance : (5,) of the coefficients, without considered errors.
-    considered : (k, n_d) strain of these, ``error`` (k, 5) what they do to the coefficients.
+    gain : (5, n_d) coefficients per strain of the full model.
+    precision : (n_d, n_d) P.
+    variance : (5,) of the coefficients.
     information : (n_d,) precision of each gauge alone, given the errors of the others.
     """
 
     gain: FloatArray
     precision: FloatArray
-    seen: FloatArray
     variance: FloatArray
-    considered: FloatArray
-    error: FloatArray
     information: FloatArray
 
 
 def _about(reference: NonlinearReference, sample: Sample, state: FloatArray) -> _About:
-    n_d, covariance = reference.n_d, reference.strain_covariance(state)
-    found = reference.posterior(state, sample, covariance)
+    n_d, covariance = reference.n_d, reference.strain_covariance(state, considered=True)
+    found = reference.posterior(state, sample, covariance, considered=True)
     slopes = coefficient_slopes(state, reference.at(state)[0][n_d:], found.covariance[0], reference.references)[0]
-    slopes, gain = slopes[FIVE_LOADS], found.gain[0, :, :n_d]
-    strain, loads = reference.considered_at(state)
-    by_load = loads @ slopes[:, N_STATES:].T
+    slopes = slopes[FIVE_LOADS]
     return _About(
-        gain=slopes @ gain,
+        gain=slopes @ found.gain[0, :, :n_d],
         precision=found.precision[0, :n_d, :n_d],
-        seen=found.precision[0, :n_d] @ reference.residual(state, sample),
         variance=np.einsum("if,fg,ig->i", slopes, found.covariance[0], slopes),
-        considered=strain,
-        error=strain @ (slopes @ gain).T - by_load,
         information=np.sum(inverse_root(covariance) ** 2, axis=0),
     )
 
 
 def _variance_without(about: _About, lost: IntArray) -> FloatArray:
     """Return (n, 5) variance of the coefficients without the gauges of n sets ``lost`` (n, k)."""
-    block = about.precision[lost[:, :, None], lost[:, None, :]]
-    of_strain = about.considered @ about.precision
-    gain, cross, seen = about.gain.T[lost], of_strain.T[lost], about.seen[lost][:, :, None]
-    k, weight = np.linalg.solve(block, gain), np.linalg.solve(block, cross)
-    error = about.error - np.swapaxes(cross, 1, 2) @ k
-    inverse = np.eye(len(of_strain)) + of_strain @ about.considered.T - np.swapaxes(cross, 1, 2) @ weight
-    covariance = np.linalg.inv(inverse)
-    mean = covariance @ ((about.considered @ about.seen)[:, None] - np.swapaxes(weight, 1, 2) @ seen)
-    considered = np.einsum("nki,nkl,nli->ni", error, covariance + mean @ np.swapaxes(mean, 1, 2), error)
-    return np.asarray(about.variance + np.sum(gain * k, axis=1) + considered)
+    block, gain = about.precision[lost[:, :, None], lost[:, None, :]], about.gain.T[lost]
+    return np.asarray(about.variance + np.sum(gain * np.linalg.solve(block, gain), axis=1))
 
 
 def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:

@@ -14,6 +14,7 @@ from builder.structure.fourier.factors import factored
 from builder.structure.fourier.fourier_elasticity import (
     FourierStiffness,
     HarmonicSolver,
+    factor_harmonic,
     free_motions,
     reference_points_of_mass,
     rigid_motions,
@@ -27,6 +28,9 @@ from strainfmu.errors import InputError
 class FlyingSolver:
     """Solver of harmonic 0 or 1 of a body that nothing holds.
 
+    Inertia balances the load, so that what holds the motions takes no force. Where it is the whole aft ring, that
+    keeps its shape: a stiff base.
+
     Parameters
     ----------
     mesh : with masses.
@@ -35,7 +39,10 @@ class FlyingSolver:
     """
 
     def __init__(self, mesh: MeridianMesh, stiffness: FourierStiffness, harmonic: int) -> None:
-        self._held = held_at_points(mesh, stiffness.matrix(harmonic), harmonic)
+        if len(mesh.clamped_node):
+            self._held = factor_harmonic(mesh, stiffness, harmonic)
+        else:
+            self._held = held_at_points(mesh, stiffness.matrix(harmonic), harmonic)
         self._rigid = rigid_motions(mesh, harmonic)
         self._inertia_force = inertia_matrix(mesh, harmonic) @ self._rigid
         self._inertia = self._rigid.T @ self._inertia_force

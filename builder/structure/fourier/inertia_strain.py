@@ -20,6 +20,7 @@ from builder.structure.fourier.fourier_elasticity import (
     assemble_stiffness,
     factor_harmonic,
     rigid_motions,
+    roll_integral,
 )
 from builder.structure.fourier.free_flight import FlyingSolver, inertia_matrix
 from builder.structure.fourier.gauges import PlacedGauges
@@ -33,8 +34,9 @@ ITERATIONS = 12
 BLIND = 1e-9
 """Strain of a mode over that across the other axis, below which no gauge sees it."""
 
-N_FIELDS = 11
-"""Fields: f along x, y, z [m/s2]; dw/dt about y, z [rad/s2]; P xx, yy, zz, xy, xz, yz [rad2/s2]."""
+N_RIGID, N_FIELDS = 5, 11
+"""Fields of a rigid body without rates, and all: f along x, y, z [m/s2]; dw/dt about y, z [rad/s2]; P xx, yy, zz,
+xy, xz, yz [rad2/s2]."""
 
 
 def acceleration_fields(mesh: MeridianMesh, unit: float) -> FloatArray:
@@ -99,6 +101,18 @@ def inertia_strain(
             for family in range(2):
                 force = -(inertia @ field[:, family, m].reshape(N_FIELDS, -1).T)
                 found[name] += _at_gauges(gauges, stations, adjoint @ force, m, family)
+    return found
+
+
+def rigid_inertia(mesh: MeridianMesh, unit: float) -> FloatArray:
+    """Return (5, 5) the mass matrix of the first five fields, a rigid body's but for roll [kg, kg m, kg m2]."""
+    field = acceleration_fields(mesh, unit)[:N_RIGID]
+    found = np.zeros((N_RIGID, N_RIGID))
+    for m in range(2):
+        inertia = roll_integral(m) * inertia_matrix(mesh, m)
+        for family in range(2):
+            rows = field[:, family, m].reshape(N_RIGID, -1)
+            found += rows @ (inertia @ rows.T)
     return found
 
 

@@ -93,7 +93,7 @@ def furnished(mesh: MeridianMesh, wall: Wall, element_length: float) -> Meridian
             index = len(materials)
         of = np.append(of, np.full(len(mesh.element) - len(of), index, dtype=np.intp))
     aft, flight = mesh.clamped_node, wall.flight
-    held = flight is None and wall.foundation is None
+    held = wall.foundation is None if flight is None else flight.has_stiff_base
     return replace(
         mesh,
         materials=tuple(materials),

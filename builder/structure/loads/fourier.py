@@ -311,7 +311,7 @@ def fourier_structure(
     free = is_free(mesh)
     adjoint = np.empty((max_harmonic + 1, len(stations), 3, mesh.n_dof))
     for m in range(max_harmonic + 1):
-        if m < 2 and free:
+        if m < 2 and free and not len(mesh.clamped_node):
             solver = held_at_points(mesh, stiffness.matrix(m), m)
         else:
             solver = factor_harmonic(mesh, stiffness, m, twist=True)
@@ -330,8 +330,8 @@ def fourier_structure(
 
 
 def is_free(mesh: MeridianMesh) -> bool:
-    """Return whether nothing holds a body."""
-    return not (len(mesh.clamped_node) or len(mesh.guided_node))
+    """Return whether nothing holds a body: its inertia balances loads, or no node is held."""
+    return mesh.masses is not None or not (len(mesh.clamped_node) or len(mesh.guided_node))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

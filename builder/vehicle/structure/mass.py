@@ -25,15 +25,18 @@ class Mass(Section):
     the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
     ``unit_x_m`` on the axis (default: the moment reference) measures has the standard deviations ``.._std_..``.
     ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
-    they strain most, where the input ``vibration`` does not state it. ``vehicle_kg`` is the mass of all that
-    flies: where it is stated, a specific force across the axis that contradicts the lateral force is INCONSISTENT.
+    they strain most, where the input ``vibration`` does not state it. The strain of a gauge by specific force is
+    known to ``inertia_strain_percent``. In ``free_flight`` accelerations follow from the load, and the percentage
+    is of the strain in a held body. ``vehicle_kg`` is the mass of all that flies: where it is stated, a specific
+    force across the axis that contradicts the lateral force is INCONSISTENT.
     """
 
     structure_percent: Percent = 2.0
     equipment_percent: Percent = 2.0
+    inertia_strain_percent: Percent = 3.0
     unlisted_kg: float = Field(default=0.2, ge=0.0, le=1e6)
-    lateral_g: LoadFactor = 2.5
-    axial_g: LoadFactor = 2.5
+    lateral_g: LoadFactor = 5.0
+    axial_g: LoadFactor = 5.0
     angular_acceleration_rad_per_s2: Annotated[float, Field(ge=0.01, le=1e3)] = 5.0
     roll_rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0
     rate_rad_per_s: Annotated[float, Field(ge=0.01, le=200.0)] = 1.0

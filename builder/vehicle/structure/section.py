@@ -29,6 +29,8 @@ class Structure(Section):
     ``wall_thickness_at``, ``regions`` and ``frames`` make it another wall than one of one thickness and material;
     ``point_masses`` and ``covers`` are masses that free flight carries along. ``resolution`` is the resolution of
     the solid model. The foundation's stiffnesses are per area, along and across the normal of the aft ring.
+    In ``free_flight`` the aft ring of the ``base`` "open" is a free edge, which pressure bends; a "stiff" one
+    keeps its shape, as on a bulkhead or a motor.
 
     ``strain_per_snapshot`` is a table of strains that another structural code found under the snapshots'
     pressures, ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes
@@ -48,6 +50,7 @@ class Structure(Section):
     model: Literal["fourier", "solid"] = "fourier"
     resolution: Literal["paper", "medium", "coarse"] = "medium"
     support: Literal["clamped_aft", "elastic_foundation", "free_flight"] = "clamped_aft"
+    base: Literal["open", "stiff"] = "open"
     foundation_normal_N_per_m3: FoundationStiffness | None = None
     foundation_tangential_N_per_m3: FoundationStiffness | None = None
     internal_pressure_Pa: float | Literal["ambient"] = "ambient"
@@ -113,6 +116,15 @@ class Structure(Section):
             )
         if self.support != "elastic_foundation" and any(given):
             raise ValueError(f"foundation stiffness found with support '{self.support}', it has no foundation")
+        return self
+
+    @model_validator(mode="after")
+    def _base_is_of_a_free_body(self) -> Structure:
+        if self.base == "stiff" and (self.support != "free_flight" or self.model != "fourier"):
+            raise ValueError(
+                f"base: 'stiff' needs support 'free_flight' and model 'fourier', got '{self.support}' and "
+                f"'{self.model}'"
+            )
         return self
 
     @field_validator("internal_pressure_Pa", mode="before")

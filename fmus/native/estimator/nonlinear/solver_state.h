@@ -31,7 +31,7 @@ typedef struct {
 /* Other solutions that are looked for where gauges are lost, each by the iterations of a start of the search: mirror images
    and the best other minima of the search's states: policies/other_solutions.c. */
 #define MOST_MINIMA 3
-#define MOST_OTHERS (2 + MOST_MINIMA)
+#define MOST_OTHERS (4 + MOST_MINIMA)
 
 #define N_WIDENING (N_STATES + 2 * N_LOADS) /* flight state, loads, coefficients */
 

@@ -133,7 +133,8 @@ void flight_track_update(Flight *flight, size_t used) {
     int searched, by_search;
     const Quality found = solve_best(flight, used, &searched, &by_search);
     widen(flight, found, &searched, by_search);
-    if (tables_count(flight, found)) {
+    const int is_ambiguous = flight->inputs->n_inertial > 0 || flight_gauges_are_lost(&flight->solver);
+    if (is_ambiguous && tables_count(flight, found)) {
         flight_look_for_others(&flight->solver);
     }
     flight_set_gauge_residuals(&flight->solver);

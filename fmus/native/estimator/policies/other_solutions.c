@@ -34,7 +34,7 @@ typedef struct {
     double weighted_at[N_STATES], widening[N_WIDENING], residual[N_NAVIGATION];
 } Kept;
 
-static int gauges_are_lost(const FlightSolver *solver) {
+int flight_gauges_are_lost(const FlightSolver *solver) {
     size_t lost = 0;
     for (size_t g = 0; g < solver->n_gauges; g++) {
         lost += !solver->sample.used[g];
@@ -42,10 +42,10 @@ static int gauges_are_lost(const FlightSolver *solver) {
     return lost > 0;
 }
 
-/* The minimum information that the gauges in use hold on a direction of (u, w), per square of p_inf and radian, and the unit
-   vector of that direction: the normal of the plane through the axis that they are nearest to. 0 where they hold as much on
-   every direction. */
-static int nearest_plane(const FlightSolver *solver, double normal[2], double *information) {
+/* The information that the gauges in use hold on two directions of (u, w) at right angles, per square of p_inf and radian,
+   the least first, and the unit vector of that: the normal of the plane through the axis that they are nearest to. 0 where
+   they hold as much on every direction. */
+static int nearest_plane(const FlightSolver *solver, double normal[2], double information[2]) {
     double of_u = 0.0, of_w = 0.0, of_both = 0.0;
     for (size_t g = 0; g < solver->n_gauges; g++) {
         const double weight = solver->sample.used[g] ? solver->search_weight[g] : 0.0;
@@ -62,7 +62,8 @@ static int nearest_plane(const FlightSolver *solver, double normal[2], double *i
     const double larger = sqrt(0.5 * (1.0 + fabs(cosine))), smaller = -0.5 * sine / larger;
     normal[0] = cosine < 0.0 ? larger : smaller;
     normal[1] = cosine < 0.0 ? smaller : larger;
-    *information = 0.5 * (of_u + of_w) - radius;
+    information[0] = 0.5 * (of_u + of_w) - radius;
+    information[1] = 0.5 * (of_u + of_w) + radius;
     return 1;
 }
 
@@ -72,14 +73,12 @@ static double next_to_plane(const FlightMap *map) {
     return 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
 }
 
-/* Starts from the mirror image of a state; their number. Next to the plane, where iterations that have come upon it stay,
-   they are one on each side. None where gauges read state and image so differently that no iteration is needed. */
-static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
+/* Starts from the mirror image of a state about a plane of this normal; their number. Next to the plane, where iterations
+   that have come upon it stay, they are one on each side. None where gauges read state and image so differently that no
+   iteration is needed. */
+static size_t image_starts(const FlightSolver *solver, const double *state, const double normal[2], double information,
+                           double start[][N_STATES]) {
     const double near = next_to_plane(solver->map), pressure = solver->response.pressure;
-    double normal[2], information;
-    if (!nearest_plane(solver, normal, &information)) {
-        return 0;
-    }
     const double off = normal[0] * state[STATE_U] + normal[1] * state[STATE_W];
     const double reach = fabs(off) > near ? fabs(off) : near;
     if (pressure * pressure * information * (4.0 * reach * reach) > DISTINCT) {
@@ -93,6 +92,16 @@ static size_t mirror_starts(const FlightSolver *solver, const double *state, dou
         start[s][STATE_W] += (to - off) * normal[1];
     }
     return count;
+}
+
+static size_t mirror_starts(const FlightSolver *solver, const double *state, double start[][N_STATES]) {
+    double normal[2], information[2];
+    if (!nearest_plane(solver, normal, information)) {
+        return 0;
+    }
+    const double across[2] = {-normal[1], normal[0]};
+    const size_t count = image_starts(solver, state, normal, information[0], start);
+    return count + image_starts(solver, state, across, information[1], start + count);
 }
 
 /* Whether iterations from a start may end in another solution than a state, at about the same cost, by the first of them: it
@@ -206,9 +215,6 @@ void flight_look_for_others(FlightSolver *solver) {
     const Solution *found = &solver->solution;
     Solutions all = {.count = 1};
     Kept kept;
-    if (!gauges_are_lost(solver)) {
-        return;
-    }
     memcpy(all.state[0], found->state, sizeof found->state);
     memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
     memcpy(kept.widening, found->widening, sizeof kept.widening);
