@@ -27,7 +27,6 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from builder.inverse.noise.inertia import manoeuvre_strain
 from builder.structure.as_built_kinds import IN_NOISE, KINDS
 from builder.trial.added import Inertia
 from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, is_inside
@@ -280,10 +279,6 @@ class TrialFile(Section):
         )
 
 
-def _expects_inertia(vehicle: Vehicle) -> bool:
-    return vehicle.map.estimator != "linear" and manoeuvre_strain(vehicle) is not None
-
-
 PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
     "revolution": lambda vehicle: vehicle.is_of_revolution,
     "edges": lambda vehicle: not vehicle.is_of_revolution and bool(edges_of(vehicle)),
@@ -292,14 +287,13 @@ PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
     "temperature": lambda vehicle: vehicle.temperature is not None,
     "density": lambda vehicle: vehicle.material.density_kg_per_m3 is not None,
     "held": lambda vehicle: vehicle.is_of_revolution and vehicle.structure.support != "free_flight",
-    "inertia expected": _expects_inertia,
     "sensors": lambda vehicle: vehicle.sensors is not None,
     "parameters": lambda vehicle: bool(vehicle.conditions.parameters),
     "faint strain": lambda vehicle: vehicle.noise.apparent_strain_um_per_m >= LEAST_STRAIN_UM_PER_M,
     "own newtonian": lambda vehicle: not vehicle.is_of_revolution and vehicle.aerodynamics.engine == "newtonian",
 }
 """Of a vehicle and its map, by name. "faint strain": nearly none is a flight without incidence, where as much
-apparent strain is expected; "inertia expected": sigma includes the mass of the wall in manoeuvres."""
+apparent strain is expected."""
 
 
 def trial_path(name: str | Path) -> Path:
@@ -452,7 +446,7 @@ def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:
     noise, mass = vehicle.noise, vehicle.mass
     sizes = [(value, float(getattr(noise, KINDS[name].noise))) for name, value in case.built.set.items()]
     if (inertia := case.inertia) is not None:
-        across = noise.manoeuvre_load_factor if mass is None else mass.lateral_g
+        across = 0.0 if mass is None else mass.lateral_g
         sizes += [
             (0.0 if case.air.inertial else inertia.load_factor, across),
             (inertia.extra_kg, 0.0 if mass is None else mass.unlisted_kg),

@@ -206,15 +206,6 @@ def test_the_inertial_unit_sharpens(world: World, heavy_world: World) -> None:
     assert lateral == pytest.approx(5.0 * 9.80665, abs=0.6)
 
 
-@pytest.mark.parametrize("error", [MASSES[0], MASSES[2], MASSES[4]])
-def test_the_nonlinear_estimator_expects_manoeuvres(nonlinear_world: World, error: str) -> None:
-    assert rows_for(nonlinear_world, error)[0]["undetected_percent"] <= 3.0
-    assert nonlinear_world.inverse_map.manifold is not None
-    without = replace(nonlinear_world.inverse_map.manifold, considered_strain=None)
-    blind = other_world(nonlinear_world, inverse_map=replace(nonlinear_world.inverse_map, manifold=without))
-    assert rows_for(blind, error)[0]["undetected_percent"] > 2.0
-
-
 # --- maps that do not fit ------------------------------------------------------------------------------------
 
 
