@@ -413,11 +413,7 @@ def _all_stated(case: Case, vehicle: Vehicle) -> Case:
     """Return ``case`` with all errors that sigma includes: hardware, air data, inertia and flow models."""
     changes: dict[str, Any] = {"built": Built(stated=1.0), "air": Air(drawn=True), "all_stated": False}
     names, mass = ["installation errors", "air data"], vehicle.mass
-    if _expects_inertia(vehicle):
-        size = vehicle.noise.manoeuvre_load_factor
-        changes["inertia"] = Inertia(load_factor=size, drawn=True)
-        names.append(f"{size:g} g along both axes")
-    elif mass is not None:
+    if mass is not None:
         across, bending = mass.lateral_g, sqrt(2.0) * mass.vibration_um_per_m  # the amplitude
         changes["inertia"] = Inertia(
             load_factor=across, drawn=True, extra_kg=mass.unlisted_kg, bending_um_per_m=bending

@@ -27,7 +27,7 @@ def track(flight: Estimator, samples: list[FlightSample]) -> Estimate:
     """Return the estimates of ``samples`` along time."""
     flow = {name: np.array([one.flow[name] for one in samples]) for name in samples[0].flow}
     strain, valid = np.array([one.strain for one in samples]), np.array([one.valid for one in samples])
-    return flight.track(strain, valid=valid, time=DT * np.arange(len(samples)), **flow)
+    return flight.track(strain, valid=valid, time=DT * np.arange(len(samples)), q_source="independent", **flow)
 
 
 def flight_of(inverse_map: InverseMap, lost: bool) -> list[FlightSample]:

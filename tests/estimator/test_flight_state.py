@@ -45,7 +45,7 @@ def navigation(
     true = np.column_stack([state[:, MACH], pressure, 0.7 * state[:, MACH] ** 2 * pressure])
     std = np.column_stack([np.full(len(state), 0.05), 0.02 * pressure, 0.01 * true[:, 2]])
     value = true + std * (np.random.default_rng(seed).standard_normal(true.shape) + off)
-    found = {}
+    found = {"q_source": np.ones(len(state))}
     for name, one, its_std, is_known in zip(NAVIGATION, value.T, std.T, known, strict=True):
         if is_known:
             found |= {name: one, f"{name}_std": its_std}

@@ -11,6 +11,7 @@ from flight_fmu import random_flight, whole_map
 from flight_maps import MACH, N_D
 from scaled_maps import NOMINAL, whole_scaled_map
 
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -52,6 +53,7 @@ def hostile(core: Core, seed: int) -> np.ndarray:
     inputs[:, core.inputs["strain"]] = strain + np.repeat(off, 8, axis=0)
     for k, name in enumerate(("mach_number", "static_pressure", "dynamic_pressure")):
         inputs[:, core.inputs[name]] = known[:, k : k + 1]
+    inputs[:, core.inputs["q_source"]] = QSource.INDEPENDENT
     inputs[random.random(STEPS) < 0.01] = np.nan
     inputs[random.random(STEPS) < 0.01] *= 1e3
     return inputs
@@ -68,13 +70,13 @@ def test_no_step_takes_more_than_the_most(core: Core) -> None:
         assert {WARM_ITERATIONS, 2 * WARM_ITERATIONS, WARM_ITERATIONS + SEARCH} <= set(taken.ravel().astype(int))
         largest.append(int(taken.max()))
     assert max(largest) <= core.most_iterations
-    assert largest[0] >= 0.8 * core.most_iterations
+    assert largest[0] >= 0.7 * core.most_iterations
 
 
 def test_of_known_events() -> None:
     held = whole_map()
     estimator, flight = Estimator(held), random_flight(held, 2 * int(SEARCH_EVERY), seed=5)
-    found = [estimator.track(one.strain, **one.flow).iterations for one in flight]
+    found = [estimator.track(one.strain, q_source="independent", **one.flow).iterations for one in flight]
     assert found[0] in (SEARCH, 2 * SEARCH)
     assert set(found[1:]) <= {WARM_ITERATIONS, 2 * WARM_ITERATIONS}
     assert WARM_ITERATIONS in found
@@ -86,7 +88,7 @@ def test_strain_that_fits_nowhere_takes_two_searches() -> None:
     estimator, flight = Estimator(held), random_flight(held, 6, seed=5)
     for one in flight:
         estimator.track(one.strain, **one.flow)
-    wrong = flight[-1].flow | {"mach_number": 1.3 * flight[-1].flow["mach_number"]}
+    wrong = flight[-1].flow | {"q_source": 1.0, "mach_number": 1.3 * flight[-1].flow["mach_number"]}
     found = estimator.track(flight[-1].strain + 1e-4 * (-1.0) ** np.arange(N_D), **wrong)
     assert found.health == HealthState.INCONSISTENT
     assert found.iterations == 2 * (WARM_ITERATIONS + SEARCH)

@@ -46,7 +46,7 @@ def field_of(kind: str) -> PressureField:
         middle, half = (np.broadcast_to(one, 2) for one in manifold.crossflow)
         state = np.array([manifold.mach_range.mean(), *(middle + 0.3 * half), np.log(5000.0)])
         strain, q = evaluate(manifold.tables, state[None]).value[0, :n], 0.7 * state[0] ** 2 * 5000.0
-        given = {"mach_number": 1.005 * state[0], "static_pressure": 5050.0}
+        given = {"mach_number": 1.005 * state[0], "static_pressure": 5050.0, "q_source": 1.0}
     if held.has_temperature:
         given["temperature"] = held.thermal.reference_temperature + np.array([2.0, -1.0, np.nan, 3.0])
     if kind.startswith("shape"):

@@ -52,7 +52,11 @@ def test_a_jump_fits_in_its_own_step(estimator: Estimator) -> None:
 def test_navigation_that_is_dropped_with_an_alarm_is_doubted(estimator: Estimator) -> None:
     """It may be right, and the others wrong, which count for less: the priors show."""
     (state,), (strain,) = flights(estimator, 1, 5)
-    flow = {"mach_number": state[MACH] + 0.6, "static_pressure": float(np.exp(state[LOG_PRESSURE]))}
+    flow = {
+        "mach_number": state[MACH] + 0.6,
+        "static_pressure": float(np.exp(state[LOG_PRESSURE])),
+        "q_source": 1.0,
+    }
     k = SEARCH_EVERY + 1
     found = estimator.track(np.tile(strain, (k, 1)), float(dynamic_pressure(state)), **flow)
     assert np.all(found.health == HealthState.DEGRADED)

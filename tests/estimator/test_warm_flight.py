@@ -58,9 +58,9 @@ def test_a_warm_series_is_estimated_better_than_its_samples(read: int) -> None:
     temperature = np.array([one.temperature for one in samples])
     temperature[:, read:] = np.nan
     temperature[20:, 1] = np.nan
-    given = flow_of(samples) | {"temperature": temperature}
+    given = flow_of(samples) | {"temperature": temperature, "q_source": "independent"}
     found, static = held.filter(1.0).track(**given, time=times(40)), held.estimate(**given)
-    cold = flow_of(random_flight(whole_map(), 40, seed=5))
+    cold = flow_of(random_flight(whole_map(), 40, seed=5)) | {"q_source": "independent"}
     known = Estimator(whole_map()).filter(1.0).track(**cold, time=times(40))
     assert np.max(np.abs(found.loads - known.loads) / found.loads_std) < 3.0
     alone = found.loads_std / static.loads_std

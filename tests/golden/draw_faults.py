@@ -57,8 +57,9 @@ def _during(steps: int, first: int, last: int) -> np.ndarray:
 
 
 def air_data_dropped(m: InverseMap, seed: int) -> Inputs:
-    """One air-data input after another reads a quarter more for a while."""
+    """One air-data input after another, which are all measured, reads a quarter more for a while."""
     found = calm_flight(m, np.random.default_rng(seed), 80)
+    found = replace(found, flow={**found.flow, "q_source": np.ones(80)})
     for number, name in enumerate(AIR_DATA):
         during = _during(80, 10 + 24 * number, 24 + 24 * number)
         found = _moved(found, name, 0.25 * during * found.flow[name])

@@ -46,7 +46,7 @@ def flights() -> tuple[Snapshots, np.ndarray, dict[str, np.ndarray]]:
 
 def estimated(**known: Any) -> Estimate:
     _, strain, flow = flights()
-    return Estimator(known_map(keep_field=True)).estimate(strain, **flow, **known)
+    return Estimator(known_map(keep_field=True)).estimate(strain, **flow, q_source="independent", **known)
 
 
 def fields(found: Estimate) -> list[PressureField]:
@@ -114,6 +114,7 @@ def test_a_filtered_sample_and_one_of_a_file_hold_it_too(tmp_path: Path) -> None
         np.tile(strain[3], (4, 1)),
         flow["dynamic_pressure"][3],
         mach_number=flow["mach_number"][3],
+        q_source="independent",
         parameters={NAME: deflection()[3]},
         parameters_std={NAME: STD},
         time=np.arange(4.0),

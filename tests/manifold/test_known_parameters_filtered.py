@@ -11,6 +11,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from builder.aero.loads.sections import six_loads
 from builder.vehicle.conditions.flight_conditions import condition_grid
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -50,7 +51,8 @@ def filtered(
     """Return the filter and its estimates where the deflection has ``value``, None for not known."""
     strain, pressure, _ = flight()
     estimator = Estimator(known_map()).filter(time_constant)
-    return estimator, estimator.track(strain, pressure, mach_number=MACH, time=TIME, **given(value, std))
+    flow = {"mach_number": MACH, "q_source": QSource.INDEPENDENT}
+    return estimator, estimator.track(strain, pressure, **flow, time=TIME, **given(value, std))
 
 
 @cache

@@ -65,7 +65,12 @@ def flights(vehicle: Vehicle, structure: StructuralModel, held_out: Snapshots, i
 
 def estimate(estimator: Estimator, flights: Flights, valid: np.ndarray | None = None) -> Estimate:
     return estimator.estimate(
-        flights.strain, flights.dynamic_pressure, valid, mach_number=flights.mach_number, altitude=20e3
+        flights.strain,
+        flights.dynamic_pressure,
+        valid,
+        mach_number=flights.mach_number,
+        altitude=20e3,
+        q_source="independent",
     )
 
 

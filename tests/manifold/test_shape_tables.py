@@ -175,12 +175,15 @@ def test_mirrored_strain_has_the_mirrored_answer() -> None:
     strain = evaluate(tables_of(estimator).tables, state).value[:, :N_D]
     strain = strain + 5e-8 * np.random.default_rng(3).standard_normal(strain.shape)
     q = np.array([one.dynamic_pressure for one in conditions])
-    one, other = (estimator.estimate(each, q, mach_number=6.5) for each in (strain, strain[:, MIRRORED]))
+    one, other = (
+        estimator.estimate(each, q, mach_number=6.5, q_source="independent")
+        for each in (strain, strain[:, MIRRORED])
+    )
     sign = np.array([1.0, 1.0, -1.0, 1.0, -1.0])
     off = np.abs(other.coefficients - sign * one.coefficients)
     # Triangles, and so normals, loads and pressures, are no mirror images.
     assert np.all(off.max(axis=0) < 0.015 * np.abs(one.coefficients).max(axis=0))
-    np.testing.assert_allclose(other.coefficients_std, one.coefficients_std, rtol=0.02)
+    np.testing.assert_allclose(other.coefficients_std, one.coefficients_std, rtol=0.015)
     of_air = np.array([1.0, -1.0, 1.0, -1.0, 1.0, 1.0, 1.0])
     off = (other.air_data.value - of_air * one.air_data.value) / one.air_data.std
     assert np.abs(off).max() < 0.5

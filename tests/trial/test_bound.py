@@ -58,6 +58,7 @@ def test_an_estimator_that_knows_the_flow_reaches_it() -> None:
             "mach_number": mach + manifold.mach_number_error * error[0],
             "static_pressure": pressure * (1.0 + manifold.static_pressure_error * error[1]),
             "dynamic_pressure": q * (1.0 + manifold.dynamic_pressure_error * error[2]),
+            "q_source": np.ones(len(FLOWN)),
         }
         of = {"vehicle": np.full(len(FLOWN), number), "flight": np.arange(len(FLOWN))}
         return Readings(strain=strain, known=known, truth=truth, bound=bound_of(inverse_map), **of)

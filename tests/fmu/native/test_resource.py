@@ -56,7 +56,7 @@ def test_truncated_and_extended(small: NativeCase, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("position", "value", "text"),
     [
-        (8, 4, "has format version 4, must be 7: export the FMU again"),
+        (8, 4, "has format version 4, must be 8: export the FMU again"),
         (12, 0x04030201, "has another byte order than this machine"),
     ],
 )

@@ -72,24 +72,26 @@ def test_every_mass_is_a_part(equipped: Vehicle, strain: InertiaStrain) -> None:
 def test_terms_are_modes_and_errors_of_masses(equipped: Vehicle, strain: InertiaStrain) -> None:
     inertia = inertia_map(equipped, strain)
     assert inertia is not None
-    force = 9.80665 * 2.5
+    force = 9.80665 * 5.0
     np.testing.assert_allclose(inertia.prior_std[:3], force)
     assert inertia.vehicle_mass is None
     flying = equipped.model_copy(update={"mass": ENTRY.model_copy(update={"vehicle_kg": 150.0})})
     stated = inertia_map(flying, strain)
     assert stated is not None
     assert stated.vehicle_mass == 150.0
-    modes, vibration, errors = inertia_terms(equipped, inertia, strain)
+    modes, vibration, errors, theory = inertia_terms(equipped, inertia, strain)
     assert (modes.name, vibration.name) == (NAME, VIBRATION_MODES)
     np.testing.assert_allclose(modes.strain, inertia.mode_strain * inertia.prior_std)
     assert np.abs(vibration.strain).max() == pytest.approx(2.5e-6)
     np.testing.assert_allclose(errors.strain[:, :3], 0.03 * force * strain.by_part["structure"][:, :3])
     np.testing.assert_allclose(errors.strain[:, 3:6], 0.05 * force * strain.by_part["equipment 1"][:, :3])
     np.testing.assert_allclose(errors.strain[:, 9:12], 0.5 * force * strain.by_part["unlisted 1"][:, :3])
+    of_gauge = 0.05 * force * np.linalg.norm(inertia.mode_strain[:, :3], axis=1)
+    np.testing.assert_allclose(theory.strain, np.diag(of_gauge))
     noise = gauge_noise(1e-14 * np.eye(len(inertia.mode_strain)))
-    rest = with_rest(inertia, (noise, modes, vibration, errors), ())
+    rest = with_rest(inertia, (noise, modes, vibration, errors, theory), ())
     assert rest is not None
-    expected = noise.strain @ noise.strain.T + errors.strain @ errors.strain.T
+    expected = np.sum([one.strain @ one.strain.T for one in (noise, errors, theory)], axis=0)
     np.testing.assert_allclose(rest.rest_covariance, expected, rtol=1e-9)
 
 
