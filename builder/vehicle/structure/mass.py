@@ -33,7 +33,7 @@ class Mass(Section):
 
     structure_percent: Percent = 2.0
     equipment_percent: Percent = 2.0
-    inertia_strain_percent: Percent = 3.0
+    inertia_strain_percent: Percent = 5.0
     unlisted_kg: float = Field(default=0.2, ge=0.0, le=1e6)
     lateral_g: LoadFactor = 5.0
     axial_g: LoadFactor = 5.0

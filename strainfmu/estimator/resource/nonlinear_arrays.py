@@ -130,7 +130,7 @@ def _solver(manifold: ManifoldMap) -> Values:
 
 
 def _errors(manifold: ManifoldMap) -> Values:
-    """Return the errors of strain and loads, those of both per p_inf^2; considered ones apart."""
+    """Return the errors of strain and loads, per p_inf^2 where they scale; considered ones apart."""
     strain, load = manifold.error_strain, manifold.error_load[FIVE_LOADS]
     columns, common = manifold.considered_columns, manifold.considered_common
     considered, considered_load = columns[: manifold.n_gauges], columns[manifold.n_gauges :][FIVE_LOADS]

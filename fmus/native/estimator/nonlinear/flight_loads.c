@@ -4,7 +4,6 @@
 
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
-#include "flight_solve.h"
 
 double lognormal_deviation(double of_log) {
     const double x = 3.0 * of_log;
@@ -102,14 +101,13 @@ double flight_load_square(const FlightSolver *solver, double square, size_t load
          - lane_dot(solver->n, turned, other_turned);
 }
 
-void flight_set_loads(FlightSolver *solver, size_t n_free) {
+void flight_set_loads(FlightSolver *solver) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n;
     FullModel *full = &solver->full;
     Solution *found = &solver->solution;
     double *turned = solver->turned, by_state[N_STATES], scale[N_LOADS];
     LoadErrors errors[N_LOADS];
-    flight_weigh_full(solver, n_free);
     for (size_t i = 0; i < N_STATES; i++) {
         for (size_t j = 0; j < N_STATES; j++) {
             const size_t at = i * N_STATES + j;

@@ -5,9 +5,9 @@
 
 #include "solver_state.h"
 
-/* Loads and coefficients of the solution, from its state and the problem about it, of whose state the first n_free elements
-   are free; their covariances, and the state's, by the full model, which this makes. */
-void flight_set_loads(FlightSolver *solver, size_t n_free);
+/* Loads and coefficients of the solution, from its state and the problem about it; their covariances, and the state's, by
+   the full model. */
+void flight_set_loads(FlightSolver *solver);
 
 /* q_inf of the solution [Pa], the derivative of its logarithm by the state, the logarithm less the full model's, and the
    variance that covers its error over the variance of the logarithm. */

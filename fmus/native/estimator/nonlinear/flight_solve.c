@@ -308,7 +308,8 @@ void flight_settle(FlightSolver *solver) {
     memset(found->widening, 0, sizeof found->widening);
     found->n_others = 0;
     found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
-    flight_set_loads(solver, N_STATES);
+    flight_weigh_full(solver, N_STATES);
+    flight_set_loads(solver);
     found->chi_square = full->cost - along_shift(full, full->gradient) - cost_of_angles(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);

@@ -53,7 +53,8 @@ static double risen(double value, const double *ends) {
 /* At the state of the problem, of which the first n_free elements are free. */
 static void estimate(FlightSolver *solver, size_t n_free, Estimated *found) {
     const Solution *solution = &solver->solution;
-    flight_set_loads(solver, n_free);
+    flight_weigh_full(solver, n_free);
+    flight_set_loads(solver);
     for (size_t k = 0; k < N_STATES; k++) {
         found->value[k] = solver->state[k];
         found->variance[k] = solution->widened_covariance[k * (N_STATES + 1)];

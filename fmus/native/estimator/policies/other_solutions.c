@@ -189,7 +189,8 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
             continue;
         }
         flight_linearise_anew(solver, all->state[s]);
-        flight_set_loads(solver, N_STATES);
+        flight_weigh_full(solver, N_STATES);
+        flight_set_loads(solver);
         memcpy(loads[n_others], found->loads, sizeof found->loads);
         memcpy(coefficients[n_others], found->coefficients, sizeof found->coefficients);
         part[n_others] = PART * weight;
