@@ -1,5 +1,5 @@
 """The reference of files in TOML, made from the models that check them: directives ``vehicle-entries``,
-``load-test-entries`` and, of the kinds of error of a vehicle as built, ``as-built-kinds``."""
+``load-test-entries`` and, of the kinds of error of a vehicle as built, ``as-built-kinds``, and ``map-errors``."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from pydantic.fields import FieldInfo
 from sphinx.application import Sphinx
 
 from builder.calibration.ground_test.load_test_file import LoadTestFile
+from builder.inverse.noise.error_list import ERRORS
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import ENGINE_NAMES, NeededBy
@@ -203,6 +204,20 @@ class AsBuiltKinds(GeneratedText):
         return "\n".join([head, "|---|---|---|---|---|---|", *rows])
 
 
+class MapErrors(GeneratedText):
+    """Every error that a map includes, with its role."""
+
+    source = "builder.inverse.noise.error_list"
+
+    def text(self) -> str:
+        """Return the table."""
+        rows = [
+            f"| {error.name} | {error.acts_on} | {error.role} | {_entry(error.entry)} | {error.unit} |"
+            for error in ERRORS.values()
+        ]
+        return "\n".join(["| error | where | role | entry | unit |", "|---|---|---|---|---|", *rows])
+
+
 OF = {
     "gauge": "each gauge",
     "vehicle": "the vehicle",
@@ -221,4 +236,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("vehicle-entries", VehicleEntries)
     app.add_directive("load-test-entries", LoadTestEntries)
     app.add_directive("as-built-kinds", AsBuiltKinds)
+    app.add_directive("map-errors", MapErrors)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

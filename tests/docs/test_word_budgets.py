@@ -19,9 +19,9 @@ pytestmark = pytest.mark.fast
 BUDGETS = {
     "README": 850,
     "start": 450,
-    "tutorials": 3_300,
-    "howto": 15_400,
-    "explanation": 10_000,
+    "tutorials": 2_700,
+    "howto": 15_700,
+    "explanation": 10_200,
     "evidence": 3_800,
     "reference": 8_200,
     "developers": 2_400,
