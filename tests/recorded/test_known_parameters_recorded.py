@@ -36,9 +36,10 @@ def estimated(folder: Path, columns: dict[str, float], source: str = "map.h5", *
         *(f"strain[{i + 1}] [m/m]" for i in range(N_D)),
         "dynamic_pressure [Pa]",
         "mach_number",
+        "q_source",
         *columns,
     ]
-    rows = [[0.01 * i, *strain, Q, 6.5, *columns.values()] for i in range(3)]
+    rows = [[0.01 * i, *strain, Q, 6.5, 1.0, *columns.values()] for i in range(3)]
     text = [",".join(names), *(",".join(f"{one:.12g}" for one in row) for row in rows)]
     (folder / "flight.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
     save_inverse_map(known_map(keep_field="field_output" in options), folder / "map.h5")
@@ -55,7 +56,7 @@ def test_a_column_of_deviations_sharpens(source: str, tmp_path: Path) -> None:
     found = estimated(tmp_path, {NAME: 1.0, f"{NAME}_std": 0.05}, source)
     assert np.all(found[1] < 0.7 * alone[1])
     one = Estimator(known_map()).step(
-        readings(), Q, mach_number=6.5, parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
+        readings(), Q, mach_number=6.5, q_source="independent", parameters={NAME: 1.0}, parameters_std={NAME: 0.05}
     )
     np.testing.assert_allclose(found[:, -1], [one.M_R, one.other_coefficients_std[0]], rtol=1e-4)
 

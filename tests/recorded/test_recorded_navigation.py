@@ -159,6 +159,7 @@ def test_a_negative_deviation_is_refused(tmp_path: Path) -> None:
 def test_navigation_that_is_left_out_is_said_at_the_end(tmp_path: Path, filtered: bool) -> None:
     q = 0.7 * STATIC * MACH**2
     columns = {"mach_number": 1.25 * MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q}
+    columns["q_source"] = 1.0
     table, found = estimated(tmp_path, columns, **({"time_constant": 1.0} if filtered else {}))
     assert not table["navigation_used.mach_number [1]"].any()
     said = "\n".join(found.account.lines())
@@ -177,6 +178,7 @@ def test_navigation_that_cannot_be_used_is_named(
     """All gauges are there: they are not what is missing."""
     q = 0.7 * STATIC * MACH**2
     columns = {"mach_number": MACH, "static_pressure [Pa]": STATIC, "dynamic_pressure [Pa]": q} | {column: value}
+    columns["q_source"] = 1.0
     table, found = estimated(tmp_path, columns, fmu if kind == "fmu" else None)
     assert not table[f"navigation_used.{column.partition(' ')[0]} [1]"].any()
     (said,) = found.account.lines()

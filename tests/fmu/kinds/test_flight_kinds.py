@@ -37,13 +37,17 @@ def stepped(host: Host, strain: np.ndarray, flow: dict[str, float]) -> None:
     host.fmu.doStep(0.0, 0.01)
 
 
+MEASURED = {"q_source": 1.0}
+"""The dynamic pressure."""
+
+
 def test_a_deviation_that_is_not_given_is_the_map_s(host: Host) -> None:
     """0, which hosts fill in, below, or NaN; with an infinite one its value counts as not known."""
     sample = random_flight(whole_map(), 1, seed=5)[0]
     outputs = ["C_A", "sigma.C_A", "air_data.mach_number", "sigma.air_data.mach_number", "health.chi_square"]
 
     def found(name: str, deviation: float) -> list[float]:
-        stepped(host, sample.strain, sample.flow | {f"{name}_std": deviation})
+        stepped(host, sample.strain, sample.flow | MEASURED | {f"{name}_std": deviation})
         return [*host.get(outputs), *host.fmu.getBoolean([host.references[f"navigation_used.{name}"]])]
 
     for name in sample.flow:
@@ -75,7 +79,7 @@ def check(found: dict[str, tuple[object, ...]]) -> None:
 def test_navigation_that_is_not_given_or_impossible(host: Host) -> None:
     found: dict[str, tuple[object, ...]] = {}
     for name, change in (UNKNOWN | CHANGES).items():
-        stepped(host, SAMPLE.strain, SAMPLE.flow | change)
+        stepped(host, SAMPLE.strain, SAMPLE.flow | MEASURED | change)
         found[name] = (HealthState(host.health()).name, *host.get(COEFFICIENTS))
     check(found)
 
@@ -83,6 +87,6 @@ def test_navigation_that_is_not_given_or_impossible(host: Host) -> None:
 def test_navigation_that_is_not_given_or_impossible_in_python() -> None:
     estimator, found = Estimator(whole_map()), dict[str, tuple[object, ...]]()
     for name, change in (UNKNOWN | CHANGES).items():
-        one = estimator.step(SAMPLE.strain, **(SAMPLE.flow | change))
+        one = estimator.step(SAMPLE.strain, **(SAMPLE.flow | MEASURED | change))
         found[name] = (one.health.name, *one.coefficients)
     check(found)

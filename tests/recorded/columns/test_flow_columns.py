@@ -95,7 +95,8 @@ def test_what_the_fmu_does_not_take_is_said(synthetic: SyntheticFiles, tmp_path:
     with FmuStep(synthetic.estimator_1, ("mach_number",)) as step:
         taken = bool(step.other_inputs)
     line = f"{tmp_path / 'd.csv'}: mach_number: written but not used, {synthetic.estimator_1} does not take them"
-    assert summary.notes == ([] if taken else [line])
+    notes = [one for one in summary.notes if "q_source" not in one]
+    assert notes == ([] if taken else [line])
 
 
 def test_mach_number_and_altitude_are_read_in_their_units(tmp_path: Path) -> None:
