@@ -14,7 +14,6 @@ from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMB
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.reference.pressure_source import pressure_source
 from strainfmu.recorded.columns.column_names import STATIC_PRESSURE
 from strainfmu.recorded.columns.columns import StrainBlock
 from strainfmu.recorded.columns.strain_level import LevelReference
@@ -118,8 +117,8 @@ def dropped_navigation(
     flow = {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}
     given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
     given[STATIC_PRESSURE] |= ~np.isnan(flow.get(ALTITUDE, unknown))
-    source = pressure_source({name: flow.get(name, unknown) for name in (MACH_NUMBER, STATIC_PRESSURE, Q_SOURCE)})
-    given[DYNAMIC_PRESSURE] &= source == QSource.INDEPENDENT
+    source = np.nan_to_num(flow.get(Q_SOURCE, unknown))
+    given[DYNAMIC_PRESSURE] &= np.where(source < 0.5, ~given[MACH_NUMBER], np.round(source) == QSource.INDEPENDENT)
     used = {name: found.other_values[:, names.index(USED_PREFIX + name)] > 0.0 for name in NAVIGATION}
     return {name: given[name] & ~used[name] for name in NAVIGATION}
 
