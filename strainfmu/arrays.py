@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,3 +11,8 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+
+def float_or_array(values: FloatArray) -> Any:
+    """Return the value of one sample as a float, the values (k,) of k samples as they are."""
+    return values if values.ndim else float(values)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, float_or_array
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 
 AIR_DATA_NAMES = (
@@ -25,9 +25,50 @@ NAVIGATION = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AirData:
-    """Air data of k samples, or of one; the last axis has the order of :data:`AIR_DATA_NAMES`, ``wind_roll_angle``
-    phi_T is the angle of the leeward meridian from +z towards +y.
+class NamedAirData:
+    """Air data by name, a float of one sample and (k,) of k: the last axis of ``value``, (7,) or (k, 7)."""
+
+    value: FloatArray
+
+    @property
+    def angle_of_attack(self) -> Any:
+        """[rad]."""
+        return float_or_array(self.value[..., 0])
+
+    @property
+    def sideslip_angle(self) -> Any:
+        """[rad]."""
+        return float_or_array(self.value[..., 1])
+
+    @property
+    def total_incidence(self) -> Any:
+        """Angle between body axis and wind [rad]."""
+        return float_or_array(self.value[..., 2])
+
+    @property
+    def wind_roll_angle(self) -> Any:
+        """phi_T, angle of the leeward meridian from +z towards +y [rad]."""
+        return float_or_array(self.value[..., 3])
+
+    @property
+    def mach_number(self) -> Any:
+        """[1]."""
+        return float_or_array(self.value[..., 4])
+
+    @property
+    def static_pressure(self) -> Any:
+        """p_inf [Pa]."""
+        return float_or_array(self.value[..., 5])
+
+    @property
+    def dynamic_pressure(self) -> Any:
+        """q_inf [Pa]."""
+        return float_or_array(self.value[..., 6])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AirData(NamedAirData):
+    """Air data of k samples, or of one; the last axis has the order of :data:`AIR_DATA_NAMES`.
 
     Attributes
     ----------
@@ -37,10 +78,10 @@ class AirData:
     """
 
     names: ClassVar[tuple[str, ...]] = AIR_DATA_NAMES
-    value: FloatArray
     std: FloatArray
     is_identified: BoolArray
 
-    def of_sample(self, sample: int) -> AirData:
-        """Return the air data of one sample, arrays (7,)."""
-        return AirData(value=self.value[sample], std=self.std[sample], is_identified=self.is_identified[sample])
+    @property
+    def sigma(self) -> NamedAirData:
+        """Standard deviations by name: ``air_data.sigma.mach_number``."""
+        return NamedAirData(value=self.std)

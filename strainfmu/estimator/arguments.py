@@ -2,13 +2,52 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TypedDict
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.signal_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.signal_names import STRAIN
+
+
+class SampleInputs(TypedDict, total=False):
+    """What may be known of a sample besides strain and dynamic pressure: arguments of ``estimate`` and ``track``.
+
+    Each is one value for all samples, or one of each; NaN or left out where it is not known.
+    """
+
+    valid: ArrayLike | None
+    dynamic_pressure_std: ArrayLike
+    mach_number: ArrayLike
+    mach_number_std: ArrayLike
+    altitude: ArrayLike
+    static_pressure: ArrayLike
+    static_pressure_std: ArrayLike
+    total_temperature: ArrayLike
+    total_temperature_std: ArrayLike
+    q_source: QSource | str | ArrayLike
+    measured_angle_of_attack: ArrayLike
+    measured_angle_of_attack_std: ArrayLike
+    measured_sideslip_angle: ArrayLike
+    measured_sideslip_angle_std: ArrayLike
+    temperature: ArrayLike | None
+    thrust: ArrayLike
+    parameters: Mapping[str, ArrayLike] | None
+    parameters_std: Mapping[str, ArrayLike] | None
+    specific_force_x: ArrayLike
+    specific_force_y: ArrayLike
+    specific_force_z: ArrayLike
+    angular_rate_x: ArrayLike
+    angular_rate_y: ArrayLike
+    angular_rate_z: ArrayLike
+    angular_acceleration_y: ArrayLike
+    angular_acceleration_z: ArrayLike
+    vibration: ArrayLike
 
 
 def real_numbers(name: str, values: ArrayLike) -> FloatArray:

@@ -7,8 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray, float_or_array
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
 from strainfmu.estimator.estimates.group_loads import GroupLoads, SectionLoads
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from strainfmu.estimator.core import Core
+    from strainfmu.estimator.estimates.axes import TurnedCoefficients
     from strainfmu.estimator.map.flow_parameters import FlowParameters
 
 
@@ -32,6 +34,7 @@ class Source(Protocol):
     core: Core
     is_nonlinear: bool
     parameters: FlowParameters
+    gauge_names: tuple[str, ...]
     section_station: FloatArray
     load_groups: tuple[LoadGroup, ...]
 
@@ -299,6 +302,22 @@ class Estimate(NamedLoads):
         return found
 
     @property
+    def residuals(self) -> dict[str, Any]:
+        """:attr:`standardised_residual` by the names of the sensors: a float of one sample, (k,) of k samples."""
+        z = self.standardised_residual
+        return {name: float_or_array(z[..., k]) for k, name in enumerate(self._estimator.gauge_names)}
+
+    @property
+    def suspect_names(self) -> Any:
+        """Names of the :attr:`suspects`; of k samples (k,) of tuples."""
+        names = self._estimator.gauge_names
+        if not self.is_series:
+            return tuple(names[k] for k in self.suspects)
+        found = np.empty(len(self), dtype=object)
+        found[:] = [tuple(names[k] for k in row) for row in self.suspects]
+        return found
+
+    @property
     def suspect_count(self) -> Any:
         """Number of :attr:`suspects`."""
         found = self._one("suspects")
@@ -399,12 +418,32 @@ class Estimate(NamedLoads):
             raise TypeError("pressure: of one sample, estimate[i].pressure()")
         return self._estimator.pressure_of(self, with_std)
 
-    def to_dataframe(self) -> DataFrame:
+    def in_wind_axes(
+        self, angle_of_attack: ArrayLike, sideslip_angle: ArrayLike, angle_std: ArrayLike = 0.0
+    ) -> TurnedCoefficients:
+        """Return drag, side force and lift coefficient in wind axes.
+
+        Angles of the wind [rad], one or one of each sample; ``angle_std`` [rad], the standard deviation of either,
+        adds to the variances to first order.
+        """
+        from strainfmu.estimator.estimates.axes import in_wind_axes
+
+        return in_wind_axes(self, angle_of_attack, sideslip_angle, angle_std)
+
+    def in_stability_axes(self, angle_of_attack: ArrayLike, angle_std: ArrayLike = 0.0) -> TurnedCoefficients:
+        """Return drag, side force and lift coefficient in stability axes, the wind axes without sideslip."""
+        from strainfmu.estimator.estimates.axes import in_stability_axes
+
+        return in_stability_axes(self, angle_of_attack, angle_std)
+
+    def to_frame(self) -> DataFrame:
         """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
         from strainfmu.estimator.estimates.estimate_table import dataframe_of
 
         names = np.array([state.name for state in HealthState])
         return dataframe_of(self, names[np.atleast_1d(self.health)])
+
+    to_dataframe = to_frame
 
     def __repr__(self) -> str:
         from strainfmu.estimator.estimates.estimate_text import estimate_text, estimates_text

@@ -9,11 +9,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite, nan
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from struct import Struct
 from struct import error as StructError
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,17 +32,32 @@ from strainfmu.estimator.air_inputs import (
     TOTAL_TEMPERATURE,
     QSource,
 )
-from strainfmu.estimator.arguments import checked_mask, is_series, per_sample, real_numbers, strain_of_samples
+from strainfmu.estimator.arguments import (
+    SampleInputs,
+    checked_mask,
+    is_series,
+    per_sample,
+    real_numbers,
+    strain_of_samples,
+)
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.other_loads import number_of
+from strainfmu.estimator.other_loads import names_of, number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, STRAIN, TEMPERATURE, THRUST
+from strainfmu.estimator.signal_names import (
+    COEFFICIENT_ARRAY,
+    FILTER_TIME_CONSTANT,
+    LOAD_NAMES,
+    STRAIN,
+    TEMPERATURE,
+    THRUST,
+    VALID,
+)
 from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
@@ -51,6 +67,18 @@ _NO_THRUST = 0.0
 
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK
+
+_NOT_GIVEN: dict[str, Any] = {
+    **dict.fromkeys(AIR_INPUT_NAMES, nan),
+    Q_SOURCE: QSource.AUTO,
+    VALID: None,
+    TEMPERATURE: None,
+    THRUST: _NO_THRUST,
+    "parameters": None,
+    "parameters_std": None,
+}
+_air_of = itemgetter(*AIR_INPUT_NAMES)
+_more_of = itemgetter(TEMPERATURE, THRUST, "parameters", "parameters_std")
 
 _STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
 _SOURCES = {member: float(member) for member in QSource}
@@ -138,7 +166,7 @@ class Estimator:
     """The estimator of one map, computed by the compiled core.
 
     A sensor is left out of a sample if its reading is not finite or out of its range, or if the caller excludes
-    it.
+    it. ``gauge_names`` are the sensors in the order of ``strain``.
 
     Example
     -------
@@ -190,6 +218,7 @@ class Estimator:
         self.filter_time_constant = filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
+        self.gauge_names = inverse_map.gauge_names
         self.section_station, self.load_groups = inverse_map.section_station, inverse_map.load_groups
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
@@ -224,6 +253,11 @@ class Estimator:
         if constant.stop > constant.start:
             core.set(constant.start, np.array([filter_time_constant]))
         core.renew()
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the five loads, then of the other ones that the map gives."""
+        return (*LOAD_NAMES, *names_of(self.load_groups))
 
     @cached_property
     def linear(self) -> Estimator:
@@ -288,28 +322,10 @@ class Estimator:
         self,
         strain: ArrayLike,
         dynamic_pressure: ArrayLike = nan,
-        valid: ArrayLike | None = None,
-        dynamic_pressure_std: ArrayLike = nan,
         *,
-        mach_number: ArrayLike = nan,
-        mach_number_std: ArrayLike = nan,
-        altitude: ArrayLike = nan,
-        static_pressure: ArrayLike = nan,
-        static_pressure_std: ArrayLike = nan,
-        total_temperature: ArrayLike = nan,
-        total_temperature_std: ArrayLike = nan,
-        q_source: QSource | str | ArrayLike = QSource.AUTO,
-        measured_angle_of_attack: ArrayLike = nan,
-        measured_angle_of_attack_std: ArrayLike = nan,
-        measured_sideslip_angle: ArrayLike = nan,
-        measured_sideslip_angle_std: ArrayLike = nan,
-        temperature: ArrayLike | None = None,
-        thrust: ArrayLike = _NO_THRUST,
-        parameters: Mapping[str, ArrayLike] | None = None,
-        parameters_std: Mapping[str, ArrayLike] | None = None,
         start: ArrayLike | None = None,
         with_residuals: bool = False,
-        **inertial: ArrayLike,
+        **inputs: Unpack[SampleInputs],
     ) -> Estimate:
         """Estimate the loads of one sample, or of k samples at once, each by itself.
 
@@ -353,25 +369,9 @@ class Estimator:
             sensors or parameters of that kind. Values that are not finite are no
             error: health states what the estimate lacks.
         """
-        air = (
-            dynamic_pressure,
-            dynamic_pressure_std,
-            mach_number,
-            altitude,
-            mach_number_std,
-            static_pressure,
-            static_pressure_std,
-            total_temperature,
-            total_temperature_std,
-            _source_number(q_source),
-            measured_angle_of_attack,
-            measured_angle_of_attack_std,
-            measured_sideslip_angle,
-            measured_sideslip_angle_std,
-        )
-        more = (temperature, thrust, parameters, parameters_std, inertial)
-        if total_temperature is not nan:
-            _refuse_without_altitude(total_temperature, altitude)
+        air, more, valid = _split(dynamic_pressure, inputs)
+        if "total_temperature" in inputs:
+            _refuse_without_altitude(inputs["total_temperature"], inputs.get("altitude", nan))
         if not is_series(strain):
             return self._one(strain, valid, air, more, core=self.core, how=_EACH)
         samples = self._samples(strain, valid, air, more)
@@ -390,27 +390,9 @@ class Estimator:
         self,
         strain: ArrayLike,
         dynamic_pressure: ArrayLike = nan,
-        valid: ArrayLike | None = None,
-        dynamic_pressure_std: ArrayLike = nan,
         *,
         time: ArrayLike = nan,
-        mach_number: ArrayLike = nan,
-        mach_number_std: ArrayLike = nan,
-        altitude: ArrayLike = nan,
-        static_pressure: ArrayLike = nan,
-        static_pressure_std: ArrayLike = nan,
-        total_temperature: ArrayLike = nan,
-        total_temperature_std: ArrayLike = nan,
-        q_source: QSource | str | ArrayLike = QSource.AUTO,
-        measured_angle_of_attack: ArrayLike = nan,
-        measured_angle_of_attack_std: ArrayLike = nan,
-        measured_sideslip_angle: ArrayLike = nan,
-        measured_sideslip_angle_std: ArrayLike = nan,
-        temperature: ArrayLike | None = None,
-        thrust: ArrayLike = _NO_THRUST,
-        parameters: Mapping[str, ArrayLike] | None = None,
-        parameters_std: Mapping[str, ArrayLike] | None = None,
-        **inertial: ArrayLike,
+        **inputs: Unpack[SampleInputs],
     ) -> Estimate:
         """Estimate one sample or k samples along time, each from what the sample before it left.
 
@@ -419,35 +401,19 @@ class Estimator:
         filter (:meth:`filter`); samples of a time that does not go on are of the same moment. Other arguments and
         errors as :meth:`estimate`.
         """
-        air = (
-            dynamic_pressure,
-            dynamic_pressure_std,
-            mach_number,
-            altitude,
-            mach_number_std,
-            static_pressure,
-            static_pressure_std,
-            total_temperature,
-            total_temperature_std,
-            _source_number(q_source),
-            measured_angle_of_attack,
-            measured_angle_of_attack_std,
-            measured_sideslip_angle,
-            measured_sideslip_angle_std,
-        )
-        more = (temperature, thrust, parameters, parameters_std, inertial)
+        air, more, valid = _split(dynamic_pressure, inputs)
         core = self._tracks or self._new_track()
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
-        if altitude is nan and total_temperature is not nan:  # single samples may lose it
-            _refuse_without_altitude(total_temperature, altitude)
+        if "altitude" not in inputs and "total_temperature" in inputs:  # single samples may lose it
+            _refuse_without_altitude(inputs["total_temperature"], nan)
         samples = self._samples(strain, valid, air, more)
-        inputs = samples.filled(slice(None))
-        times = None if self.filter_time_constant == 0.0 else self._times(time, len(inputs))
+        records = samples.filled(slice(None))
+        times = None if self.filter_time_constant == 0.0 else self._times(time, len(records))
         with self._lock:
-            record = core.series(Series.TRACK, inputs, with_fit=True, time=times, mask=samples.mask)
-        return Estimate(record, self, inputs, samples.mask)
+            record = core.series(Series.TRACK, records, with_fit=True, time=times, mask=samples.mask)
+        return Estimate(record, self, records, samples.mask)
 
     def track_again(self, samples: FloatArray, mask: BoolArray | None, time: FloatArray) -> Estimate:
         """Return estimates of k samples that an estimator of the same map has seen before, as :meth:`track`.
@@ -723,6 +689,16 @@ class Estimator:
             has_coefficients=bool(np.isfinite(estimate.coefficients).all()),
         )
         return surface_pressure(self.inverse_map, self.zeros, sample, with_std)
+
+
+def _split(
+    dynamic_pressure: ArrayLike, inputs: SampleInputs
+) -> tuple[tuple[Any, ...], tuple[Any, ...], ArrayLike | None]:
+    """Return the air data in the order of a record, what else is known of the samples, and the sensors to use."""
+    given = {**_NOT_GIVEN, **inputs, DYNAMIC_PRESSURE: dynamic_pressure}
+    given[Q_SOURCE] = _source_number(given[Q_SOURCE])
+    inertial = {name: value for name, value in inputs.items() if name not in _NOT_GIVEN}
+    return _air_of(given), (*_more_of(given), inertial), given[VALID]
 
 
 def _checked_start(start: ArrayLike, samples: int) -> FloatArray:

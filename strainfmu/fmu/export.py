@@ -113,7 +113,7 @@ class ExportOptions:
     Attributes
     ----------
     kind : "native", compiled code; "python", PythonFMU; or "c", which is no FMU but a folder of C sources.
-    fmi_version : "2" for FMI 2.0, "3" for FMI 3.0 (native only).
+    fmi_version : 2 for FMI 2.0, 3 for FMI 3.0 (native only), as a number or a text.
     scalars : whether an FMU of FMI 3.0 has the scalar variables of FMI 2.0, by the same names, and no arrays.
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
     model_name : name of the model that tools show.
@@ -135,6 +135,7 @@ class ExportOptions:
     tare_known: Path | None = None
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "fmi_version", str(self.fmi_version))
         if self.kind not in KINDS:
             raise InputError(f"kind: '{self.kind}' found, must be one of {', '.join(KINDS)}")
         if self.estimator not in (None, "linear"):

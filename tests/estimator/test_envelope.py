@@ -154,7 +154,12 @@ def test_the_pressure_at_an_altitude_is_that_of_the_closed_form() -> None:
     ):
         strain = (factor * q / NOMINAL)[:, None] * estimator.inverse_map.mean_strain
         found = estimator.estimate(
-            strain, factor * q, None, 0.0, mach_number=6.0, altitude=altitude, q_source="independent"
+            strain,
+            factor * q,
+            dynamic_pressure_std=0.0,
+            mach_number=6.0,
+            altitude=altitude,
+            q_source="independent",
         )
         assert np.all((found.health == HealthState.OUTSIDE) == expected)
 

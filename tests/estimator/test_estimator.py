@@ -184,8 +184,8 @@ def test_another_moment_station_is_a_map_built_about_it(gamma: float, gauges: tu
         )
     )
     strain, valid = model.draw(1, 4)[0][0], ~missing(N_GAUGES, *gauges)
-    wanted = Estimator(rebuilt).estimate(strain, Q, valid)
-    found = Estimator(inverse_map, changed(inverse_map, moment_station=2.5)).estimate(strain, Q, valid)
+    wanted = Estimator(rebuilt).estimate(strain, Q, valid=valid)
+    found = Estimator(inverse_map, changed(inverse_map, moment_station=2.5)).estimate(strain, Q, valid=valid)
     for name in ("loads", "loads_std", "coefficients", "coefficients_std", "chi_square"):
         np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-9)
     scale = np.outer(wanted.loads_std, wanted.loads_std)
@@ -302,11 +302,11 @@ def test_an_estimate_does_not_depend_on_the_masks_before_it() -> None:
     """Every pair and triple of gauges lost, forwards and backwards: bit by bit as by an estimator of its own."""
     estimator, strain = Estimator(random_map()), random_map().mean_strain + 1e-7
     masks = [~missing(N_GAUGES, *lost) for n in (2, 3) for lost in combinations(range(N_GAUGES), n)]
-    found = estimator.estimate(np.tile(strain, (len(masks), 1)), Q, masks)
+    found = estimator.estimate(np.tile(strain, (len(masks), 1)), Q, valid=masks)
     for k in reversed(range(len(masks))):
-        assert_same(estimator.estimate(strain, Q, masks[k]), found[k])
+        assert_same(estimator.estimate(strain, Q, valid=masks[k]), found[k])
     for k in (0, 40, len(masks) - 1):
-        assert_same(Estimator(random_map()).estimate(strain, Q, masks[k]), found[k])
+        assert_same(Estimator(random_map()).estimate(strain, Q, valid=masks[k]), found[k])
 
 
 def test_mask_handed_in_may_change_afterwards() -> None:
@@ -323,10 +323,10 @@ def test_masked_gauges_and_other_faults_are_told_apart() -> None:
     inverse_map = random_map()
     estimator, valid = Estimator(inverse_map), ~missing(N_GAUGES, 2)
     strain = inverse_map.mean_strain.copy()
-    assert estimator.estimate(strain, 0.0, valid).health is HealthState.NO_COEFFICIENTS
-    assert np.all(np.isfinite(estimator.estimate(strain, 0.0, valid).loads))
+    assert estimator.estimate(strain, 0.0, valid=valid).health is HealthState.NO_COEFFICIENTS
+    assert np.all(np.isfinite(estimator.estimate(strain, 0.0, valid=valid).loads))
     strain[5] += 1e-3
-    assert estimator.estimate(strain, Q, valid).health is HealthState.INCONSISTENT
+    assert estimator.estimate(strain, Q, valid=valid).health is HealthState.INCONSISTENT
 
 
 @pytest.mark.parametrize("dynamic_pressure", [0.0, -1.0, np.nan, np.inf])

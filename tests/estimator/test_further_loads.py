@@ -51,11 +51,11 @@ def test_combinations_of_the_five_loads_are_estimated_as_such(kind: str) -> None
     )
     found_map = with_further(plain)
     strain, q, valid = readings(plain)
-    found = Estimator(found_map).estimate(strain, q, valid)
+    found = Estimator(found_map).estimate(strain, q, valid=valid)
     np.testing.assert_allclose(found.other_loads, found.loads @ COMBINATION.T, rtol=1e-9)
     expected = np.einsum("mi,kij,mj->km", COMBINATION, found.load_covariance, COMBINATION)
     np.testing.assert_allclose(found.other_loads_std**2, expected, rtol=1e-8)
-    alone = Estimator(plain).estimate(strain, q, valid)
+    alone = Estimator(plain).estimate(strain, q, valid=valid)
     for name in ("loads", "loads_std", "coefficients_std", "chi_square", "health"):
         np.testing.assert_allclose(getattr(found, name), getattr(alone, name), rtol=1e-12)
 
@@ -67,7 +67,7 @@ def test_errors_of_zeros_reach_them(kind: str) -> None:
     )
     noisy = with_gauge_covariance(with_further(plain), plain.gauge_covariance + 4.0 * np.diag(plain.noise_std**2))
     strain, q, valid = readings(plain)
-    found = Estimator(noisy).estimate(strain, q, valid)
+    found = Estimator(noisy).estimate(strain, q, valid=valid)
     expected = np.einsum("mi,kij,mj->km", COMBINATION, found.load_covariance, COMBINATION)
     np.testing.assert_allclose(found.other_loads_std**2, expected, rtol=1e-8)
 
@@ -80,7 +80,7 @@ def test_coefficients_carry_the_error_of_dynamic_pressure() -> None:
     found_map = with_further(plain, rows)
     settings = replace(default_settings(found_map), reference_area=0.3, reference_length=1.7)
     strain, q, valid = readings(plain)
-    found = Estimator(found_map, settings).estimate(strain, q, valid)
+    found = Estimator(found_map, settings).estimate(strain, q, valid=valid)
     np.testing.assert_allclose(found.M_R, found.M_P, rtol=1e-10)
     np.testing.assert_allclose(found.sigma.M_R, found.sigma.M_P, rtol=1e-9)
     np.testing.assert_allclose(found.rolling_moment, found.pitching_moment, rtol=1e-10)
@@ -107,7 +107,7 @@ def test_sections_by_name() -> None:
 def test_without_other_loads_the_rolling_moment_is_known_to_be_zero() -> None:
     plain = scaled_map(1, 2)
     strain, q, valid = readings(plain)
-    found = Estimator(plain).estimate(strain, q, valid)
+    found = Estimator(plain).estimate(strain, q, valid=valid)
     np.testing.assert_array_equal(np.array([found.M_R, found.sigma.M_R, found.rolling_moment]), 0.0)
     assert found.section_loads.loads.shape == (9, 0, 6)
     unknown = Estimator(plain).estimate(strain[0], np.nan)

@@ -116,12 +116,12 @@ def test_loads_without_the_suspect_are_those_of_a_healthy_map() -> None:
     """10 sigma on one gauge, masked once suspected: rms error within 1.2 of the stated sigma of the clean mask."""
     model = random_model(0.0, False, N_GAUGES)
     estimator = Estimator(map_of(model))
-    masked_std = estimator.estimate(model.m, Q, ~missing(N_GAUGES, 7)).loads_std
+    masked_std = estimator.estimate(model.m, Q, valid=~missing(N_GAUGES, 7)).loads_std
     strain, loads = model.draw(1000, 11)
     strain[:, 7] += 10.0 * np.sqrt(model.noise_covariance[7, 7])
     suspects = estimator.estimate(strain, Q).suspects
     valid = np.array([~missing(N_GAUGES, *of_sample) for of_sample in suspects])
-    errors = estimator.estimate(strain, Q, valid).loads - loads
+    errors = estimator.estimate(strain, Q, valid=valid).loads - loads
     assert np.all(np.sqrt(np.mean(np.square(errors), axis=0)) < 1.2 * masked_std)
 
 

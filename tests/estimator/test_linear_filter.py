@@ -121,7 +121,9 @@ def test_a_deviation_beyond_numbers_leaves_nothing_behind() -> None:
     strain, _ = series(estimator.inverse_map, 12, 2, 1.0)
     std = np.zeros((2, 12))
     std[1, 8] = 1e308
-    plain, found = (estimator.filter(1.0).track(strain, NOMINAL, None, one, time=times(12)) for one in std)
+    plain, found = (
+        estimator.filter(1.0).track(strain, NOMINAL, dynamic_pressure_std=one, time=times(12)) for one in std
+    )
     assert not np.any(np.isfinite(found.coefficients_std[8]))
     np.testing.assert_allclose(found.loads[9:], plain.loads[9:], rtol=1e-9)
     np.testing.assert_allclose(found.loads_std[9:], plain.loads_std[9:], rtol=1e-9)

@@ -48,7 +48,7 @@ def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float = 
 def test_masked_map_is_the_map_built_without_the_gauges(model: GaussianModel) -> None:
     """Loads, covariance, chi-square and P by the book from the rows that are left, to 1e-9."""
     strain, masks = model.draw(1, 3)[0][0], some_masks()
-    of_all = Estimator(map_of(model)).estimate(np.tile(strain, (len(masks), 1)), Q, ~np.array(masks))
+    of_all = Estimator(map_of(model)).estimate(np.tile(strain, (len(masks), 1)), Q, valid=~np.array(masks))
     for found, mask in zip(of_all, masks, strict=True):
         rest = model.without(mask)
         residual = (strain - model.m)[~mask]
@@ -89,11 +89,11 @@ def test_nothing_is_left_of_the_gauges_of_before() -> None:
     """The core keeps four sets of gauges: a set in the place of another one, none estimated between them."""
     inverse_map = map_of(random_model(n_gauges=9, n_states=3, seed=6))
     estimator, used = Estimator(inverse_map), np.eye(9, dtype=bool)
-    expected = Estimator(inverse_map).estimate(inverse_map.mean_strain, Q, ~used[5])
-    estimator.estimate(inverse_map.mean_strain, Q, ~used[0])
+    expected = Estimator(inverse_map).estimate(inverse_map.mean_strain, Q, valid=~used[5])
+    estimator.estimate(inverse_map.mean_strain, Q, valid=~used[0])
     for k in range(3):
-        assert estimator.estimate(inverse_map.mean_strain, Q, used[k]).health == HealthState.UNIDENTIFIED
-    found = estimator.estimate(inverse_map.mean_strain, Q, ~used[5])
+        assert estimator.estimate(inverse_map.mean_strain, Q, valid=used[k]).health == HealthState.UNIDENTIFIED
+    found = estimator.estimate(inverse_map.mean_strain, Q, valid=~used[5])
     np.testing.assert_array_equal(found.loads, expected.loads)
     np.testing.assert_array_equal(found.loads_std, expected.loads_std)
 
@@ -102,7 +102,7 @@ def test_without_any_gauge_there_is_no_estimate() -> None:
     """In Case 2 either, whose prior is left."""
     estimator = Estimator(map_of(random_model(gamma=1.0, n_states=40)))
     everything = np.ones(N_GAUGES, dtype=bool)
-    assert estimator.estimate(np.zeros(N_GAUGES), Q, ~everything).health is HealthState.INVALID
+    assert estimator.estimate(np.zeros(N_GAUGES), Q, valid=~everything).health is HealthState.INVALID
 
 
 def information_left(model: GaussianModel, mask: np.ndarray) -> float:
@@ -140,7 +140,7 @@ def test_too_little_information_on_a_state_identifies_nothing(has_units: bool) -
         assert information_left(model, mask) == pytest.approx(factor * MIN_INFORMATION, rel=0.05)
         scaled = replace(map_of(model), load_per_state=model.load_per_state * states)
         settings = replace(default_settings(scaled), sensor_range=1e3)
-        assert Estimator(scaled, settings).estimate(model.m, Q, ~mask).health is health
+        assert Estimator(scaled, settings).estimate(model.m, Q, valid=~mask).health is health
 
 
 def one_gauge_for_a_state() -> GaussianModel:
@@ -214,7 +214,7 @@ def test_fewer_gauges_never_tell_more(gamma: float) -> None:
     estimator = Estimator(map_of(model))
     before = estimator.estimate(model.m, Q)
     for count in range(1, 15):
-        after = estimator.estimate(model.m, Q, ~missing(N_GAUGES, *range(count)))
+        after = estimator.estimate(model.m, Q, valid=~missing(N_GAUGES, *range(count)))
         size = np.sqrt(np.diag(after.load_covariance))
         growth = (after.load_covariance - before.load_covariance) / np.outer(size, size)
         assert np.linalg.eigvalsh(growth)[0] > -1e-9
@@ -226,7 +226,7 @@ def test_fewer_gauges_never_tell_more(gamma: float) -> None:
 def test_sigma_covers(model: GaussianModel, gauges: tuple[int, ...]) -> None:
     """4,000 draws, five loads: 1 sigma 68.3 +- 1.5 %, 3 sigma 99.73 +0.2 -0.4 %; mean of e' C^-1 e to 3 errors."""
     strain, loads = model.draw(4000, 7 + len(gauges))
-    found = Estimator(map_of(model)).estimate(strain, Q, ~missing(N_GAUGES, *gauges))
+    found = Estimator(map_of(model)).estimate(strain, Q, valid=~missing(N_GAUGES, *gauges))
     errors = found.loads - loads
     within = np.abs(errors) / found.loads_std
     assert (within < 1.0).mean() == pytest.approx(0.683, abs=0.015)
@@ -241,7 +241,7 @@ def test_chi_square_is_one_under_masks(model: GaussianModel, gauges: tuple[int, 
     """4,000 draws: mean to 3 errors; alarms at scipy's 5 % and 1 % levels inside the binomial 99.9 % interval."""
     n = 4000
     strain, _ = model.draw(n, 17 + len(gauges))
-    found = Estimator(map_of(model)).estimate(strain, Q, ~missing(N_GAUGES, *gauges))
+    found = Estimator(map_of(model)).estimate(strain, Q, valid=~missing(N_GAUGES, *gauges))
     chi_square, freedom = found.chi_square, found.degrees_of_freedom[0]
     assert chi_square.mean() == pytest.approx(freedom, abs=3.0 * np.sqrt(2.0 * freedom / n))
     for probability in (0.05, 0.01):
@@ -288,8 +288,8 @@ def test_units_of_gauges_change_nothing_under_masks(gamma: float) -> None:
     strain = model.draw(1, 9)[0][0]
     strain[5] += 2e-5
     valid = ~missing(N_GAUGES, 2, 13)
-    wanted = Estimator(map_of(model)).estimate(strain, Q, valid)
-    found = Estimator(map_of(changed)).estimate(scale * strain, Q, valid)
+    wanted = Estimator(map_of(model)).estimate(strain, Q, valid=valid)
+    found = Estimator(map_of(changed)).estimate(scale * strain, Q, valid=valid)
     assert_equal_to(wanted.loads, found.loads)
     assert_equal_to(wanted.standardised_residual, found.standardised_residual)
     assert found.suspects == wanted.suspects == (5,)
@@ -299,6 +299,6 @@ def test_all_pairs_of_a_small_map_keep_their_rank() -> None:
     """8 gauges, 3 states: every pair can be lost, and what is left has 3 degrees of freedom."""
     model = random_model(n_gauges=8, n_states=3)
     masks = [~missing(8, *pair) for pair in combinations(range(8), 2)]
-    found = Estimator(map_of(model)).estimate(np.tile(model.m, (len(masks), 1)), Q, masks)
+    found = Estimator(map_of(model)).estimate(np.tile(model.m, (len(masks), 1)), Q, valid=masks)
     assert np.all(found.degrees_of_freedom == 3)
     assert np.all(np.isfinite(found.loads_std))

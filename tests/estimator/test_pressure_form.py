@@ -61,7 +61,7 @@ def test_any_pressure_and_any_gauges_lost_agree_with_the_book(
     used[list(lost)] = False
     rng = np.random.default_rng(7)
     strain = ratio * inverse_map.mean_strain + 5e-6 * rng.standard_normal(inverse_map.n_gauges)
-    estimate = Estimator(inverse_map).estimate(strain, q, used, 0.0)
+    estimate = Estimator(inverse_map).estimate(strain, q, valid=used, dynamic_pressure_std=0.0)
     loads, covariance, chi_square, z = reference(inverse_map, strain, q, used)
     sigma = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(estimate.loads / sigma, loads / sigma, rtol=0.0, atol=1e-8)
@@ -80,7 +80,10 @@ def test_at_the_nominal_pressure_it_is_the_absolute_map(case: int) -> None:
     strain = inverse_map.mean_strain + 4e-6 * np.random.default_rng(2).standard_normal((40, inverse_map.n_gauges))
     valid = np.ones(strain.shape, dtype=bool)
     valid[10:20, 4] = valid[15:30, 8] = False
-    one, other = (Estimator(found).estimate(strain, NOMINAL, valid, 0.0) for found in (inverse_map, absolute))
+    one, other = (
+        Estimator(found).estimate(strain, NOMINAL, valid=valid, dynamic_pressure_std=0.0)
+        for found in (inverse_map, absolute)
+    )
     np.testing.assert_allclose(one.loads, other.loads, rtol=1e-9)
     np.testing.assert_allclose(one.load_covariance, other.load_covariance, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(one.chi_square, other.chi_square, rtol=1e-9)

@@ -52,7 +52,7 @@ def field_of(kind: str) -> PressureField:
     if kind.startswith("shape"):
         given |= {"parameters": {NAME: 1.0}, "parameters_std": {NAME: 0.1}}
     strain = strain + 0.5 * held.noise_std * np.sin(np.arange(n))
-    found = Estimator(held, zeros=zeros_of(held)).estimate(strain, 0.99 * q, np.arange(n) != 3, **given)
+    found = Estimator(held, zeros=zeros_of(held)).estimate(strain, 0.99 * q, valid=np.arange(n) != 3, **given)
     return found.pressure()
 
 
@@ -62,7 +62,9 @@ def further_numbers() -> np.ndarray:
     strain = held.mean_strain + held.noise_std * np.sin(np.arange(3 * 27).reshape(3, 27))
     valid = np.arange(27) != np.array([[3], [30], [5]])
     q = np.array([3e4, np.nan, 5e4])
-    found = Estimator(held, zeros=zeros_of(held)).estimate(strain, q, valid, [np.nan, np.nan, 500.0])
+    found = Estimator(held, zeros=zeros_of(held)).estimate(
+        strain, q, valid=valid, dynamic_pressure_std=[np.nan, np.nan, 500.0]
+    )
     assert np.isnan(found.other_coefficients[1]).all()
     assert np.isnan(found.other_coefficients_std[1]).all()
     loads, coefficients = found.other_loads[:, :4], found.other_coefficients[[0, 2], :4]

@@ -35,7 +35,7 @@ def test_sigma_covers_flights_between_the_snapshots(
     valid = np.ones(inverse_map.n_gauges, dtype=bool)
     valid[[3, 17]] = False
     for used in (None, valid):
-        found = Estimator(inverse_map).estimate(strain, q, used)
+        found = Estimator(inverse_map).estimate(strain, q, valid=used)
         fields = [found[row].pressure() for row in range(len(net))]
         error = np.array([one.pressure for one in fields]) - net
         sigma = np.array([one.std for one in fields])
@@ -66,11 +66,11 @@ def test_no_number_depends_on_a_lost_gauge(inverse_map: InverseMap) -> None:
     for value in (0.0, 1e-3, np.nan):
         strain = inverse_map.mean_strain.copy()
         strain[5] = value
-        fields.append(estimator.estimate(strain, q, valid).pressure())
+        fields.append(estimator.estimate(strain, q, valid=valid).pressure())
     for one in fields[1:]:
         np.testing.assert_array_equal(one.pressure, fields[0].pressure)
         np.testing.assert_array_equal(one.std, fields[0].std)
-    nothing = estimator.estimate(strain, q, np.zeros(inverse_map.n_gauges, dtype=bool)).pressure()
+    nothing = estimator.estimate(strain, q, valid=np.zeros(inverse_map.n_gauges, dtype=bool)).pressure()
     assert np.all(np.isnan(nothing.pressure))
     assert np.all(np.isnan(nothing.std))
 

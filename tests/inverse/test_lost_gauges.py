@@ -234,7 +234,7 @@ def test_loads_without_the_gauge_blamed_are_those_of_a_healthy_map(inverse_map: 
     clean = np.ones(N_GAUGES, dtype=bool)
     clean[gauge] = False
     q = inverse_map.nominal_dynamic_pressure
-    masked_std = estimator.estimate(inverse_map.mean_strain, q, clean).loads_std
+    masked_std = estimator.estimate(inverse_map.mean_strain, q, valid=clean).loads_std
     strain, loads = drawn_strain(inverse_map, 1000, 11)
     strain[:, gauge] += 10.0 * inverse_map.noise_std[gauge]
     keep = np.ones(strain.shape, dtype=bool)

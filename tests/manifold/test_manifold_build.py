@@ -131,7 +131,7 @@ def test_flights_between_the_snapshots_are_found(
     loads = load_operator(structure.surface, vehicle.reference_quantities().moment_station)
     true = snapshot_coefficients(vehicle, held_out, loads)
     error = found.coefficients - true
-    linear = estimator.linear.estimate(strain, q, None, 0.0)
+    linear = estimator.linear.estimate(strain, q, dynamic_pressure_std=0.0)
     rms, of_linear = (np.sqrt(np.mean(one**2, axis=0)) for one in (error, linear.coefficients - true))
     assert np.all(rms < 0.5 * of_linear)
     assert np.mean(np.abs(error) <= 3.0 * found.coefficients_std) > 0.98

@@ -67,7 +67,7 @@ def estimate(estimator: Estimator, flights: Flights, valid: np.ndarray | None = 
     return estimator.estimate(
         flights.strain,
         flights.dynamic_pressure,
-        valid,
+        valid=valid,
         mach_number=flights.mach_number,
         altitude=20e3,
         q_source="independent",

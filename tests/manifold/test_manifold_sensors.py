@@ -113,7 +113,7 @@ def estimated(inverse_map: InverseMap, flown: Flights, *without: str) -> Estimat
     found = Estimator(inverse_map).estimate(
         flown.readings,
         flown.dynamic_pressure,
-        np.array([not name.startswith(without) for name in inverse_map.gauge_names]),
+        valid=np.array([not name.startswith(without) for name in inverse_map.gauge_names]),
         dynamic_pressure_std=0.0,
         mach_number=flown.mach_number,
         static_pressure=flown.static_pressure,

@@ -115,7 +115,7 @@ def test_flights_between_the_snapshots_are_found() -> None:
     mach = np.array([one.mach_number for one in conditions]) + 0.05 * random.standard_normal(len(q))
     estimator = Estimator(inverse_map())
     found = estimator.estimate(strain, q, dynamic_pressure_std=0.0, mach_number=mach, altitude=ALTITUDE)
-    linear = estimator.linear.estimate(strain, q, None, 0.0)
+    linear = estimator.linear.estimate(strain, q, dynamic_pressure_std=0.0)
     error = found.coefficients - true
     rms, of_linear = (np.sqrt(np.mean(one**2, axis=0)) for one in (error, linear.coefficients - true))
     assert np.all(rms < 1.5 * of_linear)  # which expects no pressure off the snapshots
@@ -150,7 +150,7 @@ def test_the_level_of_the_pressure_is_that_of_the_tables() -> None:
         off = np.abs(found.coefficients[:, 0] - true)
         assert np.all((off <= 3.0 * found.coefficients_std[:, 0]) | (found.health != HealthState.OK))
         if level == 0.0:
-            linear = estimator.linear.estimate(readings(flow) + noise, q, None)
+            linear = estimator.linear.estimate(readings(flow) + noise, q)
             assert np.mean(off) < np.mean(np.abs(linear.coefficients[:, 0] - true))
 
 
@@ -196,7 +196,7 @@ def test_a_lost_gauge_is_that_of_tables_without_it() -> None:
     strain = readings(snapshots)[:6]
     q = np.array([one.dynamic_pressure for one in snapshots.conditions()])[:6]
     valid = np.isin(np.arange(N_D), kept)
-    masked = Estimator(inverse_map()).estimate(strain, q, valid, mach_number=6.5)
+    masked = Estimator(inverse_map()).estimate(strain, q, valid=valid, mach_number=6.5)
     rebuilt = without.estimate(strain[:, kept], q, mach_number=6.5)
     np.testing.assert_allclose(masked.coefficients, rebuilt.coefficients, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(masked.coefficients_std, rebuilt.coefficients_std, rtol=1e-6)
@@ -231,7 +231,7 @@ def test_the_pressure_between_the_snapshots_is_found(tmp_path: Path) -> None:
     for row, condition in enumerate(snapshots.conditions()[:10]):
         strain = readings(snapshots)[row] + inverse_map().noise_std * random.standard_normal(N_D)
         flow = {"mach_number": condition.mach_number, "altitude": ALTITUDE}
-        found = estimator.estimate(strain, condition.dynamic_pressure, np.arange(N_D) != row, **flow)
+        found = estimator.estimate(strain, condition.dynamic_pressure, valid=np.arange(N_D) != row, **flow)
         field = found.pressure()
         np.testing.assert_allclose(found.pressure(with_std=False).pressure, field.pressure, rtol=1e-9)
         off.append(np.abs(field.pressure - snapshots.pressure[row]) / field.std)

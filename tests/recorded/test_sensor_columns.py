@@ -65,7 +65,7 @@ def drawn() -> tuple[np.ndarray, np.ndarray]:
 
 def expected_of(rows: np.ndarray) -> Estimate:
     valid = np.isfinite(rows) & (np.abs(rows) <= LARGEST)
-    return Estimator(plain_map()).estimate(rows, NOMINAL, valid)
+    return Estimator(plain_map()).estimate(rows, NOMINAL, valid=valid)
 
 
 def check(output: Path, expected: Estimate, rtol: float = 1e-8) -> None:

@@ -111,7 +111,7 @@ def estimated_at(
     return estimator.estimate(
         strain * estimator.inverse_map.sensors.scale,
         dynamic,
-        valid,
+        valid=valid,
         mach_number=mach,
         static_pressure=static,
         q_source=QSource.INDEPENDENT,

@@ -8,11 +8,12 @@ axes of b = 0: their side force is the body's.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, float_or_array
 from strainfmu.estimator.estimates.load_estimate import ShownEstimate
 
 
@@ -24,19 +25,19 @@ class TurnedCoefficients:
     std: FloatArray
 
     @property
-    def C_D(self) -> FloatArray:
+    def C_D(self) -> Any:
         """Drag coefficient [1], positive along the wind."""
-        return self.values[..., 0]
+        return float_or_array(self.values[..., 0])
 
     @property
-    def C_S(self) -> FloatArray:
+    def C_S(self) -> Any:
         """Side force coefficient [1] of these axes, positive to starboard."""
-        return self.values[..., 1]
+        return float_or_array(self.values[..., 1])
 
     @property
-    def C_L(self) -> FloatArray:
+    def C_L(self) -> Any:
         """Lift coefficient [1], positive up."""
-        return self.values[..., 2]
+        return float_or_array(self.values[..., 2])
 
 
 def in_wind_axes(

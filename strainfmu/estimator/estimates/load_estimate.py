@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, float_or_array
 from strainfmu.estimator.other_loads import LoadGroup
 
 
 class NamedLoads:
-    """Loads and coefficients by name: views of the last axis of ``loads`` and ``coefficients`` (.., 5), and of the
-    other ones (.., m), the first of which is the rolling moment."""
+    """Loads and coefficients by name, a float of one sample and (k,) of k: the last axis of ``loads`` and
+    ``coefficients`` (.., 5), and of the other ones (.., m), the first of which is the rolling moment."""
 
     loads: FloatArray
     coefficients: FloatArray
@@ -19,64 +19,64 @@ class NamedLoads:
     other_coefficients: FloatArray
 
     @property
-    def axial_force(self) -> FloatArray:
+    def axial_force(self) -> Any:
         """F_x [N], positive aft, of the fore-body."""
-        return self.loads[..., 0]
+        return float_or_array(self.loads[..., 0])
 
     @property
-    def normal_force(self) -> FloatArray:
+    def normal_force(self) -> Any:
         """F_z [N], positive up."""
-        return self.loads[..., 1]
+        return float_or_array(self.loads[..., 1])
 
     @property
-    def side_force(self) -> FloatArray:
+    def side_force(self) -> Any:
         """F_y [N], positive to starboard."""
-        return self.loads[..., 2]
+        return float_or_array(self.loads[..., 2])
 
     @property
-    def pitching_moment(self) -> FloatArray:
+    def pitching_moment(self) -> Any:
         """Moment about y [N m], positive nose-up."""
-        return self.loads[..., 3]
+        return float_or_array(self.loads[..., 3])
 
     @property
-    def yawing_moment(self) -> FloatArray:
+    def yawing_moment(self) -> Any:
         """Moment about z [N m], positive nose to starboard."""
-        return self.loads[..., 4]
+        return float_or_array(self.loads[..., 4])
 
     @property
-    def C_A(self) -> FloatArray:
+    def C_A(self) -> Any:
         """Coefficient of the axial force [1]."""
-        return self.coefficients[..., 0]
+        return float_or_array(self.coefficients[..., 0])
 
     @property
-    def C_N(self) -> FloatArray:
+    def C_N(self) -> Any:
         """Coefficient of the normal force [1]."""
-        return self.coefficients[..., 1]
+        return float_or_array(self.coefficients[..., 1])
 
     @property
-    def C_Y(self) -> FloatArray:
+    def C_Y(self) -> Any:
         """Coefficient of the side force [1]."""
-        return self.coefficients[..., 2]
+        return float_or_array(self.coefficients[..., 2])
 
     @property
-    def M_P(self) -> FloatArray:
+    def M_P(self) -> Any:
         """Coefficient of the pitching moment [1]."""
-        return self.coefficients[..., 3]
+        return float_or_array(self.coefficients[..., 3])
 
     @property
-    def M_Y(self) -> FloatArray:
+    def M_Y(self) -> Any:
         """Coefficient of the yawing moment [1]."""
-        return self.coefficients[..., 4]
+        return float_or_array(self.coefficients[..., 4])
 
     @property
-    def rolling_moment(self) -> FloatArray:
+    def rolling_moment(self) -> Any:
         """Moment about x [N m], positive with starboard going down; known to be zero for a body of revolution."""
-        return self.other_loads[..., 0]
+        return float_or_array(self.other_loads[..., 0])
 
     @property
-    def M_R(self) -> FloatArray:
+    def M_R(self) -> Any:
         """Coefficient of the rolling moment [1], C_l of the literature."""
-        return self.other_coefficients[..., 0]
+        return float_or_array(self.other_coefficients[..., 0])
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,7 @@ def samples(inverse_map: InverseMap, k: int, seed: int = 1) -> np.ndarray:
     return strain
 
 
+NAMES = ("valid", "dynamic_pressure_std")
 FIELDS = ("loads", "loads_std", "load_covariance", "coefficients", "coefficients_std", "coefficient_covariance")
 FIELDS += ("health", "chi_square", "chi_square_limit", "degrees_of_freedom", "envelope_score", "residual_limit")
 FIELDS += ("valid", "standardised_residual", "suspects", "fits", "other_loads", "other_coefficients_std")
@@ -65,8 +66,9 @@ def test_series_is_its_samples(name: str) -> None:
     valid = random.random((k, inverse_map.n_gauges)) < 0.97
     valid[7] = False
     for estimator in (Estimator(inverse_map), Estimator(inverse_map, settings)):
-        found = estimator.estimate(strain, q, valid, q_std)
-        expected = [estimator.estimate(*row) for row in zip(strain, q, valid, q_std, strict=True)]
+        found = estimator.estimate(strain, q, valid=valid, dynamic_pressure_std=q_std)
+        rows = zip(strain, q, valid, q_std, strict=True)
+        expected = [estimator.estimate(d, p, valid=used, dynamic_pressure_std=std) for d, p, used, std in rows]
         assert_equal(found, expected)
         assert {HealthState.INVALID, HealthState.NO_COEFFICIENTS} <= {HealthState(h) for h in found.health}
 
@@ -95,8 +97,8 @@ def test_arguments_serve_all_samples_or_each() -> None:
     estimator, strain = Estimator(inverse_map), samples(inverse_map, 5)
     mask = np.arange(N_GAUGES) != 2
     one, each = (
-        estimator.estimate(strain, Q, mask, 1e3),
-        estimator.estimate(strain, np.full(5, Q), [mask] * 5, [1e3] * 5),
+        estimator.estimate(strain, Q, valid=mask, dynamic_pressure_std=1e3),
+        estimator.estimate(strain, np.full(5, Q), valid=[mask] * 5, dynamic_pressure_std=[1e3] * 5),
     )
     np.testing.assert_array_equal(one.coefficients_std, each.coefficients_std)
     np.testing.assert_array_equal(one.valid, each.valid)
@@ -131,7 +133,7 @@ def test_no_samples() -> None:
 )
 def test_wrong_arguments_are_refused(arguments: tuple[object, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Estimator(random_map()).estimate(*arguments)
+        Estimator(random_map()).estimate(*arguments[:2], **dict(zip(NAMES, arguments[2:], strict=False)))
 
 
 def test_names_are_views_of_the_arrays() -> None:

@@ -159,7 +159,9 @@ def by_core(inverse_map: InverseMap, samples: Samples) -> Estimate:
         more["temperature"] = samples.temperature
     if inverse_map.has_auxiliary_sensors:
         more["thrust"] = samples.thrust
-    return estimator.estimate(samples.readings, samples.pressure, samples.valid, samples.pressure_std, **more)
+    return estimator.estimate(
+        samples.readings, samples.pressure, valid=samples.valid, dynamic_pressure_std=samples.pressure_std, **more
+    )
 
 
 def by_reference(inverse_map: InverseMap, samples: Samples) -> Iterator[tuple[np.ndarray, linear.LinearEstimate]]:

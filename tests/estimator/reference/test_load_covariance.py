@@ -102,7 +102,7 @@ def test_every_part_of_the_gain_is_needed(gamma: float, lost: tuple[int, ...]) -
     rest = model.without(~keep)
     of_residual = np.linalg.solve(rest.noise_covariance, rest.strain_load_covariance).T
     of_states = rest.load_per_state @ rest.gain()
-    found = Estimator(map_of(model)).estimate(strain, 1.2e5, keep)
+    found = Estimator(map_of(model)).estimate(strain, 1.2e5, valid=keep)
 
     def rms(of: np.ndarray) -> np.ndarray:
         return np.asarray(np.sqrt(np.mean((of - loads) ** 2, axis=0)) / found.loads_std[0])

@@ -37,8 +37,8 @@ def test_absolute_map_is_that_of_the_larger_noise(gamma: float) -> None:
     ours, theirs = Estimator(map_of(model)).with_zeros(zeros), Estimator(map_of(larger))
     strain = model.draw(20, seed=3)[0]
     for valid in (np.ones(14, dtype=bool), np.arange(14) != 5):
-        a = ours.estimate(strain + zeros.value, Q, valid)
-        b = theirs.estimate(strain, Q, valid)
+        a = ours.estimate(strain + zeros.value, Q, valid=valid)
+        b = theirs.estimate(strain, Q, valid=valid)
         np.testing.assert_allclose(a.loads, b.loads, rtol=1e-9)
         np.testing.assert_allclose(a.load_covariance, b.load_covariance, rtol=1e-7, atol=1e-9)
         np.testing.assert_allclose(a.chi_square, b.chi_square, rtol=1e-8)

@@ -52,7 +52,9 @@ def started(location: str, n: int) -> LinearFmu:
 def tracked(estimator: Estimator, sample: LinearSample, time: float = 0.0, **known: Any) -> Estimate:
     """The same step in Python."""
     deviation = sample.deviation if sample.deviation > 0.0 else np.nan
-    return estimator.track(sample.strain, sample.pressure, sample.valid, deviation, time=time, **known)
+    return estimator.track(
+        sample.strain, sample.pressure, valid=sample.valid, dynamic_pressure_std=deviation, time=time, **known
+    )
 
 
 def test_outputs_follow_what_is_set_without_a_step(fmu: LinearFmu, inverse_map: InverseMap) -> None:

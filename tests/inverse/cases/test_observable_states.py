@@ -44,7 +44,7 @@ def test_every_output_stays_with_gauges_lost_too(
     for lost in ((), (3,), (0, 17, 40), tuple(range(40))):
         valid = np.ones(54, dtype=bool)
         valid[list(lost)] = False
-        expected, found = (one.estimate(strain, Q, valid) for one in estimators)
+        expected, found = (one.estimate(strain, Q, valid=valid) for one in estimators)
         size = expected.loads_std
         np.testing.assert_allclose(found.loads, expected.loads, rtol=0.0, atol=1e-9 * np.abs(expected.loads).max())
         np.testing.assert_allclose(

@@ -77,7 +77,7 @@ class FieldMessages:
             found = self._estimator.track(
                 np.append(result.strain, readings),
                 result.dynamic_pressure,
-                np.append(result.valid, np.isfinite(readings)),
+                valid=np.append(result.valid, np.isfinite(readings)),
                 mach_number=result.mach_number,
                 altitude=result.altitude,
                 **self._other_inputs(given),
