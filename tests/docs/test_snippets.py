@@ -201,9 +201,9 @@ def test_page_with_what_takes_long(name: str, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_options_of_the_readmes_commands_reach_the_map(folder: Path) -> None:
+def test_options_of_commands_reach_the_map(folder: Path) -> None:
     """Snapshots, structure and map, each by its own command as written; what they were made with is in the map."""
-    (chain,) = [s for s in PAGES["README.md"] if "strainfmu structure" in s.text]
+    (chain,) = [s for s in PAGES["docs/howto/bring_mesh.md"] if "strainfmu snapshots" in s.text]
     run_shell(chain, folder, environment())
     found = load_inverse_map(folder / "coarse" / "map.h5").provenance
     assert "--set P1 --grid coarse" in chain.text
