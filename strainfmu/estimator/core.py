@@ -1,19 +1,14 @@
 """The compiled estimator: its library, and a handle on one map.
 
 The library is the one that native FMUs carry, ``fmus/native/binaries``; ``strainload.h`` documents its functions.
-Where a platform has none, the sources are compiled once by the system's compiler and kept in the user's cache.
+Where a platform has none, or one of other sources, :mod:`strainfmu.estimator.development_library` makes one.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
-import os
 import platform
-import shutil
-import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from enum import IntEnum
 from functools import cache
@@ -24,8 +19,10 @@ from types import MappingProxyType
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.library_sources import BESIDE, BINARIES, LIBRARIES, library_digest, require_digest
+from strainfmu.errors import InputError
+from strainfmu.estimator.development_library import SUFFIX, development_library
+from strainfmu.estimator.development_library import NoCoreError as NoCoreError
+from strainfmu.estimator.library_sources import BINARIES, is_of_sources, library_digest
 
 VERSION = 4
 """``SL_VERSION`` of the library that this file calls."""
@@ -34,8 +31,6 @@ LIBRARIES_OF_FMU = "native"
 """Folder in ``resources/`` of an FMU of the Python kind, which carries libraries and a copy of this package."""
 
 _TEXT_SIZE = 256
-_FLAGS = ("-std=c99", "-O2", "-DNDEBUG", "-ffp-contract=off", "-fno-math-errno", "-fvisibility=hidden", "-shared")
-_SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
 class Record(IntEnum):
@@ -64,10 +59,6 @@ class Series(IntEnum):
 
 class _Field(ctypes.Structure):
     _fields_ = (("name", ctypes.c_char * 64), ("first", ctypes.c_size_t), ("count", ctypes.c_size_t))
-
-
-class NoCoreError(StrainfmuError):
-    """No library of the compiled estimator serves this machine, and none can be compiled."""
 
 
 Layout = Mapping[str, slice]
@@ -321,23 +312,26 @@ class Core:
 def library() -> ctypes.CDLL:
     """Return the library of the compiled estimator for this machine.
 
+    It is the shipped one if that was built from the installed C sources, else one that is made of them.
+
     Raises
     ------
     NoCoreError
-        None is shipped for this machine, and there is no compiler to make one.
-    InputError
-        The shipped one was built from other C sources than the installed ones.
+        No library serves this machine, and there is no compiler to make one.
     """
-    path, fault = library_file(), "none is shipped for it"
+    path, reason = library_file(), f"no library for {sys.platform} {platform.machine()}"
     if path.exists():
-        if path.parents[1].name == BINARIES:  # an FMU has it elsewhere, and not all sources
-            digest = library_digest("estimator", path.parents[2])
-            require_digest(path.read_bytes(), digest, path.parent.name, "estimator")
+        native = path.parents[2]
+        is_fmu = path.parents[1].name != BINARIES  # which has the library alone
+        digest = "" if is_fmu else library_digest("estimator", native)
+        if not is_of_sources(path.read_bytes(), digest):
+            reason = f"{native.name}/{BINARIES}/{path.parent.name} has a library of other C sources"
+            return _declared(ctypes.CDLL(str(development_library(native, reason))))
         try:
             return _declared(ctypes.CDLL(str(path)))
         except OSError as error:  # of another C library, musl
-            fault = str(error)
-    return _declared(ctypes.CDLL(str(_compiled(fault))))
+            reason += f" ({error})"
+    return _declared(ctypes.CDLL(str(development_library(_native_folder(), reason))))
 
 
 def library_file() -> Path:
@@ -350,7 +344,7 @@ def library_file() -> Path:
         ("darwin", "x86_64"): "darwin64",
         ("darwin", "arm64"): "darwin64",
     }.get((sys.platform, machine), f"{sys.platform}-{machine}")
-    name = Path(folder) / f"estimator{_SUFFIX}"
+    name = Path(folder) / f"estimator{SUFFIX}"
     of_fmu = Path(__file__).parents[2] / LIBRARIES_OF_FMU
     return (of_fmu if of_fmu.is_dir() else _native_folder() / BINARIES) / name
 
@@ -385,52 +379,9 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
     return found
 
 
-def _compiled(fault: str) -> Path:
-    """Return the library that the system's compiler makes of the sources, which is kept in the user's cache."""
-    native = _native_folder()
-    sources = [
-        file
-        for part in (*LIBRARIES["estimator"], *BESIDE["estimator"])
-        for file in sorted((native / part).rglob("*.[ch]"))
-    ]
-    digest = hashlib.sha256(" ".join((*_FLAGS, platform.machine())).encode())
-    for source in sources:
-        digest.update(source.read_bytes())
-    target = _cache_folder() / f"estimator-{digest.hexdigest()[:24]}{_SUFFIX}"
-    if target.exists():
-        return target
-    names = (os.environ.get("CC"), "cc", "gcc", "clang")
-    compiler = next((found for name in names if name and (found := shutil.which(name))), None)
-    if compiler is None:
-        raise NoCoreError(
-            f"the compiled estimator: no library for {sys.platform} {platform.machine()} ({fault}) and no C"
-            " compiler (CC, cc, gcc, clang) found: install one"
-        )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    files = [str(source) for source in sources if source.suffix == ".c"]
-    position_independent = () if sys.platform == "win32" else ("-fPIC",)
-    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
-        made = Path(folder) / target.name
-        command = [compiler, *_FLAGS, *position_independent, *files, "-o", str(made), "-lm"]
-        finished = subprocess.run(command, capture_output=True, text=True, check=False)
-        if finished.returncode != 0:
-            last = (finished.stderr.strip().splitlines() or ["no message"])[-1]
-            raise NoCoreError(f"the compiled estimator: {compiler} failed: {last}")
-        made.replace(target)
-    return target
-
-
 def _native_folder() -> Path:
     """Return the folder of the C sources and of the libraries."""
     try:
         return Path(str(resources.files("fmus"))) / "native"
     except ModuleNotFoundError:
         raise NoCoreError(f"the compiled estimator: no library for {sys.platform} {platform.machine()}") from None
-
-
-def _cache_folder() -> Path:
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "strainfmu"

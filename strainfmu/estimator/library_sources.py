@@ -1,7 +1,7 @@
 """The C sources of each compiled library, and the digest of them that a library carries.
 
-The build compiles the digest in, after :data:`MARK`. A checkout or an installation has sources too: a library of
-other sources is refused.
+The build compiles the digest in, after :data:`MARK`. A checkout or an installation has sources too: no FMU gets a
+library of other ones, and Python loads none.
 """
 
 from __future__ import annotations
@@ -68,6 +68,11 @@ def library_digest(library: str, native: Path) -> str:
     return sources_digest(sources) if sources else ""
 
 
+def is_of_sources(content: bytes, digest: str) -> bool:
+    """Return whether the library ``content`` carries ``digest``, "" for any."""
+    return not digest or set(_MARKED.findall(content)) == {digest.encode()}
+
+
 def require_digest(content: bytes, digest: str, platform: str, library: str) -> None:
     """Refuse a library for ``platform`` whose ``content`` carries another digest than ``digest``, "" for any.
 
@@ -76,7 +81,7 @@ def require_digest(content: bytes, digest: str, platform: str, library: str) -> 
     InputError
         It was built from other sources, or by a build that compiles no digest in.
     """
-    if digest and set(_MARKED.findall(content)) != {digest.encode()}:
+    if not is_of_sources(content, digest):
         raise InputError(
             f"fmus/native/{BINARIES}/{platform}/{library}: expected a library of the C sources in fmus/native, got"
             f" one of other sources; build it: python -m strainfmu.fmu.native.build {platform}"

@@ -1,22 +1,26 @@
-"""A compiled library carries the digest of its C sources: one of other sources is neither loaded nor exported."""
+"""A library carries the digest of its C sources: of other ones Python makes its own, and no FMU gets it."""
 
 from __future__ import annotations
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from raw_fmu import this_platform
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import core
+from strainfmu.estimator import core, development_library
+from strainfmu.estimator.development_library import NoCoreError
 from strainfmu.estimator.library_sources import LIBRARIES, MARK, library_digest
 from strainfmu.fmu.native import package
 from strainfmu.fmu.native.build import NATIVE, PLATFORMS, library_file
 
 pytestmark = pytest.mark.fast
 
-HEALTH = "estimator/linear/linear.c"
+HEALTH, SOUND = "estimator/linear/linear.c", "? OK : DEGRADED"
 REFUSED = (
     rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native,"
     rf" got one of other sources; build it: python -m strainfmu\.fmu\.native\.build {this_platform()}$"
@@ -40,24 +44,73 @@ def edit(native: Path) -> None:
     (native / HEALTH).write_text(text.replace("health_state", "state_of_health"))
 
 
-def load() -> None:
-    core.library.__wrapped__()
+def load() -> str:
+    """Return the path of the library that Python loads."""
+    return str(core.library.__wrapped__()._name)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    monkeypatch.setenv("LOCALAPPDATA", str(cache))
 
 
 def test_a_library_of_its_sources_is_loaded(native: Path) -> None:
-    load()
+    assert load() == str(core.library_file())
 
 
-def test_a_library_of_other_sources_is_not_loaded(native: Path) -> None:
-    edit(native)
-    with pytest.raises(InputError, match=REFUSED):
-        load()
-
-
-def test_a_library_without_a_digest_is_not_loaded(native: Path) -> None:
+def test_of_other_sources_a_library_is_made_once(
+    native: Path, cache: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A changed file is compiled by itself; back to the old text, nothing is."""
     path = core.library_file()
     path.write_bytes(path.read_bytes().replace(MARK.encode(), b"?" * len(MARK)))
-    with pytest.raises(InputError, match=REFUSED):
+    first = load()
+    assert Path(first).is_relative_to(cache)
+    assert "has a library of other C sources; compiling" in capsys.readouterr().err
+    objects = set(cache.rglob("*.o"))
+    edit(native)
+    second = load()
+    assert len(set(cache.rglob("*.o")) - objects) == 1
+    capsys.readouterr()
+    assert (load(), capsys.readouterr().err) == (second, "")
+    assert first != second
+
+
+def test_an_edited_rule_of_health_is_what_python_says(tmp_path: Path, cache: Path) -> None:
+    """A copy of the checkout in which health_state says SUSPECT: an estimate of a new interpreter is SUSPECT."""
+    for part in ("strainfmu", "fmus"):
+        shutil.copytree(NATIVE.parents[1] / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
+    source = tmp_path / "fmus" / "native" / HEALTH
+    text = source.read_text()
+    assert SOUND in text
+    source.write_text(text.replace(SOUND, SOUND.replace("OK", "SUSPECT")))
+    program = (
+        "import strainfmu; from random_map import map_of, random_model;"
+        "m = map_of(random_model(gamma=1.0, n_gauges=27, n_states=12));"
+        "print(strainfmu.__file__, strainfmu.Estimator(m).estimate(m.mean_strain, 1e5).health.name)"
+    )
+    support = NATIVE.parents[1] / "tests" / "support"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(support)])}
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+    file, state = done.stdout.split()
+    assert Path(file).is_relative_to(tmp_path)
+    assert state == "SUSPECT"
+
+
+def test_without_a_compiler_one_line_says_what_to_install(native: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    edit(native)
+    monkeypatch.setattr(development_library.shutil, "which", lambda name: None)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
+    with pytest.raises(
+        NoCoreError, match=r"^the compiled estimator: native/binaries/\S+ has a library of other C "
+    ):
         load()
 
 

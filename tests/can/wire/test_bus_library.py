@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,6 +53,7 @@ def without_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setitem(sys.modules, "ziglang", None)
     caches = (core.library, compiled._library)
     for cached in caches:
         cached.cache_clear()
@@ -62,5 +64,7 @@ def without_library(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator
 
 @pytest.mark.usefixtures("without_library")
 def test_a_machine_without_library_and_compiler_has_no_bridge() -> None:
-    with pytest.raises(NoCoreError, match=r"^the compiled estimator: no library for .* found: install one$"):
+    with pytest.raises(
+        NoCoreError, match=r"^the compiled estimator: no library .* found: install one, or ziglang$"
+    ):
         Reception(layout_of("fd64"), BridgeSettings())
