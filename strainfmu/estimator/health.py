@@ -23,8 +23,8 @@ class HealthState(IntEnum):
     them; in form "dynamic_pressure" nothing is known without q_inf."""
     INVALID = 3
     """No gauge gives a valid strain, or all that do read exactly zero in a flow, as no gauge under load does:
-    nothing can be computed. The linear estimator takes a dynamic pressure for a flow, the nonlinear one any
-    sample."""
+    nothing can be computed, and a filter holds the last loads, with growing sigmas. The linear estimator takes a
+    dynamic pressure for a flow, the nonlinear one any sample."""
     DEGRADED = 4
     """Gauges are missing or, of the nonlinear estimator, navigation is left out; the rest identifies the state,
     fits a known pressure, and sigma has grown accordingly. Or matrices for other standard deviations of zero

@@ -75,7 +75,7 @@ SHOWN: dict[tuple[str, str, str], Callable[[Results], bool]] = {
         np.ptp(np.log(r["air_data_std"][:, 4])) > np.log(10.0)
     ),
     ("revolution", "coasting", "filter"): lambda r: (
-        health(r, "DEGRADED", 8, 18) and not np.isnan(r["loads"][8:18]).any() and health(r, "INVALID", 48, 52)
+        health(r, "INVALID", 8, 18) and not np.isnan(r["loads"][8:18]).any() and health(r, "INVALID", 48, 52)
     ),
     ("few_gauges", "one_gauge_off", "each"): lambda r: len(suspected(r, "SUSPECT")) > 3,
     ("twin_gauges", "one_gauge_off", "each"): lambda r: bool(

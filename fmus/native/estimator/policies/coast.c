@@ -110,6 +110,5 @@ void flight_coast(Flight *flight, Filter *filter, double time) {
     coefficient_scales(flight->real[AIR_DYNAMIC], scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
     set_loads(flight, filter, by_pressure, scale, spread);
     set_other_loads(flight, filter, outer, by_pressure, scale, spread);
-    flight->output[HEALTH_STATE] = DEGRADED;
     filter->coasts = 1;
 }
