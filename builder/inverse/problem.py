@@ -21,6 +21,7 @@ from builder.inverse.noise.inertia import inertia_errors, inertia_map, inertia_t
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
 from builder.inverse.noise.mesh_error import MeshError, mesh_error
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
+from builder.inverse.noise.recorder import reading_std, recorder_terms, scan_errors
 from builder.inverse.noise.thermal import (
     modulus_std,
     thermal_map,
@@ -42,7 +43,7 @@ AnyStructure = StructuralModel | MappedStructure
 
 
 def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> FloatArray:
-    """Return the covariance (n_d, n_d) of the noise of the gauges in use [(m/m)^2].
+    """Return the covariance (n_d, n_d) of the noise of the gauges in use and of their recorder [(m/m)^2].
 
     Relative noise is a fraction of the median |strain| over the snapshots, at their own pressure level and as they
     are listed, and the gauges of ``noise.of_layout``.
@@ -58,7 +59,10 @@ def gauge_noise_covariance(vehicle: Vehicle, snapshots: Snapshots, structure: An
         inside = np.array([vehicle.internal_pressure(condition) for condition in snapshots.conditions()])
         net = snapshots.pressure - inside[:, None]
         median = float(np.median(np.abs(net @ structure.strain_operator(entry.of_layout or layout).T)))
-    return gauge_covariance(entry, len(structure.layouts[layout].names), median, vehicle.beside(""))
+    n_d = len(structure.layouts[layout].names)
+    return gauge_covariance(entry, n_d, median, vehicle.beside("")) + np.diag(
+        np.sum([one**2 for one in reading_std(vehicle.recorder, n_d).values()], axis=0)
+    )
 
 
 def check_noise(vehicle: Vehicle) -> None:
@@ -74,6 +78,7 @@ def check_noise(vehicle: Vehicle) -> None:
     entry, layout = vehicle.noise, vehicle.gauges.layout
     names = structure_case(vehicle, [layout]).layouts[layout].name
     gauge_covariance(entry, len(names), 1.0, vehicle.beside(""))
+    reading_std(vehicle.recorder, len(names))
     if entry.nuisance_file is not None:
         nuisance_terms(vehicle.beside(entry.nuisance_file), names)
 
@@ -112,7 +117,10 @@ def noise_terms(
     nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), structure.layouts[layout].names)
     own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
     z_p = structure.strain_operator(layout)
-    return [own, *nuisance, *hardware_terms(vehicle, errors, ensemble, z_p)]
+    along = mesh_of(structure.surface).point[:, 0]
+    aft = (structure.layouts[layout].position[:, 0] - along.min()) / np.ptp(along)
+    recorder = recorder_terms(vehicle.recorder, aft)
+    return [own, *nuisance, *recorder, *hardware_terms(vehicle, errors, ensemble, z_p)]
 
 
 def inverse_problem(
@@ -146,6 +154,7 @@ def inverse_problem(
     inertia = inertia_map(vehicle, by_inertia)
     errors = hardware_errors(vehicle, structure, z_p, ensemble, modulus_std=modulus_std(thermal))
     errors += [*left, *inertia_errors(vehicle, by_inertia, ensemble, structure.surface)]
+    errors += scan_errors(vehicle.recorder, z_p, ensemble)
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [

@@ -13,7 +13,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import error_model
-from builder.inverse.noise.inertia import with_rest
+from builder.inverse.noise.inertia import inertia_in_words, with_rest
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.noise.thermal import NAME as TEMPERATURE_MODES
 from builder.inverse.noise.thermal import with_isothermal
@@ -136,6 +136,7 @@ def _provenance(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
 ) -> dict[str, Any]:
     conditions, ensemble, names = snapshots.conditions(), problem.ensemble, snapshots.parameter_names
+    recorder = vehicle.recorder.model_dump(exclude_defaults=True)
     return {
         "strainfmu_version": __version__,
         "layout": vehicle.gauges.layout,
@@ -149,6 +150,8 @@ def _provenance(
             {"name": one.name, "share": one.fraction, "rms_strain": one.rms_strain}
             for one in solution.noise.fractions()
         ],
+        "inertia": inertia_in_words(vehicle),
+        **({"recorder": recorder} if recorder else {}),
         "internal_pressure_Pa": vehicle.structure.internal_pressure_Pa,
         **condition_ranges(conditions),
         **({"parameters": parameter_ranges(names, conditions)} if names else {}),

@@ -281,7 +281,7 @@ def map_from(
     )
     if solid is not None and "mesh_error" not in held:
         reporter.note(mesh_error_line(solid, noise_std))
-    for line in mesh_error_notes(held):
+    for line in (*mesh_error_notes(held), f"inertia: {held['inertia']}"):
         reporter.note(line)
     return inverse_map
 

@@ -17,6 +17,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from builder.vehicle.conditions.entries import Conditions
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.gauges.entries import Gauges
+from builder.vehicle.gauges.recorder import Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
@@ -61,6 +62,7 @@ class Vehicle(Section):
     noise: Noise
     map: MapEntry
     sensors: Sensors | None = None
+    recorder: Recorder = Recorder()
     calibration: Calibration = Calibration()
     temperature: Temperature | None = None
     mass: Mass | None = None

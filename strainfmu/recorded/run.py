@@ -39,6 +39,7 @@ from strainfmu.recorded.output.estimate_files import (
 )
 from strainfmu.recorded.output.field_series import FieldSeriesWriter, check_field_output, field_series_writer
 from strainfmu.recorded.output.plain_columns import HEALTH_COLUMN, plain_columns
+from strainfmu.recorded.recorder_errors import RecorderWatch
 from strainfmu.recorded.strains.data_checks import DataChecks
 from strainfmu.recorded.strains.strain_files import open_strains
 
@@ -188,7 +189,7 @@ def estimate_file(
             ]
             summary = EstimationSummary(unused=plan.unused, notes=notes)
             names = _columns(plan, estimator.other_columns, estimator.row_names if residuals else ())
-            made = filter_attributes(estimator)
+            made, watch = filter_attributes(estimator), RecorderWatch(data, static)
             plain = plain_columns(names) if columns == "plain" else None
             of_text = (SUSPECTS_COLUMN, FAULTS_COLUMN) if plain is None else (HEALTH_COLUMN,)
             with (
@@ -204,13 +205,14 @@ def estimate_file(
                     else:
                         writer.write(plain.rows(rows), {HEALTH_COLUMN: plain.health(rows)})
                     _count(summary, block, found=found, estimator=estimator)
+                    watch.add(block, found.health)
                     if series is not None and found.estimates is not None:
                         series.write_block(block.time, found.estimates)
                         summary.fields = series.steps
                     if progress is not None:
                         progress(done, opened.length)
                 summary.missing_strains = checks.missing
-                summary.notes += [*opened.remarks, *checks.notes()]
+                summary.notes += [*opened.remarks, *checks.notes(), *watch.notes()]
     return summary
 
 

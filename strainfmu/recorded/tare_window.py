@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.columns.column_names import QUANTITIES, STD, DateOrder, Wanted
 from strainfmu.recorded.columns.sensor_readings import recorded_readings
+from strainfmu.recorded.recorder_errors import disagreements, reading_errors
 from strainfmu.recorded.strains.strain_files import open_strains
 
 
@@ -58,17 +59,21 @@ def tare_file(
         The reader of its kind is not installed, or there is no compiled estimator.
     """
     path = Path(recording)
-    strain, pressure = _read(inverse_map, path, window, None if channels is None else Path(channels), date_order)
+    time, strain, pressure = _read(
+        inverse_map, path, window, None if channels is None else Path(channels), date_order
+    )
     try:
-        return Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
+        found = Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
+    of_recorder = disagreements(reading_errors(time, strain), inverse_map)
+    return replace(found, notes=(*found.notes, *of_recorder))
 
 
 def _read(
     inverse_map: InverseMap, path: Path, window: Window, channels: Path | None, date_order: DateOrder | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return strain (n, n_d) and q_inf (n,) in the window; NaN where the recording holds no q_inf."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return times (n,), strain (n, n_d) and q_inf (n,) in the window; NaN where there is no q_inf."""
     n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
     parameters = flow_parameters(inverse_map).names
     wanted = Wanted(
@@ -90,8 +95,10 @@ def _read(
             pressures.append(block.dynamic_pressure[inside])
             if block.time[-1] > window.end:
                 break
-    _check_within(window, np.concatenate(times), path)
-    return np.concatenate(strains), np.concatenate(pressures)
+    time = np.concatenate(times)
+    _check_within(window, time, path)
+    inside = (time >= window.begin) & (time <= window.end)
+    return time[inside], np.concatenate(strains), np.concatenate(pressures)
 
 
 def _check_within(window: Window, time: FloatArray, path: Path) -> None:

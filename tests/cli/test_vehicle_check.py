@@ -97,6 +97,8 @@ def test_a_manoeuvre_beyond_the_map_is_warned_of(vehicle: Path, run: Run) -> Non
     change(vehicle, ("modes = 4", "modes = 4\nvalid_altitude_km = [5.0, 20.0]\ndiscrepancy_percent = 2.0"))
     code, printed, message = run("check", vehicle)
     assert (code, message) == (0, "")
+    assert "inertia: not included, and nothing detects it: " in printed
+    assert "sigma of a reading" in printed
     warnings = [line for line in printed.splitlines() if line.startswith("warning: ")]
     assert [line.partition(": outside")[0] for line in warnings] == [
         "warning: map.discrepancy_percent: not used, it is for estimator 'nonlinear', and the map's is 'linear'",

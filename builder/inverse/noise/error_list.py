@@ -28,6 +28,7 @@ from builder.inverse.noise.flows_between import BETWEEN
 from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
+from builder.inverse.noise.recorder import MISMATCH, PICKUP, SCAN
 from builder.structure.as_built_kinds import IN_NOISE, Role
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
@@ -86,6 +87,17 @@ ERRORS = {
     one.name: one
     for one in (
         MapError(name="gauge noise", acts_on=_GAUGE, role="estimated", entry="noise.std_um_per_m", unit="um/m"),
+        MapError(
+            name=PICKUP, acts_on=_ALL, role="estimated", entry="recorder.pickup_um_per_m", unit="um/m, amplitude"
+        ),
+        MapError(name=SCAN, acts_on=_ALL, role="estimated", entry="recorder.channel_ms", unit="ms"),
+        MapError(
+            name=MISMATCH,
+            acts_on=_ALL,
+            role="estimated",
+            entry="recorder.mismatch_um_per_m_per_K",
+            unit="um/m/K, over recorder.gradient_K",
+        ),
         *(
             MapError(
                 name=kind.column_name,

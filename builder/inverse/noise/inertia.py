@@ -95,6 +95,23 @@ def strain_by_inertia(
     )
 
 
+def inertia_in_words(vehicle: Vehicle) -> str:
+    """Return what the map of ``vehicle`` makes of inertia: the load of 1 g across where it leaves inertia out."""
+    if vehicle.mass is not None:
+        return "included, by the masses of the vehicle file"
+    parts = (vehicle.material, *vehicle.materials.values())
+    weight = "what 1 g across does needs material.density_kg_per_m3"
+    if vehicle.is_of_revolution and all(one.density_kg_per_m3 is not None for one in parts):
+        wall, reference = replace(wall_of(vehicle), foundation=None), vehicle.reference_quantities()
+        points = tuple((one.x_m, one.mass_kg) for one in vehicle.structure.point_masses)
+        covers = tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in vehicle.structure.covers)
+        masses = FlightMasses(density=vehicle.material.density_kg_per_m3 or 0.0, points=points, covers=covers)
+        mass = rigid_inertia(_mesh(vehicle, replace(wall, flight=masses), vehicle.resolution.map), 0.0)[0, 0]
+        q = np.mean([one.dynamic_pressure for one in vehicle.flight_conditions()])
+        weight = f"1 g across is an error of up to {STANDARD_GRAVITY * mass / (q * reference.area):.2g} in C_N"
+    return f"not included, and nothing detects it: {weight}; a section [mass] includes it"
+
+
 def unit_station(vehicle: Vehicle, entry: Mass) -> float:
     """Return the station of the inertial unit [m]."""
     return vehicle.reference_quantities().moment_station if entry.unit_x_m is None else entry.unit_x_m

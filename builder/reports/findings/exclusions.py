@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from builder.inverse.noise.inertia import inertia_in_words
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 
@@ -37,7 +38,8 @@ def exclusions(vehicle: Vehicle, engine: str) -> tuple[str, ...]:
         *_absent_noise(vehicle.noise, vehicle.map.case == 1 or vehicle.map.prior_modes is not None),
         "Errors of the dynamic pressure: an estimate adds the standard deviation that it is given, or "
         f"{vehicle.noise.dynamic_pressure_percent:g} % (noise.dynamic_pressure_percent).",
-        "Vibration and inertia: strain counts as the static response to the current pressure.",
+        *([] if vehicle.mass is not None else [f"Inertia: {inertia_in_words(vehicle)}."]),
+        "Vibration: strain counts as the static response to the current pressure.",
     )
 
 

@@ -131,6 +131,7 @@ def _table(
 ) -> Table:
     """Return what follows from the entries."""
     from builder.inverse.envelope.bounds import flight_ranges
+    from builder.inverse.noise.recorder import reading_in_words
 
     table = Table(title=escape(f"{path}: {vehicle.name}"), show_header=False)
     for what, value in _shape_rows(vehicle, engine):
@@ -138,6 +139,7 @@ def _table(
     for name, count in gauges.items():
         in_use = " (in use)" if name == vehicle.gauges.layout else ""
         table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
+    table.add_row("sigma of a reading", reading_in_words(vehicle.recorder, vehicle.noise.std_um_per_m))
     flows = len({engine.flow_key(condition) for condition in conditions})
     table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
     parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
@@ -172,6 +174,7 @@ def _warnings(
     vehicle: Vehicle, trajectory: Trajectory | None, conditions: Sequence[FlightCondition]
 ) -> Iterator[str]:
     """Yield the manoeuvre's length, where it leaves the snapshots, doubtful entries, commands that refuse."""
+    from builder.inverse.noise.inertia import inertia_in_words
     from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
     from builder.structure.gauge_checks import gauges_at_breaks
     from builder.truth.independent_model import other_physics
@@ -182,6 +185,7 @@ def _warnings(
         yield "manoeuvre: none; `strainfmu demo` needs truth.manoeuvre, other commands do not"
     else:
         yield f"manoeuvre: {trajectory.stop_time:.4g} s"
+    yield f"inertia: {inertia_in_words(vehicle)}"
     yield from (f"warning: {line}" for line in unused_entries(vehicle))
     yield from (f"warning: {line}" for line in doubtful_entries(vehicle, conditions))
     yield from (f"warning: {line}" for line in gauges_at_breaks(vehicle))

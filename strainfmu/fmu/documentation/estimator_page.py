@@ -97,7 +97,7 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
         ("Validity", _validity(inverse_map)),
-        ("Limits", _LIMITS if inverse_map.manifold is None else _FLIGHT_LIMITS),
+        ("Limits", _limits(inverse_map)),
         (
             "Example",
             [*_example(inverse_map, run), estimate_figure(inverse_map, run)],
@@ -113,6 +113,12 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
     ]
+
+
+def _limits(inverse_map: InverseMap) -> list[str]:
+    inertia = str(inverse_map.provenance.get("inertia", ""))
+    general = _LIMITS if inverse_map.manifold is None else _FLIGHT_LIMITS
+    return [*general, *([escape(f"Inertia: {inertia}.")] if inertia else [])]
 
 
 def _and_sensors(inverse_map: InverseMap) -> str:

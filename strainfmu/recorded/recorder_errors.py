@@ -1,0 +1,200 @@
+"""What a recording shows of its recorder: noise, steps and hum of readings, a scanner's delay, a thermal gradient.
+
+Noise is by fourth differences, which leave nothing of a slow flight, in the calmer windows. The step is the
+smallest difference of two values. A hum is a line in the spectrum. What gauges read late, or a gradient adds, is
+the multiple of its column that takes most off the residuals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.recorded.columns.columns import StrainBlock
+from strainfmu.recorded.estimates.block_estimates import BlockEstimator
+
+SAMPLES = 4096
+"""Of a recording that are looked at, at most."""
+
+PROVENANCE = "recorder"
+"""Entry of a map's provenance with the section [recorder] of its vehicle."""
+
+WINDOW, FEWEST = 64, 256
+"""Samples of a window of the noise, and of a recording of which anything is said."""
+
+LARGER = 1.3
+"""Measured over stated size from which a line names the entry."""
+
+LINE = 40.0
+"""Power of a hum over the median power of the spectrum about it."""
+
+FLAGGED = 256
+"""Successive samples whose residuals are looked at: where most are INCONSISTENT."""
+
+COURSE = 8
+"""Degree of the polynomial that strain follows meanwhile, for its rate."""
+
+SMALLEST = 0.01
+"""Of a delay [ms] or a gradient [um/m] that is named."""
+
+TAKEN = 0.5
+"""Part of the squared residuals that a scanner's delay or a gradient takes off, to be named."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingErrors:
+    """Of the middle gauge: noise with steps, step, amplitude of a hum [m/m], frequency [Hz], if it is common."""
+
+    noise: float
+    step: float
+    hum: float = 0.0
+    frequency: float = 0.0
+    is_common: bool = False
+
+
+def reading_errors(time: FloatArray, strain: FloatArray) -> ReadingErrors | None:
+    """Return the errors of readings (n, n_d) [m/m] at the times (n,) [s]; None of too few samples."""
+    strain = strain[:, np.isfinite(strain).all(axis=0)][:SAMPLES]
+    n, time = len(strain) // WINDOW * WINDOW, time[: len(strain)]
+    if n < FEWEST or not strain.shape[1]:
+        return None
+    values = [np.unique(one) for one in strain.T]
+    steps = [np.min(np.diff(one)) if 1 < len(one) < 0.7 * len(strain) else 0.0 for one in values]
+    fourth = np.diff(strain[:n], n=4, axis=0) ** 2 / 70.0  # 1 + 16 + 36 + 16 + 1
+    windows = fourth[: len(fourth) // WINDOW * WINDOW].reshape(-1, WINDOW, strain.shape[1]).mean(axis=1)
+    noise = np.sqrt(np.quantile(windows, 0.25, axis=0))
+    found = ReadingErrors(noise=float(np.median(noise)), step=float(np.median(steps)))
+    return _with_hum(found, time[:n], strain[:n])
+
+
+def _with_hum(found: ReadingErrors, time: FloatArray, strain: FloatArray) -> ReadingErrors:
+    """Return ``found`` with the strongest line of the spectrum above a twentieth of the sampling rate."""
+    n, taper = len(strain), np.hanning(len(strain))[:, None]
+    amplitude = 2.0 * np.fft.rfft(taper * (strain - strain.mean(axis=0)), axis=0) / taper.sum()
+    power, first = np.mean(np.abs(amplitude) ** 2, axis=1), max(n // 20, 8)
+    at = first + int(np.argmax(power[first:-1]))
+    about = np.median(np.delete(power[max(at - 40, first) : at + 40], slice(max(at - 40, first), None, 10**6)))
+    step = float(np.median(np.diff(time)))
+    if power[at] < LINE * about or not step > 0.0:
+        return found
+    common = abs(amplitude[at].mean()) > 0.8 * np.abs(amplitude[at]).mean()
+    return replace(found, hum=float(np.sqrt(power[at])), frequency=at / (n * step), is_common=bool(common))
+
+
+def disagreements(errors: ReadingErrors | None, inverse_map: InverseMap) -> list[str]:
+    """Return lines on readings that disagree with the vehicle file of the map, with the entry to set."""
+    if errors is None:
+        return []
+    stated: Mapping[str, Any] = inverse_map.provenance.get(PROVENANCE) or {}
+    expected = float(np.median(inverse_map.noise_std[: inverse_map.n_strain_gauges]))
+    micro = {name: 1e6 * getattr(errors, name) for name in ("noise", "step", "hum")}
+    lines = []
+    if errors.step / np.sqrt(12.0) > LARGER * expected:
+        lines.append(
+            f"step of a reading {micro['step']:.3g} um/m, of {1e6 * expected:.3g} um/m that the map expects as "
+            f"noise: set recorder.bits and recorder.range_um_per_m = 2^bits x {0.5 * micro['step']:.3g}"
+        )
+    if errors.hum > LARGER * max(np.sqrt(2.0) * expected, 1e-6 * stated.get("pickup_um_per_m", 0.0)):
+        kind = "common" if errors.is_common else "cable"
+        lines.append(
+            f"readings hum with {micro['hum']:.3g} um/m at {errors.frequency:.4g} Hz: vibration, or set "
+            f'recorder.pickup_um_per_m = {micro["hum"]:.2g} and recorder.pickup = "{kind}"'
+        )
+    if not lines and errors.noise > LARGER * expected:
+        more = float(np.sqrt(errors.noise**2 - expected**2))
+        lines.append(
+            f"noise of a reading {micro['noise']:.3g} um/m, the map expects {1e6 * expected:.3g} um/m: set "
+            f"recorder.noise_um_per_m = {np.hypot(1e6 * more, np.max(stated.get('noise_um_per_m', 0.0))):.2g}"
+        )
+    return lines
+
+
+def late_or_warm(
+    block: StrainBlock, inverse_map: InverseMap, residuals: Callable[[StrainBlock], FloatArray]
+) -> list[str]:
+    """Return the line that names a scanner's delay or a gradient where it takes off most of the residuals.
+
+    ``residuals`` returns the standardised ones (n, n_d) of a block.
+    """
+    n_d, position = inverse_map.n_strain_gauges, inverse_map.gauge_position
+    if len(block.time) < 8 or position is None:
+        return []
+    x = position[:n_d, 0]
+    about = np.arange(len(block.time)) - 0.5 * (len(block.time) - 1)
+    course = np.polynomial.polynomial.polyfit(about, block.strain, min(COURSE, len(about) - 1))
+    by_sample = np.polynomial.polynomial.polyval(about, np.polynomial.polynomial.polyder(course)).T
+    late = 1e-3 * np.arange(n_d) * by_sample / float(np.median(np.diff(block.time)))
+    warm = np.broadcast_to(1e-6 * x / np.max(x), block.strain.shape)
+    before, found = residuals(block)[:, :n_d], []
+    if not np.nanmean(before**2) > LARGER:
+        return []
+    for name, column in (("late", late), ("warm", warm)):
+        change = residuals(replace(block, strain=block.strain - column))[:, :n_d] - before
+        used = np.isfinite(change) & np.isfinite(before)
+        size = -np.sum((before * change)[used]) / max(np.sum(change[used] ** 2), 1e-300)
+        found.append((np.sum((before + size * change)[used] ** 2) / np.sum(before[used] ** 2), name, float(size)))
+    part, name, size = min(found)
+    if part > TAKEN or (size if name == "late" else abs(size)) < SMALLEST:
+        return []
+    if name == "late":
+        return [f"residuals of a scanner: set recorder.channel_ms = {size:.2g}"]
+    return [
+        f"residuals of gauges that do not cancel a gradient, {size:.3g} um/m at the aft end: set "
+        "recorder.gradient_K and recorder.mismatch_um_per_m_per_K"
+    ]
+
+
+class RecorderWatch:
+    """What a recording at ``path`` shows of its recorder while it is estimated by a map."""
+
+    def __init__(self, path: Path, estimator: BlockEstimator) -> None:
+        self._path, self._estimator = path, estimator
+        self._time: list[FloatArray] = []
+        self._strain: list[FloatArray] = []
+        self._looked_at: StrainBlock | None = None
+        self._flagged = 0
+
+    def add(self, block: StrainBlock, health: FloatArray) -> None:
+        """Look at a block, of which (n,) states of ``health`` are estimated."""
+        if sum(map(len, self._time)) < SAMPLES:
+            self._time.append(block.time)
+            self._strain.append(block.strain)
+        flagged = np.add.reduceat(health == HealthState.INCONSISTENT, np.arange(0, len(health), FLAGGED))
+        if self._looked_at is None or flagged.max() > self._flagged:
+            first, self._flagged = FLAGGED * int(np.argmax(flagged)), int(flagged.max())
+            self._looked_at = rows_of(block, slice(first, first + FLAGGED))
+
+    def notes(self) -> list[str]:
+        """Return the lines on what disagrees with the vehicle file of the map; none of an FMU."""
+        inverse_map = self._estimator.inverse_map
+        if inverse_map is None or self._looked_at is None:
+            return []
+        errors = reading_errors(np.concatenate(self._time), np.concatenate(self._strain))
+        lines = disagreements(errors, inverse_map)
+        lines = lines or late_or_warm(self._looked_at, inverse_map, self._residuals)
+        because = "INCONSISTENT by its readings alone: " if self._flagged > TAKEN * FLAGGED else ""
+        return [f"{self._path}: {because}{line}" for line in lines]
+
+    def _residuals(self, block: StrainBlock) -> FloatArray:
+        made = self._estimator.estimate(block, np.nan).make_residual
+        assert made is not None  # of a map
+        return made()[0]
+
+
+def rows_of(block: StrainBlock, rows: slice) -> StrainBlock:
+    """Return some samples of a block."""
+    parts = {
+        one.name: value[rows]
+        if isinstance(value, np.ndarray)
+        else {name: row[rows] for name, row in value.items()}
+        for one in fields(block)
+        if isinstance(value := getattr(block, one.name), np.ndarray | Mapping)
+    }
+    return replace(block, **parts, faults=block.faults[rows])
