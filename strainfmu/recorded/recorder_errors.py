@@ -138,8 +138,9 @@ def late_or_warm(
     for name, column in (("late", late), ("warm", warm)):
         change = residuals(replace(block, strain=block.strain - column))[:, :n_d] - before
         used = np.isfinite(change) & np.isfinite(before)
-        size = -np.sum((before * change)[used]) / max(np.sum(change[used] ** 2), 1e-300)
-        found.append((np.sum((before + size * change)[used] ** 2) / np.sum(before[used] ** 2), name, float(size)))
+        size = -float(np.sum((before * change)[used])) / max(float(np.sum(change[used] ** 2)), 1e-300)
+        left = np.sum((before + size * change)[used] ** 2) / np.sum(before[used] ** 2)
+        found.append((float(left), name, size))
     part, name, size = min(found)
     if part > TAKEN or (size if name == "late" else abs(size)) < SMALLEST:
         return []
@@ -190,7 +191,7 @@ class RecorderWatch:
 
 def rows_of(block: StrainBlock, rows: slice) -> StrainBlock:
     """Return some samples of a block."""
-    parts = {
+    parts: dict[str, Any] = {
         one.name: value[rows]
         if isinstance(value, np.ndarray)
         else {name: row[rows] for name, row in value.items()}
