@@ -150,6 +150,7 @@ class Case(Section):
     class_without : the class of a vehicle without a property.
     each_stated : stands for a row for each stated error alone, of so many times its size.
     all_stated : stands for all errors that sigma includes, drawn together at their stated sizes.
+    map_errors : whether errors of pressure and numerics that the map includes are drawn, at their sizes there.
     draws : vehicles of the trial, times this.
     flagged_at_least : smallest share of flagged samples that is aimed at [%].
     tenths_by : quantities of the flight; the samples are scored in tenths of the flights by each of them, too.
@@ -168,6 +169,7 @@ class Case(Section):
     class_without: dict[str, CaseClass] = Field(default_factory=dict)
     each_stated: float = 0.0
     all_stated: bool = False
+    map_errors: bool = False
     draws: float = Field(default=1.0, gt=0.0)
     where: Where = Where()
     built: Built = Built()
@@ -419,7 +421,10 @@ def _all_stated(case: Case, vehicle: Vehicle) -> Case:
             load_factor=across, drawn=True, extra_kg=mass.unlisted_kg, bending_um_per_m=bending
         )
         names.append(f"{across:g} g along both axes, vibration")
-    if (size := _of_flow_models(vehicle)) > 0.0:
+    if vehicle.map.estimator == "nonlinear":
+        changes |= {"map_errors": True, "built": Built(stated=1.0, set={"internal_pressure": 0.0})}
+        names.append("errors of the pressure on the surface, internal pressure and numerics by the map's list")
+    elif (size := _of_flow_models(vehicle)) > 0.0:
         changes["flow"] = Flow(engine="newtonian", drawn=size)
         names.append(f"{size:g} times the difference to another flow model")
     return case.model_copy(update={**changes, "what": f"{case.what} {', '.join(names)}.".lstrip()})

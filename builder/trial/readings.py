@@ -39,6 +39,7 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
+from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.flight_condition import FlightCondition
 
 BATCH = 20_000
@@ -201,7 +202,7 @@ def read_case(
         strain[:, :n_d] += world.added.inertia(inertia, force, leeward, random)
     truth, rolling = flights.coefficients[rows], flights.rolling
     truth = truth if rolling is None else np.column_stack([truth, rolling[rows]])
-    return Readings(
+    made = Readings(
         strain=strain,
         known=known,
         truth=np.repeat(truth, n // len(conditions), axis=0),
@@ -211,6 +212,28 @@ def read_case(
         conditions=tuple(flights.conditions),
         quiet=quiet if case.motion is not None and exact else None,
     )
+    return with_map_errors(world.inverse_map, made, random) if case.map_errors else made
+
+
+def with_map_errors(inverse_map: InverseMap, read: Readings, random: np.random.Generator) -> Readings:
+    """Return ``read`` with errors of pressure and numerics drawn in every sample, as the tables of the map have
+    them: strain, and what they change of the true loads.
+
+    Pressure off the tables, another flow model, internal pressure, and numerics of the build.
+    """
+    manifold = inverse_map.manifold
+    assert manifold is not None
+    states = read.states
+    followed = np.vstack([manifold.error_strain, manifold.error_load])
+    columns = np.hstack([followed, manifold.considered_columns])
+    found = np.exp(states[:, 3:]) * (random.standard_normal((len(states), columns.shape[1])) @ columns.T)
+    if (tables := manifold.considered_tables) is not None:
+        found += random.standard_normal((len(states), 1)) * evaluate(tables, states).value
+    q = np.array([one.dynamic_pressure for one in read.conditions])[read.flight, None]
+    n_d, five = manifold.n_gauges, len(manifold.references)
+    truth = read.truth.copy()
+    truth[:, :five] += found[:, n_d : n_d + five] / (q * manifold.references)
+    return replace(read, strain=read.strain + found[:, :n_d], truth=truth)
 
 
 def read_own_vehicles(

@@ -32,9 +32,8 @@ MOST_UNDETECTED = {
 17.4, 21.9, 59.3, 55.6, 5.6, 31.9 and 14.6; of the vortex pairs 5.2, 7.1, 25.3 and 14.3. The states of the map fit
 their strain within the stated errors of the hardware."""
 
-KNOWN = {("all_stated", ""), ("inertia of the masses", "5 g lateral")}
-"""Cases that are missed whatever the map: health flags 75 % of the samples at 5 g with the nonlinear map, whose
-sigma includes 5 g at two standard deviations, and as many with 2.5 g drawn along both axes."""
+KNOWN = {"linear": {("all_stated", "")}}
+"""Cases that are missed by an estimator: sigma of the linear map includes no pressure between its snapshots."""
 
 
 @pytest.mark.slow
@@ -47,7 +46,7 @@ def test_what_the_shipped_vehicle_misses(estimator: Estimators | None, tmp_path:
     assert len(rows) >= 34
     known = MOST_UNDETECTED if estimator == "linear" else {}
     missed = {name for name, row in rows.items() if row["verdict"] == MISSED}
-    assert missed <= known.keys() | KNOWN, [rows[name]["why"] for name in missed]
+    assert missed <= known.keys() | KNOWN.get(estimator or "", set()), [rows[name]["why"] for name in missed]
     for name, largest in known.items():
         assert rows[name]["undetected_percent"] <= largest
     assert all(row["undetected_percent"] <= 3.0 for row in rows.values() if row["class"] == "alone")
