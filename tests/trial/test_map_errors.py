@@ -1,4 +1,4 @@
-"""Errors that the tables of a nonlinear map include, drawn: of the map's own sizes, in strain and true loads alike."""
+"""Errors that the tables of a nonlinear map include, drawn at the sizes of the map, in strain and loads alike."""
 
 from __future__ import annotations
 
