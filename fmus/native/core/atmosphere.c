@@ -1,3 +1,13 @@
+/* US Standard Atmosphere 1976 over the geopotential altitude h, layer by layer in closed form.
+
+   In a layer with base h_b, T_b, p_b and the temperature gradient l, with rise = h - h_b, gravity g and gas constant
+   R,
+
+       T = T_b + l rise,      p = p_b (T / T_b)^(-g / (R l)),      p = p_b e^(-g rise / (R T_b)) where l = 0.
+
+   The layers come with the resource of an FMU, so that C and Python (strainfmu/atmosphere.py) have one table.
+   docs/explanation/envelope.md, "What is compared", uses p(h). */
+
 #include "atmosphere.h"
 
 #include "elementary.h"

@@ -1,3 +1,16 @@
+/* Exponential, logarithm, sine, cosine and angle from plain arithmetic and square roots, which IEEE 754 rounds alike
+   everywhere: a libm differs in the last bit from platform to platform.
+
+   Each argument is reduced to a small one, then a series of fixed length follows, summed from its smallest term:
+
+       sin, cos   x = q pi/2 + r, |r| <= pi/4         Taylor series to r^19, quadrant by q mod 4
+       e^x        x = k ln 2 + r, |r| <= ln 2 / 2     Taylor series to r^14, times 2^k
+       ln x       x = 2^k f, sqrt(1/2) <= f < sqrt 2  2 artanh s, s = (f - 1)/(f + 1), series to s^25, plus k ln 2
+       atan t     0 <= t <= 1                         tan(x/2) = t / (1 + sqrt(1 + t^2)) twice, series to t^23
+
+   Several exponentials or logarithms at once are the same operations, number by number: their divisions overlap, and
+   the bits are equal. docs/developers/native.md, "Conventions". */
+
 #include "elementary.h"
 
 #include <float.h>
@@ -24,6 +37,7 @@ void sine_cosine(double angle, double *sine, double *cosine) {
     const double r = (angle - quarter * HALF_PI_HIGH) - quarter * HALF_PI_LOW, square = r * r;
     /* Taylor series on |r| <= pi/4, from the smallest term. */
     double s = 1.0, c = 1.0;
+    /* Horner's scheme of both series at once. */
     for (int k = 18; k > 0; k -= 2) {
         s = 1.0 - s * square / (k * (k + 1));
         c = 1.0 - c * square / (k * (k - 1));
@@ -54,6 +68,7 @@ double angle_of(double y, double x) {
     if (y == 0.0 && size == 0.0) {
         return 0.0;
     }
+    /* The smaller ratio, so that t <= 1; the other half of the quadrant by pi/2 - x. */
     const double angle = y <= size ? arc_tangent(y / size) : HALF_PI - arc_tangent(size / y);
     return x < 0.0 ? 2.0 * HALF_PI - angle : angle;
 }

@@ -1,3 +1,8 @@
+/* The floating-point environment while a model computes: default of IEEE 754, and the host's afterwards.
+
+   On x86-64 it is MXCSR, on ARM FPCR and FPSR; elsewhere the functions of fenv.h. Exceptions that a model raises are
+   not reported to the host, the ones that the host has raised before stay. docs/developers/native.md, "Conventions". */
+
 #include "floating.h"
 
 #if defined(__SSE2__) || defined(_M_X64)

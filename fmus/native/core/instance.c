@@ -1,3 +1,13 @@
+/* An instance of an FMU, for both FMI versions: creation from its resource, modes, steps, messages.
+
+       instantiated -> initialization -> step (co-simulation) -> terminated
+                                      -> event <-> continuous time (model exchange) -> terminated
+
+   Each function of a front names the modes in which it is allowed, as a sum of bits, and gets a status; a refusal
+   writes one line that states function and mode. A step is refused where its size is not positive or it ends behind
+   the stop time of the experiment. A model that wants to end discards the step: the message comes once.
+   docs/developers/native.md, "States, derivatives, messages". */
+
 #include "instance.h"
 
 #include <math.h>

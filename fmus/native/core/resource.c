@@ -1,3 +1,11 @@
+/* The file in resources/: read as a whole, then checked before anything of it is used.
+
+       magic (8) | format version (4) | byte order mark (4) | length (8) | CRC-32 of all from byte 32 on (4) | zero (4) | ..
+
+   The checks go from the outside in, so that the message names the cause: no such file, another byte order, another
+   version, cut or extended, damaged. CRC-32 (ISO 3309, polynomial 0xEDB88320 with reflected bits) detects every
+   burst up to 32 bits. docs/developers/native.md, "The map file". */
+
 #include "resource.h"
 
 #include <stdio.h>

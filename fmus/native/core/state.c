@@ -1,3 +1,12 @@
+/* FMU states: in memory, and serialised as bytes that may come from anywhere.
+
+       in memory    head: NULL | mark | checksum of the resource | size, then the serialised state
+       serialised   header: magic | version | CRC-32 | checksum of the resource | size, mode, kind, then time, model's part
+
+   Both pass the same checks before anything is read: size, checksum, resource, kind of instance, a time that is a
+   number, and the model's own part (model_check_state). An instance changes only after all of them.
+   docs/developers/native.md, "States, derivatives, messages". */
+
 #include "state.h"
 
 #include <math.h>

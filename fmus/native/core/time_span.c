@@ -1,3 +1,7 @@
+/* Times that an importer gives: whether they can be, and whether a step ends behind the stop time. Sums of step
+   sizes round, by less than a hundredth of a step in a million steps: an end that is behind the stop time by no more
+   counts as the stop time. */
+
 #include "time_span.h"
 
 #include <math.h>

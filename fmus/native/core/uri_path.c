@@ -1,3 +1,13 @@
+/* From the resource location that an importer passes to a path: file URI (RFC 3986, RFC 8089) or plain path, in
+   UTF-8.
+
+       file:///C:/dir, file:/dir, file://localhost/dir     scheme and host are removed, %xx decoded
+       file://host/share                                   Windows alone: a network share
+       /dir, C:\dir                                        plain, as FMI 3.0 passes it
+
+   A malformed escape, a zero byte, another scheme and a path that does not fit are refused. Windows opens files by
+   UTF-16 and beyond 260 characters only by absolute paths with a prefix. */
+
 #include "uri_path.h"
 
 #include <stdlib.h>

@@ -1,3 +1,20 @@
+/* The estimator: its parts put together, what a step does, and when outputs are computed.
+
+   Outputs are a function of the inputs and of what the last step left; they are computed when they are read
+   (estimator_outputs) and stay until an input changes. The order of a sample:
+
+       temperature and inertial sensors; matrices at once if one comes or goes      temperature/, renewal
+       zero offsets in use, rows of strain at the reference temperature             sample/readings, temperature/thermal
+       loads, air data, health of the sample alone                                  linear/ or policies/flight
+       averages over the samples before                                             policies/filtered_outputs
+       health by renewal, vibration and specific force                              below
+
+   A step marks the outputs as stepped. Only when the next step comes, or an input changes, does the sample join the
+   filter and the next flight state become the base (estimator_before_change): outputs may be read before and after
+   without effect. All memory is one block that is allocated at creation, doubles first and aligned for vector loads,
+   and what each part of a map needs of its own. docs/developers/native.md, "States, derivatives, messages" and "The
+   nonlinear step". */
+
 #include "estimator.h"
 
 #include <math.h>
@@ -18,7 +35,7 @@
 /* Iterations of a step that does not search the tables; a search takes more. */
 #define SHORT_ITERATIONS 16
 
-/* Let the parts know what they read and write of each other. */
+/* Let the parts point to what they read and write of each other. */
 static void connect(Estimator *e) {
     e->inputs.map = &e->map;
     e->inputs.sensors = &e->sensors;
@@ -79,7 +96,7 @@ static int check_parts(MapFile *file, int follows_pressure) {
     return file->good;
 }
 
-/* Read all parts, and allocate. */
+/* Read all parts, and allocate. Order matters: parts behind need lengths of parts before. */
 static int create(Estimator *e, MapFile *file) {
     const Map *map = &e->map;
     const int wide = e->linear.wide;
@@ -179,7 +196,7 @@ int estimator_filters(const Estimator *e) {
     return e->filter.present && takes_steps && e->inputs.value[filter_setting(&e->inputs)] > 0.0;
 }
 
-/* Take a step of the filter from a point in time [s]; one that is off forgets all. */
+/* Take a step of the filter from a point in time [s]; a filter that is off forgets all samples. */
 static void step_filter(Estimator *e, double start) {
     Filter *filter = &e->filter;
     if (!estimator_filters(e)) {

@@ -1,3 +1,18 @@
+/* Derivatives of loads, coefficients and air data along a direction of the inputs, as central differences of fourth
+   order.
+
+       df = (8 (f(h) - f(-h)) - (f(2 h) - f(-2 h))) / (12 h),
+
+   whose error is h^4 f^(5) / 30. h is STEP over the natural size of the direction: sqrt(sum (direction_i /
+   size_i)^2), size_i the change of an input that moves the estimate by about its noise, so that rounding and the
+   fifth derivative both stay small. Inputs that are not known do not move.
+
+   The function that is differentiated is the estimate at which steps with the same inputs end: the track is iterated
+   from the same state for each point until it moves by less than ENDED standard deviations. Where that does not
+   come, or gauges or air data in use change between the points, there is no derivative. With a filter the function
+   is one step from the samples before. A roll angle is differenced around the circle. The estimator is left as it
+   was, to the bit. docs/developers/native.md, "States, derivatives, messages". */
+
 #include "estimator_derivative.h"
 
 #include <math.h>
@@ -79,6 +94,7 @@ static int settle(Estimator *e, const Track *from) {
     }
     for (int step = 0; step < MOST_STEPS && !(moved <= ENDED || (moved <= NEARLY_ENDED && moved > 0.5 * last)); step++) {
         flight->base = flight->next;
+        /* Searches and the wait for the tables are held as they are: they would make the function jump. */
         flight->base.since_search = 0.0;
         flight->base.to_return = from->to_return;
         e->outdated = 1;

@@ -1,3 +1,21 @@
+/* New matrices for other standard deviations of zero offsets, a part in each step.
+
+   The covariance of the gauges includes diag(zero_std^2) + zero_common_std^2 1 1' (update/added_noise.c), so that
+   other standard deviations change every matrix of the map: about a millisecond for 54 gauges. A step has a
+   deadline. So it makes a part of about WORK multiplications after its estimate, and the first step after the last
+   part uses them; until then `held`, the zero offsets and matrices of before, are in use together, and health is
+   DEGRADED where it would be OK.
+
+       given = held, by standard deviations     nothing to do; parts that are made are dropped
+       given is other, no part made             target = given, first part
+       all parts made                           held = target, or given if only values have changed since
+
+   A step of more than SHORT iterations makes no part, except every fifth in a row (MOST_WAITED): such a step is long
+   enough already. Where there is no deadline, before the first step and for samples that stand by themselves, all
+   parts are made at once. So they are where a sensor of temperature comes or goes, without whose strain the old
+   matrices are wrong. The state of an instance holds the number of parts: reading it makes them again.
+   docs/reference/step_time.md, "Matrices for other zero offsets". */
+
 #include "renewal.h"
 
 #include <math.h>
@@ -85,6 +103,7 @@ static void make_part(Renewal *renewal) {
     renewal->made = prepared_part(prepared, WORK);
 }
 
+/* Before the estimate of a step: matrices that are made come into use. Whether the map has others now. */
 int renewal_begin_step(Renewal *renewal, const double *given) {
     if (renewal->under_way == 0.0) {
         const int other = !holds(renewal, given);
@@ -105,6 +124,7 @@ int renewal_begin_step(Renewal *renewal, const double *given) {
     return 1;
 }
 
+/* After the estimate: a part, unless the step was long. */
 void renewal_end_step(Renewal *renewal, const double *given, int long_step) {
     if (long_step && renewal->waited < MOST_WAITED) {
         renewal->waited += 1.0;

@@ -1,3 +1,21 @@
+/* The filter over time: samples, what they have in common, and the state that a step leaves.
+
+   Each number that is averaged is a channel y of variance sigma^2 = nu + lambda: nu averages out (noise of gauges, a
+   part of the variance of air data), lambda lasts. windows.c averages values and leaves f nu of the variance, so
+   that
+
+       filtered value = fit of the window,      filtered variance = f nu + lambda = left + (variance - noise),
+       factor = sqrt(filtered variance / variance)     on standard deviations, for covariances of the sample.
+
+   Samples may be averaged only while they mean the same: `held` are zero offsets (where one has a standard
+   deviation), references and moment point of the samples before; where the sample at hand has others, the windows
+   begin again. A step computes the filtered outputs from the samples before it and changes nothing; the sample joins
+   the windows when the next step comes (filter_take_next), so that inputs may be set and outputs read any number of
+   times in between. Time between samples is counted by a clock that no step moves by more than the longest window: a
+   pause of hours costs no digits.
+
+   docs/explanation/filter.md, "Model" and "What does not fit"; strainfmu/estimator/reference/windows.py. */
+
 #include "filter.h"
 
 #include <math.h>
@@ -27,6 +45,7 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     filter->n_zeros = number_of_zeros(inputs->sensors->n_strains);
     filter->n_held = filter->n_zeros + N_SETTINGS;
     filter->n_kept = filter->n_held + 3 * channels + 3 * MOST_SPANS * channels;
+    /* What is serialised comes first and in one piece: held, last values, variances and rates, then the spans. */
     const size_t count = filter->n_kept + (windows_doubles(&filter->windows) - 3 * MOST_SPANS * channels) + 7 * channels
                        + filter->n_held + scratch;
     filter->memory = calloc(1, ALIGNMENT + count * sizeof(double));
@@ -71,7 +90,8 @@ static double clock_now(const Filter *filter) {
     return filter->track.clock + (apart > 0.0 ? (apart < longest ? apart : longest) : 0.0);
 }
 
-/* Note zeros, if some have a standard deviation, and settings of the sample; whether the samples before have the same. */
+/* Note zero offsets and settings of the sample; whether the samples before have the same. Zero offsets count where
+   one has a standard deviation: exact ones are subtracted alike from all samples. */
 static int holds(Filter *filter, const Inputs *inputs) {
     int uncertain = 0;
     for (size_t k = filter->n_zeros / 2; k < filter->n_zeros; k++) {
@@ -86,7 +106,8 @@ static int holds(Filter *filter, const Inputs *inputs) {
     return filter->may_move || memcmp(filter->latest, filter->held, filter->n_held * sizeof *filter->latest) == 0;
 }
 
-/* Let variances hold the noise, and the noise be no less than rounding; whether all are numbers to calculate with. */
+/* Clip the noise to at most the variance, and to no less than its rounding; whether all are numbers to calculate
+   with. */
 static int set_noise(Filter *filter) {
     int good = 1;
     for (size_t i = 0; i < filter->channels; i++) {
@@ -109,6 +130,7 @@ int filter_sample(Filter *filter, const Inputs *inputs, double time_constant) {
     if (!filter->is_sample) {
         return 0;
     }
+    /* The windows begin again. They come back below: if the next inputs are the old ones, nothing has happened. */
     if (!holds(filter, inputs)) {
         windows->n_spans = 0;
     }
@@ -117,6 +139,7 @@ int filter_sample(Filter *filter, const Inputs *inputs, double time_constant) {
     windows->n_spans = (size_t)filter->track.n_spans;
     for (size_t i = 0; i < filter->channels; i++) {
         const double alone = filter->variance[i];
+        /* f nu + lambda. */
         filter->left[i] += alone - filter->noise[i];
         filter->factor[i] = alone > 0.0 ? sqrt(filter->left[i] / alone) : 1.0;
     }
@@ -138,6 +161,7 @@ void filter_take_next(Filter *filter, double time) {
     if (filter->is_sample) {
         const size_t size = filter->channels * sizeof *filter->value;
         const double clock = clock_now(filter);
+        /* Now the sample counts, and what it does not fit is gone. */
         if (memcmp(filter->latest, filter->held, filter->n_held * sizeof *filter->latest) != 0) {
             filter->windows.n_spans = 0;
         }
@@ -181,7 +205,7 @@ void filter_write_state(const Filter *filter, unsigned char *bytes) {
     }
 }
 
-/* Whether spans follow each other in time, with whole numbers of samples. */
+/* Whether spans are of whole numbers of samples, with sums that do not overflow. */
 static int spans_fit(const Span *span, size_t count) {
     int good = 1;
     for (size_t k = 0; k < count; k++) {
@@ -191,6 +215,7 @@ static int spans_fit(const Span *span, size_t count) {
     return good;
 }
 
+/* A serialised state may come from anywhere: every number is checked before it is used. */
 int filter_state_fits(const Filter *filter, const unsigned char *bytes) {
     FilterTrack track;
     Span span[MOST_SPANS];

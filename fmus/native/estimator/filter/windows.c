@@ -1,3 +1,32 @@
+/* Means and straight lines over the last samples: the longest windows that agree with all shorter ones.
+
+   A window holds the sample at hand, at the time T, and n - 1 samples before it. Of each channel (values y_i at
+   times t_i, variances nu_i of their noise) it keeps n, the means t_m, y_m and nu_m, and
+
+       spread = sum of (t_i - t_m)^2,      product = sum of (t_i - t_m)(y_i - y_m).
+
+   Two fits follow, and the fraction f of nu_m that noise leaves in them at T:
+
+       mean   y_m,                                   f = 1 / n
+       line   y_m + (T - t_m) product / spread,      f = 1 / n + (T - t_m)^2 / spread
+
+   The interval of a fit is its value +- WIDTH sqrt(f nu_m). Windows agree while the intervals of all windows up to
+   them have a point in common, in every channel: low and high are the ends of what is in common. The window in use
+   has at most the PART of the samples of the longest that agrees, as that one may be off by its own interval. The
+   fit of smaller f counts. A channel whose own noise is smaller than f nu_m keeps the sample: samples before may
+   have had more noise.
+
+   Samples lie in spans of 1, 2, 4, .. samples, SAME_COUNT of each at most, so that any time takes MOST_SPANS spans.
+   Two sets of samples, of n_1 and n_2 with the differences dt and dy of their means, are joined by (Chan, Golub and
+   LeVeque, The American Statistician 37, 1983)
+
+       n = n_1 + n_2,   t_m += n_2 / n dt,   y_m += n_2 / n dy,
+       spread += spread_2 + n_1 n_2 / n dt^2,   product += product_2 + n_1 n_2 / n dt dy,
+
+   which cancels no digits however far the samples are from 0. docs/explanation/filter.md, "Model", where nu is the
+   variance that averages out; strainfmu/estimator/reference/windows.py does the same with a list of samples. Source
+   of the rule: Goldenshluger and Nemirovski, Mathematical Methods of Statistics 6 (1997). */
+
 #include "windows.h"
 
 #include <math.h>
@@ -30,12 +59,13 @@ void windows_arrays(Windows *windows, double **doubles) {
     }
 }
 
+/* Span k with its arrays. */
 static Sums span_sums(const Windows *windows, size_t k) {
     const size_t first = k * windows->channels;
     return (Sums){windows->span[k], windows->value + first, windows->product + first, windows->noise + first};
 }
 
-/* Add the samples of `other` to the samples of `sums`. */
+/* Add the samples of `other` to `sums`, by the update above. */
 static void join(size_t channels, Sums *sums, const Sums *other) {
     Span *span = &sums->span;
     const double count = span->count + other->span.count, part = other->span.count / count;
@@ -51,7 +81,8 @@ static void join(size_t channels, Sums *sums, const Sums *other) {
     span->count = count;
 }
 
-/* The window of the sample and the youngest `spans` spans. */
+/* The window of the sample and the youngest `spans` spans, joined from the sample backwards: the same order, and so
+   the same bits, as when it was chosen. */
 static void set_window(Windows *windows, double time, size_t spans, const double *value, const double *noise) {
     Sums *sums = &windows->sums;
     const size_t size = windows->channels * sizeof *value;
@@ -65,11 +96,12 @@ static void set_window(Windows *windows, double time, size_t spans, const double
     }
 }
 
+/* Two samples, or samples of one time, have no line that noise leaves something of. */
 static int has_line(const Span *span) {
     return span->count > 2.0 && span->spread > SMALLEST_SPREAD;
 }
 
-/* The part of the noise's variance that a fit to the window leaves at a time. */
+/* f of a fit to the window at a time. */
 static double left_of(const Span *span, int fit, double time) {
     const double apart = time - span->time;
     return 1.0 / span->count + (fit == LINE ? apart * apart / span->spread : 0.0);
@@ -80,7 +112,7 @@ static double reach_of(const Span *span, int fit, double time) {
     return fit == LINE ? (time - span->time) / span->spread : 0.0;
 }
 
-/* Whether the intervals of a fit to the window have points in common with all before, in all channels. */
+/* Narrow what is common to all intervals of a fit by this window's; whether something is left in every channel. */
 static int agrees(Windows *windows, int fit, double time) {
     const Sums *sums = &windows->sums;
     const double left = left_of(&sums->span, fit, time), reach = reach_of(&sums->span, fit, time);
@@ -95,7 +127,7 @@ static int agrees(Windows *windows, int fit, double time) {
     return common;
 }
 
-/* Intervals of the sample alone. */
+/* The interval of the sample alone is the first one. */
 static void begin(Windows *windows, const double *value, const double *noise) {
     for (size_t i = 0; i < windows->channels; i++) {
         const double half = WIDTH * sqrt(noise[i]);
@@ -106,7 +138,8 @@ static void begin(Windows *windows, const double *value, const double *noise) {
     }
 }
 
-/* Spans in the window of each fit that is used, and the part of the noise's variance that it leaves. */
+/* For each fit, the number of spans in the window that is used, and its f. Windows grow by a span at a time until
+   neither fit agrees or a span is older than the longest time. */
 static void choose(Windows *windows, double time, double longest, const double *value, const double *noise,
                    size_t chosen[N_FITS], double left[N_FITS]) {
     double count[MOST_SPANS + 1] = {1.0}, of_window[N_FITS][MOST_SPANS + 1] = {{1.0}, {1.0}}, agreed[N_FITS] = {1.0, 1.0};
@@ -123,6 +156,7 @@ static void choose(Windows *windows, double time, double longest, const double *
         count[k + 1] = windows->sums.span.count;
         for (int fit = 0; fit < N_FITS; fit++) {
             const int is_fit = fit == MEAN || has_line(&windows->sums.span);
+            /* A window that has no line yet neither agrees nor disagrees: the line goes on. */
             goes_on[fit] = goes_on[fit] && (!is_fit || agrees(windows, fit, time));
             of_window[fit][k + 1] = is_fit ? left_of(&windows->sums.span, fit, time) : 1.0;
             agreed[fit] = goes_on[fit] ? count[k + 1] : agreed[fit];
@@ -130,6 +164,7 @@ static void choose(Windows *windows, double time, double longest, const double *
     }
     for (int fit = 0; fit < N_FITS; fit++) {
         chosen[fit] = 0;
+        /* The largest window of at most PART of the samples that agree. */
         for (size_t k = 1; k < windows_seen && count[k] <= PART * agreed[fit]; k++) {
             chosen[fit] = k;
         }
@@ -137,6 +172,7 @@ static void choose(Windows *windows, double time, double longest, const double *
     }
 }
 
+/* Slopes of the line through the window, 0 where it has no length in time. */
 static void set_rates(const Windows *windows, double *rate) {
     const Sums *sums = &windows->sums;
     const int is_known = sums->span.spread > SMALLEST_SPREAD;
@@ -152,6 +188,8 @@ double windows_look(Windows *windows, double time, double longest, const double 
     double of_fit[N_FITS];
     choose(windows, time, longest, value, noise, chosen, of_fit);
     const int fit = of_fit[LINE] < of_fit[MEAN] ? LINE : MEAN;
+    /* Rates come from the window of the line, at least from the sample and the youngest span, by mean or by line: a
+       step without strain goes on with them (policies/coast.c). */
     set_window(windows, time, chosen[LINE] > one ? chosen[LINE] : one, value, noise);
     set_rates(windows, rate);
     memcpy(mean, value, size);
@@ -193,6 +231,7 @@ static size_t first_alike(const Windows *windows, size_t end) {
 
 void windows_take(Windows *windows, double time, const double *value, const double *noise) {
     const size_t size = windows->channels * sizeof *value;
+    /* More than 2^20 samples: the oldest span leaves. */
     if (windows->n_spans == MOST_SPANS) {
         remove_span(windows, 0);
     }
@@ -201,6 +240,8 @@ void windows_take(Windows *windows, double time, const double *value, const doub
     memcpy(youngest.value, value, size);
     memset(youngest.product, 0, size);
     memcpy(youngest.noise, noise, size);
+    /* Where SAME_COUNT + 1 spans have one number of samples, the two oldest of them become one of twice as many,
+       which may ask for the same one level up. */
     for (size_t end = windows->n_spans, first; end - (first = first_alike(windows, end)) > SAME_COUNT; end = first + 1) {
         Sums joined = span_sums(windows, first);
         const Sums next = span_sums(windows, first + 1);

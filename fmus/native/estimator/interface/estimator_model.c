@@ -1,4 +1,10 @@
-/* The estimator as a model: its steps, its variables' values, its derivatives. */
+/* The estimator as a model of the FMI fronts: its steps, values of its variables, derivatives, and the line of the
+   log at a change of health.
+
+   core/model.h states the contract. A variable is found by its number (estimator_variables.c); outputs are computed
+   when they are read, inputs mark them as outdated. In model exchange whole numbers (health, counts, state of the
+   tare) are discrete: `settled` holds them between events, and an event is asked for where they would change.
+   docs/developers/native.md, "Variables" and "States, derivatives, messages". */
 
 #include <stdio.h>
 #include <string.h>

@@ -1,3 +1,13 @@
+/* The state of the estimator as bytes: everything that a step leaves to the next one, and nothing that follows from
+   it.
+
+       inputs and settings (float64) | whole numbers of the last event | a byte per gauge: valid, given | tare | renewal |
+       filter | track of the nonlinear estimator
+
+   Masks, matrices and outputs are computed again after reading. Bytes may come from anywhere: every number is
+   checked first, and nothing of the instance changes where one is not allowed. core/state.c adds header and
+   checksum. docs/developers/native.md, "States, derivatives, messages". */
+
 #include "estimator_state.h"
 
 #include <stdio.h>
@@ -6,10 +16,6 @@
 #include "../../core/floating.h"
 #include "../policies/flight.h"
 #include "estimator_variables.h"
-
-/* Inputs and settings, then the whole numbers of the last event, as float64; a byte per gauge for valid, and whether its
-   reading was set; the tare; matrices that are made; the filter; the track of the nonlinear estimator. Masks
-   and outputs follow from them. */
 
 enum { VALID_BIT = 1, GIVEN_BIT = 2 };
 

@@ -1,3 +1,15 @@
+/* Variables by number: which input, output or flag a number stands for, in FMI 2.0 one by one and in FMI 3.0 as
+   arrays.
+
+       outputs (27) | readings (n) | valid (n) | scalars | of maps with tables: air data, real outputs, flags | zero offsets |
+       temperatures, thrust, time constant | other loads | tare | parameters, scores, standard deviations | later air data |
+       last air data | health.usable | inertial unit
+
+   Runs that a map does not have are empty, and later runs move up. Numbers are compared as `number - first < count`
+   in size_t: a number below `first` wraps round to a large one, so that one comparison tests both ends.
+   docs/developers/native.md, "Variables"; strainfmu/interface/estimator_variables.py lists the same for
+   modelDescription.xml. */
+
 #include "estimator_variables.h"
 
 #define LINEAR_REFERENCES 24u /* arrays of FMI 3.0 of a map without tables and other sensors; time follows them */

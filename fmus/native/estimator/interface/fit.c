@@ -1,3 +1,12 @@
+/* What a result rests on, for callers without FMI: covariances, residuals, gauges in use, at the settings of the
+   sample.
+
+   Loads move to the moment point by T = 1 + shift on the entries (moment, force), coefficients take a scale for each
+   row, so that a covariance becomes T C T' + r r' with r the error of the dynamic pressure: df/dq s_q of loads,
+   scale df/dq s_q - C s_q / q of coefficients (linear/linear_outputs.c). Covariances of filtered outputs are the
+   sample's with rows and columns times the factors of the filter's channels. Without strain variances alone are
+   known. A step does not compute what only these functions need. docs/howto/run_without_fmi.md. */
+
 #include "fit.h"
 
 #include <math.h>

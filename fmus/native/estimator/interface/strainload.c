@@ -1,3 +1,11 @@
+/* The estimator without FMI: samples and results are records of float64 values, described field by field.
+
+   A record lists its fields (name, position, length) for a map; Python and other callers find values by name, so
+   that a new field is one line here. A sample is copied to the estimator's inputs by runs: stretches of the record
+   that lie in one piece among the inputs. Each function that computes does so in the default floating-point
+   environment and restores the host's (core/floating.h). A series is a loop over samples, each by itself (SL_EACH)
+   or from what the one before it left (SL_TRACK). docs/howto/run_without_fmi.md; strainload.h states the functions. */
+
 #include "strainload.h"
 
 #include <math.h>

@@ -1,3 +1,6 @@
+/* Records of a tare: limits that a caller may replace, and the outcome, in the order of the structures TareFlags and
+   TareVerdict, which hold float64 alone and are copied as they are. docs/howto/tare.md. */
+
 #include "tare_record.h"
 
 #include <string.h>

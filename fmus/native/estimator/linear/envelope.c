@@ -1,3 +1,18 @@
+/* Whether an estimate and its flight state are inside what the snapshots of the map cover.
+
+   The coefficients C (5) of the snapshots lie in the half-spaces n_j' C <= limit_j. The margin is the largest
+   distance beyond one, in its own standard deviations:
+
+       score = max over j of (n_j' C - limit_j) / sqrt(n_j' cov(C) n_j),      0 where C is inside all.
+
+   n' cov n = sum over i <= k of (2 - [i = k]) n_i n_k cov_ik, so that `products` (n_half_spaces, 15) times the 15
+   entries of the covariance gives all variances by one product, and only where some half-space is left at all.
+   Squares are compared: one root in the end.
+
+   The flow is outside where q, M or h leave their ranges (M by three stated standard deviations), or where M and h
+   contradict q: |q - gamma/2 M^2 p(h)| > tolerance of it + three standard deviations of q.
+   docs/explanation/envelope.md, "What is compared" and "The envelope margin"; strainfmu/estimator/map/envelope.py. */
+
 #include "envelope.h"
 
 #include <math.h>
@@ -23,6 +38,7 @@ void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **do
         for (size_t i = 0; i < N_LOADS; i++) {
             for (size_t k = i; k < N_LOADS; k++) {
                 const double product = envelope->direction[i * m + j] * envelope->direction[k * m + j];
+                /* Row j of the panel: entries off the diagonal count twice. */
                 panel[ROWS * at++] = i == k ? product : 2.0 * product;
             }
         }
@@ -41,6 +57,7 @@ int outside_by_navigation(const Envelope *envelope, const Flow *flow) {
         || leaves(envelope->altitude, flow->altitude, 0.0)) {
         return 1;
     }
+    /* Without both nothing contradicts q. */
     if (isnan(mach) || isnan(flow->altitude)) {
         return 0;
     }

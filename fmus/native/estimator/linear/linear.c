@@ -1,3 +1,20 @@
+/* The linear estimator: the flow of a sample, whether it is inside what the map covers, and outputs from the
+   conditioned loads.
+
+   Strain gives loads only with a dynamic pressure q and its standard deviation: stated, the map's, or, where q is
+   computed from M and a pressure, by its sources (sample/pressure_source.c). Then scaled_form.c conditions the loads
+   (linear_outputs.c).
+
+   Measured angles may contradict the lateral coefficients. Lateral force rises by at most 1 / incidence_per_force
+   with incidence, so that the coefficients c = (C_N, C_Y) need at least the incidence a = k |c| in their direction e
+   = c / |c|, k = 0.8 incidence_per_force (curves over Mach number and roll angle differ). With measured angles v =
+   (u, w) of variances 1 / p they contradict where
+
+       a - e' v > 0     and     (a - e' v)^2 > limit * sum over known angles of e_k^2 (1 / p_k + (k sigma_ck)^2).
+
+   A measured incidence above a is none: what is stated is a minimum. docs/explanation/dynamic_pressure.md;
+   docs/explanation/envelope.md, "What is compared"; strainfmu/estimator/reference/linear.py. */
+
 #include "linear.h"
 
 #include <math.h>
@@ -18,7 +35,7 @@ size_t linear_indices(const Map *map) {
     return prepared_indices(map) + scaled_indices(map);
 }
 
-/* Those of every step first: they are aligned as the block is. */
+/* Arrays of every step come first: they are aligned as the block is. */
 void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices,
                    unsigned char **bytes) {
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
@@ -48,7 +65,7 @@ void linear_renewed(Linear *linear) {
    differ. */
 #define LEAST_PART_OF_SLOPE 0.8
 
-/* The standard deviation of the dynamic pressure: stated or the map's; where it is computed, by its sources. */
+/* The standard deviation of q: stated or the map's; where q is computed, by its sources. */
 static double pressure_deviation(const Linear *linear, double pressure) {
     const Inputs *inputs = linear->inputs;
     const double given = known_input(inputs, DYNAMIC_PRESSURE_STD), stated_mach = known_input(inputs, MACH_NUMBER_STD);
@@ -68,7 +85,7 @@ static double pressure_deviation(const Linear *linear, double pressure) {
     return computed_pressure_std(inputs, given, pressure * computed_pressure_error(known, mach_std, of_pressure));
 }
 
-/* Flow and navigation of the inputs. */
+/* Flow and air data of the inputs; coefficients are known where q lies in its range and its error is a number. */
 static Flow flow_of(const Linear *linear) {
     const double pressure = scalar_input(linear->inputs, DYNAMIC_PRESSURE);
     const double mach_std = known_input(linear->inputs, MACH_NUMBER_STD);
@@ -85,8 +102,7 @@ static Flow flow_of(const Linear *linear) {
     return flow;
 }
 
-/* Whether the flow comes from another side by the measured angles than by the lateral forces: the incidence that these need
-   at least, as far as it is above the measured one in their direction. */
+/* Whether the flow comes from another side by measured angles than by lateral forces: see the head of this file. */
 static int angles_contradict(const Linear *linear) {
     const Map *map = linear->map;
     MeasuredAngles angles;
@@ -108,6 +124,7 @@ static int angles_contradict(const Linear *linear) {
         const double of_force = slope * linear->output[COEFFICIENTS_STD + 1 + k];
         variance += angles.precision[k] > 0.0 ? part * part * (1.0 / angles.precision[k] + of_force * of_force) : 0.0;
     }
+    /* a - e' v; an angle that is not known has neither force nor value here. */
     const double apart = needed > 0.0 ? needed - along / needed : 0.0;
     const double limit = scalar_input(linear->inputs, ALARM_SCALE) * map->chi_square_limit[0];
     return apart > 0.0 && apart * apart > limit * variance;
@@ -156,6 +173,8 @@ void linear_update(Linear *linear) {
     output[HEALTH_STATE] = health_state(linear);
 }
 
+/* Loads for the nonlinear estimator where the tables do not fit. Health and counts are not the linear map's then:
+   these outputs are restored, and all of them where it has no loads. */
 int linear_loads_at(Linear *linear, double dynamic_pressure, double deviation) {
     double kept[N_OUTPUTS];
     memcpy(kept, linear->output, sizeof kept);

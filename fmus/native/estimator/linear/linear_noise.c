@@ -1,3 +1,15 @@
+/* What noise that is independent from sample to sample adds to the errors of the linear estimator: nu of the filter.
+
+   With the gain G (5, n) of the step and variances nu_g of each gauge's noise, and the part b of the variance of q
+   that is independent,
+
+       nu of load i         = sum over gauges of nu_g G_ig^2 + b (df_i/dq s_q)^2
+       nu of coefficient i  = scale^2 sum over gauges of nu_g G_ig^2 + b ((scale df_i/dq - C_i / q) s_q)^2
+
+   at moment point and references of the settings: the gain of a moment is G_M + shift G_F. Whether q is lower or
+   higher moves the load and its scale together, so that their difference is squared. docs/explanation/filter.md,
+   "Model". */
+
 #include "linear_noise.h"
 
 #include "../numerics/dense.h"
@@ -33,6 +45,7 @@ void linear_noise(const Linear *linear, const double *gauge_noise, double of_pre
     }
     for (size_t i = 0; i < N_LOADS; i++) {
         double *gain = scratch + i * row;
+        /* Rows of forces stand before rows of moments and are not moved: i - 2 is the force of moment i. */
         for (size_t g = 0; g < n && i >= 3; g++) {
             gain[g] += shift * scratch[(i - 2) * row + g];
         }

@@ -1,3 +1,10 @@
+/* Loads in addition to the five by the linear estimator, computed when they are read.
+
+   Value f_j, variance and df_j/dq come from the last conditioned step (scaled_form.c, scaled_other_load). The error
+   of q adds to both as for the five, sigma^2 = var f + (df/dq s_q)^2 for the load and scale^2 var f + (scale df/dq
+   s_q - C s_q / q)^2 for the coefficient (linear_outputs.c). NaN without identified state or q.
+   docs/explanation/dynamic_pressure.md, "Weights at any dynamic pressure". */
+
 #include "linear_other_loads.h"
 
 #include <math.h>

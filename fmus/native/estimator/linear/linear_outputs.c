@@ -1,3 +1,16 @@
+/* Outputs of a step of a linear map, from the conditioned loads f (5) with covariance cov f and derivative df/dq.
+
+   The error of q, of standard deviation s_q, is a part of all. With scale = 1 / (q S), 1 / (q S L) for moments,
+
+       loads          sigma^2 = var f + (df/dq s_q)^2
+       coefficients   C = scale f,    sigma^2 = scale^2 var f + ((scale df/dq - C / q) s_q)^2
+
+   A moment about a point `shift` further aft is M' = M + shift F, of the variance var M + 2 shift cov(M, F) +
+   shift^2 var F. Limits of chi-square and z rise with alarm_scale and with the expected chi-square of the current
+   strain (limit_ratio). The margin to the envelope is computed at the references of the map, with the covariance
+   scale cov f scale' + the same error of q (envelope.c). docs/explanation/theory.md, "What a sigma is made of";
+   strainfmu/estimator/reference/linear.py. */
+
 #include "linear_outputs.h"
 
 #include <math.h>
@@ -6,7 +19,7 @@
 #include "../update/scaled_form.h"
 #include "suspects.h"
 
-/* Deviations of the coefficients by the error of the dynamic pressure. */
+/* (scale df/dq - C / q) s_q of each coefficient. */
 static void of_pressure(const Flow *flow, const double *scale, const double *coefficients, const double *per_pressure,
                         double *deviation) {
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -14,7 +27,7 @@ static void of_pressure(const Flow *flow, const double *scale, const double *coe
     }
 }
 
-/* Coefficients at the references of the map, and their covariance. */
+/* C at the references of the map, and its covariance. */
 static void map_coefficients(const Linear *linear, const ScaledStep *step, double *coefficients, double *covariance) {
     double scale[N_LOADS], deviation[N_LOADS];
     coefficient_scales(linear->flow.pressure, linear->map->reference_area, linear->map->reference_length, scale);
@@ -58,6 +71,7 @@ static void set_loads(Linear *linear, const ScaledStep *step, double *per_pressu
     }
 }
 
+/* C at the references of the settings, and standard deviations. */
 static void set_coefficients(Linear *linear, const double *per_pressure, const double *variance) {
     const double *scalar = linear->inputs->value + linear->map->n_gauges;
     const double q = linear->flow.pressure, q_std = linear->flow.deviation;

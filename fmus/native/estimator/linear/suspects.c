@@ -1,3 +1,16 @@
+/* The gauge that does not fit the others: the largest leave-one-out residual z_i = (P r)_i / sqrt(P_ii).
+
+   All z cost a product of n^2. A screen in float shows first, with a bound of its own error, that no |z| can be
+   above the threshold, as in nearly every step; only where it leaves that open are they computed in double. So the
+   screen decides about time, never about a result.
+
+       z_i^2 = (V_i' x)^2 / P_ii,    x = u w,    y_i = V_i' x / |V_i| in float,
+       z_i^2 <= (|y_i| + error margin_i)^2 bound_i,    bound_i >= |V_i|^2 / P_ii,    margin_i >= sqrt(P_ii) / |V_i|.
+
+   bound and margin belong to the interval of the pressure ratio (update/current_errors.c). Gauges whose residuals
+   always move together cannot be distinguished and are named together: groups of update/masked_map.c.
+   docs/explanation/theory.md, "Missing and suspect gauges"; docs/explanation/alarm_levels.md has the thresholds. */
+
 #include "suspects.h"
 
 #include <math.h>

@@ -1,3 +1,18 @@
+/* Reading map.bin: a container of named arrays, checked as a whole before anything of it is used.
+
+   Layout: 32 bytes of header with checksum (core/resource.h), the number of arrays at COUNT_AT, a table of
+   ENTRY_SIZE bytes for each array from TABLE_AT on, by ascending names, then the arrays in the same order, each from
+   a multiple of ALIGNMENT on:
+
+       entry = name (48 bytes) | kind | rank | 4 lengths (4 bytes each) | position (8 bytes)
+
+   A file may come from anywhere. map_open checks the table entry by entry: a name of allowed letters that is greater
+   than the last one, a kind and a rank that exist, lengths whose product does not overflow, the position where the
+   last array ended, no bytes left at the end, finite numbers. So later functions may trust offsets. Accessors then
+   check name, kind and shape against what a module expects and note the first fault; map_close refuses arrays that
+   nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
+   strainfmu/estimator/resource/container.py writes it. */
+
 #include "container.h"
 
 #include <math.h>
@@ -78,7 +93,8 @@ static int check_finite(MapFile *file, const char *name, const double *value, si
     return 1;
 }
 
-/* Check an entry whose array is to begin at *next, and move that to its end. */
+/* Check an entry whose array has to begin at *next, and move that to its end. Lengths are divided, never multiplied
+   beyond the file's size. */
 static int check_entry(MapFile *file, size_t k, size_t length, size_t *next) {
     if (!check_name(file, k)) {
         return 0;
@@ -128,7 +144,7 @@ int map_open(MapFile *file, const unsigned char *bytes, size_t length, char text
     return next == length ? 1 : refuse(file, "holds bytes that no array has");
 }
 
-/* The first array whose name is not less than this one. */
+/* The first array whose name is not less than this one, by bisection. */
 static size_t place_of(const MapFile *file, const char *name) {
     size_t low = 0, high = file->count;
     while (low < high) {

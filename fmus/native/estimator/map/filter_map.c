@@ -1,3 +1,7 @@
+/* Part "filter" of map.bin: bounds of the time constant [s], the part of the variance of air data that averages out,
+   the variance nu_g of each gauge's noise, standard deviations of the rates of (M, u, w, ln p_inf) [1/s] while no
+   strain comes. docs/explanation/filter.md, "Model" and "What does not fit". */
+
 #include "filter_map.h"
 
 int filter_map_parse(MapFile *file, size_t n_gauges, FilterMap *map) {

@@ -1,3 +1,15 @@
+/* Part "parameter_tables" of map.bin: tables and errors that follow known flow parameters, as sums over powers of
+   each parameter.
+
+   Powers are listed by ascending parameter, exponents 1 to 3. Tables of a power are sums over n_basis tables of
+   incidence and harmonic, weighted by Mach knot and row. Products of errors, per p_inf^2, come in the order: of what
+   no parameter makes; of each pair of powers a <= b of one parameter; of the spread of each parameter. Each product
+   is a run of
+
+       n n + 5 n + 25 + m n + m      strain; loads with strain; loads; m other loads with strain; variances of these
+
+   numbers. docs/explanation/nonlinear_estimator.md, "Any shape"; nonlinear/flight_known.c uses them. */
+
 #include "flight_known_map.h"
 
 #include <float.h>

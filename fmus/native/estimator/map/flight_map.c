@@ -1,3 +1,13 @@
+/* Part "flight" of map.bin: tables over the flight state, its ranges, errors of strain and loads about the tables,
+   numbers of the solver.
+
+   Tables have the shape (n_mach + 2, n_incidence + 2, n_channels, n_harmonics): coefficients of cubic splines with
+   fourfold end knots, two more than knots. A row (gauge or load) is a sum of one or two terms, each a channel with
+   factors of its harmonics; terms are listed by ascending row without a gap, which lets flight_tables.c walk through
+   them once. Numbers that C uses as an index are checked to be whole and in range here.
+   docs/explanation/nonlinear_estimator.md, "Model" and "Model discrepancy";
+   strainfmu/estimator/tables/manifold_map.py has quantities and units. */
+
 #include "flight_map.h"
 
 #include <stdio.h>

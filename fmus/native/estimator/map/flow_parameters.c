@@ -1,3 +1,8 @@
+/* Part "parameters" of map.bin: ranges of flow parameters. The score of a value is its distance from the range over
+   the span, 0 inside, for NaN and for a value that is not known; a score above the tolerance puts health to OUTSIDE.
+   The linear estimate itself does not use the values. docs/howto/settings_and_health.md;
+   strainfmu/estimator/map/flow_parameters.py. */
+
 #include "flow_parameters.h"
 
 #define MAX_PARAMETERS 64

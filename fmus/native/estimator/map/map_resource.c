@@ -1,3 +1,20 @@
+/* Parts "linear", "settings", "envelope", "scaled" and "scaled_errors" of map.bin: primary quantities of a linear
+   map.
+
+   n gauges, r states, n_e errors:
+
+       m (n), f_mean (5)               strain and loads of the mean pressure, of which d_0, f_0 do not follow q_inf
+       A (n, r), M (5, r)              strain and loads per state; free in Case 1, standard normal in Case 2
+       Gamma_g (n, n)                  covariance of errors that do not scale
+       N (n, n_e), N_f (5, n_e)        strain and loads of errors that scale, per standard deviation
+       D_a D_b (21, n), E (t, 6, n)    errors in proportion to strain, and mean(c c') (21)
+
+   What follows from them (whitening, directions, gains) is not in the file: update/added_noise.c makes it, so that
+   the standard deviations of zero offsets may change. A matrix (n, r) lies in the file as its transpose, a row for
+   each state. Infinite bounds are written as the largest finite number, as the container holds finite ones alone.
+   docs/explanation/theory.md and docs/explanation/dynamic_pressure.md; strainfmu/estimator/resource/map_file.py
+   writes the parts. */
+
 #include "map_resource.h"
 
 #include <float.h>

@@ -1,3 +1,7 @@
+/* Part "sensors" of map.bin: auxiliary sensors are the last rows of a map. Row = (reading - thrust_response thrust)
+   / scale, so that a row is a strain to all equations; a |reading| above the largest is not used.
+   docs/developers/native.md, "Gauges, zero offsets, temperatures"; strainfmu/estimator/map/sensors.py. */
+
 #include "sensor_rows.h"
 
 int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows) {

@@ -1,3 +1,25 @@
+/* Angles, Mach number and pressures of a flight state, with standard deviations and whether strain and air data
+   identify them.
+
+   The flow comes along (cos a, sin a w / a, sin a u / a): aft, to starboard, up, with a = sqrt(u^2 + w^2 + a_min^2).
+   Hence
+
+       angle of attack = atan2(z, along),    sideslip = -asin(y),    total angle = a,    roll angle = atan2(w, u)
+       M,    p_inf = e^(ln p),    q_inf = gamma/2 M^2 p_inf.
+
+   Standard deviations are to first order, row C row' with the covariance C (4, 4) of the state. The derivatives of y
+   and z by u and w have the factor across = sin a / a, whose slope by a is (cos a - across) / a. Three cases leave
+   first order:
+
+       at zero incidence the direction is undetermined: the variance of a grows by v = (a_min / a)^2 (C_uu + C_ww),
+       the variance of the roll angle by v / a^2
+       a pressure is lognormal: the standard deviation s of its logarithm becomes (e^(3 s) - 1) / 3
+       a roll angle that may be any has pi / sqrt(3), the standard deviation of an even distribution over a full turn
+
+   A quantity counts as identified where its state is known better than by the ranges of the map (min_gain), the roll
+   angle also where incidence exceeds its own error. docs/explanation/nonlinear_estimator.md, "What comes out";
+   air_data in strainfmu/estimator/reference/air.py. */
+
 #include "flight_air_data.h"
 
 #include <math.h>
@@ -22,6 +44,7 @@ typedef struct {
     double by_along[2], by_y[2], by_z[2], by_incidence[2];
 } Wind;
 
+/* The direction of the flow and its derivatives by u and w. */
 static Wind wind_of(double u, double w, double incidence) {
     Wind wind;
     double sine;
@@ -39,6 +62,7 @@ static Wind wind_of(double u, double w, double incidence) {
     return wind;
 }
 
+/* Whether each quantity is identified; q_inf needs both M and p_inf. */
 static void set_flags(const FlightMap *map, const double *prior_std, const Solution *found, double incidence_std,
                       unsigned char *flag) {
     int known[N_STATES];
@@ -74,6 +98,7 @@ void flight_air_data(const FlightMap *map, const double *prior_std, const Soluti
     value[AIR_PRESSURE] = pressure;
     value[AIR_DYNAMIC] = dynamic;
     for (int k = 0; k < 2; k++) {
+        /* d atan2(z, along) = (along dz - z d along) / (along^2 + z^2); d asin(y) = dy / sqrt(1 - y^2). */
         row[ANGLE_OF_ATTACK][STATE_U + k] = (wind.along * wind.by_z[k] - wind.z * wind.by_along[k]) / plane;
         row[SIDESLIP_ANGLE][STATE_U + k] = -wind.by_y[k] / other;
         row[TOTAL_INCIDENCE][STATE_U + k] = wind.by_incidence[k];

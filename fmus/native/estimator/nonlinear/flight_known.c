@@ -1,3 +1,32 @@
+/* Flow parameters, such as control deflections, that are known with a standard deviation: tables and errors about
+   what is known.
+
+   Without knowledge the tables are their mean over the snapshots, and the spread of the parameters is an error of
+   strain and loads. Parameter z has mean m and standard deviation s over the snapshots. A stated value v with the
+   standard deviation t is joined with this prior:
+
+       weight k = s^2 / (s^2 + t^2),     mean m + k (v - m),     variance (1 - k) s^2.
+
+   With z = (that mean - m) / s the tables change, per p_inf, by the sum over powers j (1 to 3) of shift_j times a
+   table of the power,
+
+       shift_j = E[z^j] - offset_j = z^j + j (j - 1) / 2 (1 - k) z^(j-2) - offset_j,
+
+   the expectation of the power at the remaining variance 1 - k less its mean over the snapshots. Errors are products
+   H H' of strain and loads, per p_inf^2: of what no parameter makes, plus along_a along_b times products of pairs of
+   powers of a parameter, plus (1 - k)^2 times the products of the parameter's spread,
+
+       along_j = j z^(j-1) sqrt(k (1 - k)),
+
+   the slope of the power times an error of variance k (1 - k). The two parts k (1 - k), along the tables, and (1 -
+   k)^2, of the spread, are the remaining variance 1 - k: with k = 0 the errors of the mean come back, with k = 1 the
+   error of the parameter is gone. docs/explanation/nonlinear_estimator.md, "Any shape";
+   strainfmu/estimator/tables/parameter_tables.py.
+
+   Tables with parameters have two channels for each row, factors of cos m phi and of sin m phi: gauges that are
+   rotations of each other no longer share one where a fin deflects. Their cells are sums of parts (flight_tables.c),
+   made when a state needs them. */
+
 #include "flight_known.h"
 
 #include <math.h>
@@ -10,6 +39,7 @@ static size_t cells_of(const TableMap *map) {
     return (map->n_mach + 2) * (map->n_incidence + 2);
 }
 
+/* The mean's tables with two channels, and so two terms, for each row. */
 static void lay_out(const TableMap *mean, MadeTables *made) {
     made->map = *mean;
     made->map.n_channels = made->map.n_terms = 2 * mean->n_rows;
@@ -21,7 +51,8 @@ void known_lay_out(const TableMap *mean, const TableMap *other_loads, Known *kno
     lay_out(other_loads, &known->other_loads);
 }
 
-/* Doubles of tables, of what a map of the file holds besides, of the parts and the rounds of its cells. */
+/* Doubles of tables, of the terms and factors that a map of the file holds elsewhere, of the parts, and of the
+   rounds of cells. */
 static size_t made_doubles(const MadeTables *made, size_t n_powers) {
     const TableMap *map = &made->map;
     return map->n_rows == 0 ? 0
@@ -36,7 +67,7 @@ size_t known_doubles(const Known *known, size_t n_gauges) {
          + 3 * in_lanes(map->n_parameters) + 2 * in_lanes(map->n_powers) + known_product_size(map, n_gauges);
 }
 
-/* A term for each channel: of the cosines, then of the sines of every row. */
+/* Term 2 r adds cos m phi of row r, term 2 r + 1 its sin m phi. */
 static void set_terms(TableMap *map, double **doubles) {
     const size_t terms = map->n_terms, m = map->n_harmonics;
     double *row = taken(doubles, terms), *channel = taken(doubles, terms);
@@ -55,7 +86,7 @@ static void set_terms(TableMap *map, double **doubles) {
     map->sine = sine;
 }
 
-/* The part of the mean, from the channels of its tables. */
+/* The part of the mean: channels of its tables with the factors of each row's terms. */
 static void set_mean(const TableMap *mean, size_t harmonics, size_t width, double *part) {
     const size_t m = mean->n_harmonics;
     for (size_t cell = 0; cell < cells_of(mean); cell++) {
@@ -70,7 +101,8 @@ static void set_mean(const TableMap *mean, size_t harmonics, size_t width, doubl
     }
 }
 
-/* The part of power j, rows from `first` of the section on, as sums of the basis. */
+/* The part of power j: each row a sum over the basis tables, weighted by Mach knot; rows from `first` of the section
+   on. */
 static void set_power(const KnownMap *map, const TableMap *tables, size_t first, size_t j, size_t harmonics, double *part) {
     const size_t n_angle = tables->n_incidence + 2, m = tables->n_harmonics, n_rows = tables->n_rows;
     for (size_t cell = 0; cell < cells_of(tables); cell++) {
@@ -155,7 +187,7 @@ static int any_parameter_known(const Known *known, const Inputs *in) {
     return any;
 }
 
-/* Note what the inputs know; whether that is something else than before. */
+/* Note what the inputs know, NaN for nothing; whether it differs from what the tables are for. */
 static int note_values(Known *known, const Inputs *in) {
     const double *value = in->value + first_parameter(in), *std = in->value + first_parameter_std(in);
     int other = 0;
@@ -169,6 +201,7 @@ static int note_values(Known *known, const Inputs *in) {
     return other;
 }
 
+/* z to a power of 0 to 3, as a product: the same bits on every platform. */
 static double power_of(double z, double power) {
     double product = 1.0;
     for (int k = 1; k <= LARGEST_POWER; k++) {
@@ -177,7 +210,7 @@ static double power_of(double z, double power) {
     return product;
 }
 
-/* Weights of the stated values against the spread, the powers' expected change, and what their sigmas leave of it. */
+/* k of each parameter, shift_j and along_j of each power; 0 for a parameter that is not known. */
 static void weigh(Known *known) {
     const KnownMap *map = &known->map;
     for (size_t p = 0; p < map->n_parameters; p++) {
@@ -206,6 +239,7 @@ static void add_times(size_t count, double a, const double *restrict x, double *
     }
 }
 
+/* Errors per p_inf^2 about what is known, summed in the order of the file: no parameter, pairs of powers, spreads. */
 static void set_products(Known *known, size_t n_gauges, size_t n) {
     const KnownMap *map = &known->map;
     const size_t size = known_product_size(map, n_gauges);
@@ -225,6 +259,7 @@ static void set_products(Known *known, size_t n_gauges, size_t n) {
     }
 }
 
+/* Let solver and loads use tables and errors: pointers alone change. Responses belong to the tables before. */
 static void use(Known *known, const Errors *errors) {
     FlightSolver *solver = known->solver;
     FlightOtherLoads *others = known->others;
@@ -247,6 +282,7 @@ void known_follow(Known *known, const Inputs *inputs) {
     const int other = note_values(known, inputs);
     if (other) {
         weigh(known);
+        /* A new round: every cell is made again when it is next read. */
         known->tables.parts.round = known->other_loads.parts.round = known->tables.parts.round + 1.0;
         set_products(known, known->solver->n_gauges, known->solver->n);
     }

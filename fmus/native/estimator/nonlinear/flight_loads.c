@@ -1,3 +1,27 @@
+/* Loads at a solution of the tables, corrected by what strain shows beyond them; coefficients; their covariances.
+
+   At the state x with residual r = d - y(x), Jacobians J (n, 4) of strain and J_L (5, 4) of loads, and the
+   covariance Gamma_Ld (5, n) of loads with strain by the errors that the gain may correct,
+
+       f = L(x) + K r,      K = Gamma_Ld S^-1.
+
+   By the factor L of S, `turned` = L^-1 Gamma_dL and `right` = L^-1 [r, J]: K r = turned' right_0 and K J = turned'
+   right_1..4 (flight_corrected). What the estimate is worth follows from the full model, S_full with the considered
+   errors:
+
+       f_full = L(x) + K_full r + (J_L - K_full J) shift
+       C_full = (J_L - K_full J) H_full^-1 (J_L - K_full J)' + Gamma_LL - K_full Gamma_dL
+       cov f  = C_full + (f - f_full)(f - f_full)'
+
+   f - f_full is `apart`; it is the error that the gain leaves of the considered errors, given this sample.
+   Coefficients C = f / (q S_ref) have the derivatives scale (J_L - K J) - C d ln q/dx, with ln q = ln(gamma/2) + 2
+   ln M + ln p. An error of ln q is normal, an error of q is not: `wider` makes three standard deviations of q reach
+   as far as three of ln q, (e^(3 s) - 1) / 3 over s, squared.
+
+   Rows beyond the five loads use the same functions (flight_other_loads.c). docs/explanation/nonlinear_estimator.md,
+   "Roles of the errors" and "Estimate"; concluded and flight_loads in strainfmu/estimator/reference/nonlinear.py.
+   Source of considered errors: Schmidt, Advances in Control Systems 3 (1966) 293. */
+
 #include "flight_loads.h"
 
 #include <math.h>
@@ -5,6 +29,7 @@
 #include "../../core/elementary.h"
 #include "../numerics/cholesky.h"
 
+/* (e^x - 1) / 3 for x = 3 s; by its series for small x, where the difference would cancel. */
 double lognormal_deviation(double of_log) {
     const double x = 3.0 * of_log;
     if (!(x < 0.5)) {
@@ -25,6 +50,7 @@ static double along_state(const double *by_state, const double *shift) {
     return sum;
 }
 
+/* q_inf at the solution, d ln q/dx, ln q less the full model's, and the square of `wider`. */
 PressureErrors flight_pressure_errors(const FlightSolver *solver) {
     const FullModel *full = &solver->full;
     const double mach = solver->state[STATE_MACH];
@@ -38,6 +64,7 @@ PressureErrors flight_pressure_errors(const FlightSolver *solver) {
     return found;
 }
 
+/* L^-1 Gamma_dL of `count` loads, at the pressure that L belongs to. */
 void flight_turn(const FlightSolver *solver, const double *strain_covariance, size_t count, double *turned) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
     const double square = solver->factor_pressure * solver->factor_pressure;
@@ -59,11 +86,12 @@ double flight_corrected(const FlightSolver *solver, const double *right, const R
     return response->value[row] + lane_dot(n, turned, right);
 }
 
-/* Of load `load` by the considered error with tables, 0 without. */
+/* The load of the considered error with tables of its own; 0 without. */
 static double of_tables(const FlightSolver *solver, size_t load) {
     return solver->map->considered.n_rows > 0 ? solver->full.response.value[solver->n_gauges + load] : 0.0;
 }
 
+/* L_full^-1 of the same and of the considered errors' Gamma_dL; an error with tables adds its strain times its load. */
 void flight_turn_full(const FlightSolver *solver, const double *strain_covariance, const double *considered,
                       size_t first, size_t count, double *turned) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
@@ -81,6 +109,7 @@ void flight_turn_full(const FlightSolver *solver, const double *strain_covarianc
     solve_lower(solver->wide, n, solver->full.factor, count, turned);
 }
 
+/* J_L - K_full J and f - f_full of a row, and both of its coefficient. */
 LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *pressure, const Response *response,
                               size_t row, double value, const double *turned, double scale) {
     const FullModel *full = &solver->full;
@@ -94,6 +123,7 @@ LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *
     return found;
 }
 
+/* Gamma_LL - K_full Gamma_dL of two loads: what strain leaves of them at a fixed state. */
 double flight_load_square(const FlightSolver *solver, double square, size_t load, size_t other, const double *turned,
                           const double *other_turned) {
     const double pressure = solver->response.pressure;

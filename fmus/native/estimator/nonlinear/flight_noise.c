@@ -1,3 +1,17 @@
+/* What noise that is independent from sample to sample adds to the errors of the nonlinear estimator: nu of the
+   filter.
+
+   An output o(d, z) of the solution has, to first order, the response do/dd (n) to strain and do/dz (3) to
+   navigation. Its rows here are in standard deviations of the noise,
+
+       rows = [ do/dd diag(nu_g)^(1/2),  do/dz diag(b sigma_m^2)^(1/2) ],     nu = rows rows',
+
+   b (of_air) is the part of the variance of air data that is noise. The state responds by dx/dd = H^-1 J' S^-1 and
+   dx/dz_m = H^-1 H_m' / sigma_m^2, where `right` holds L^-1 J. A load f = L(x) + K r has df/dd = (J_L - K J) dx/dd +
+   K, df/dz = (J_L - K J) dx/dz; a coefficient scale df - C d ln q/dx dx, widened as q_inf is (flight_loads.c).
+   Covariance of two outputs is the product of their rows, which the transfer of moments needs.
+   docs/explanation/filter.md, "Model". */
+
 #include "flight_noise.h"
 
 #include <math.h>
@@ -10,7 +24,7 @@ size_t flight_noise_row(size_t n_gauges) {
     return in_lanes(n_gauges) + LANES;
 }
 
-/* S^-1 of what solver->factor has whitened, in units of each gauge's noise. */
+/* S^-1 of what L has whitened (L'^-1 of it), times sqrt(nu_g) of each gauge. */
 static void turn_to_noise(const FlightSolver *solver, const double *gauge_noise, size_t count, double *whitened) {
     const size_t n = solver->n;
     solve_upper(solver->wide, n, solver->factor, count, whitened);
@@ -21,7 +35,7 @@ static void turn_to_noise(const FlightSolver *solver, const double *gauge_noise,
     }
 }
 
-/* out = sum of factors times rows of the flight state, plus what strain adds directly (n), NULL for nothing. */
+/* out = factor' rows of the state, plus what strain adds directly (n); NULL for nothing. */
 static void combine_rows(const FlightSolver *solver, const double *factor, const double *rows, const double *direct,
                          double *out) {
     const size_t row = flight_noise_row(solver->n_gauges);
@@ -35,6 +49,7 @@ static void combine_rows(const FlightSolver *solver, const double *factor, const
     }
 }
 
+/* Rows of the state: H^-1 J' S^-1 by gauges, H^-1 H_m' / sigma_m^2 sqrt(b) sigma_m by navigation. */
 static void set_state_rows(const FlightSolver *solver, const double *gauge_noise, double of_air, double *rows,
                            double *scratch) {
     const size_t n = solver->n, row = flight_noise_row(solver->n_gauges);
@@ -61,7 +76,7 @@ static void set_state_rows(const FlightSolver *solver, const double *gauge_noise
     }
 }
 
-/* Row of a coefficient from the row of its load. */
+/* wider (scale df - C d ln q/dx dx), from the row of the load. */
 static void set_coefficient_row(const FlightSolver *solver, const PressureErrors *pressure, double scale, double coefficient,
                                 const double *rows, const double *of_load, double *out) {
     const size_t row = flight_noise_row(solver->n_gauges);
@@ -100,6 +115,7 @@ static double square_of(size_t count, const double *x) {
     return sum;
 }
 
+/* The same of loads in addition to the five, one row at a time: only their variances are needed. */
 void flight_other_noise(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs,
                         const OtherLoads *out, const double *gauge_noise, const double *rows, double *scratch,
                         double *of_loads, double *of_coefficients) {

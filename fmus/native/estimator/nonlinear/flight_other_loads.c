@@ -1,3 +1,18 @@
+/* Loads in addition to the five over the flight state: rolling moment, section loads, hinge moments of a map with
+   tables.
+
+   Load j is a row of tables on the knots of strain, corrected by strain as the five are, and so are its errors
+   (flight_loads.c):
+
+       f_j = L_j(x) + Gamma_jd S^-1 r,
+       var f_j = (J_j - K_j J) H_full^-1 (J_j - K_j J)' + Gamma_jj - K_j Gamma_dj + (f_j - f_full,j)^2.
+
+   Only variances are put out, no covariances among these loads. Where air data do not give the pressure,
+   policies/ambiguity.c has found factors on the standard deviations of the five loads; load j takes the factor of
+   the load that it is stated to be like, the largest if it is like none. Other solutions of the sample
+   (policies/other_solutions.c) at differences delta add part delta^2. Strain corrects all solutions alike, so that
+   the tables alone differ. docs/explanation/nonlinear_estimator.md, "Lost gauges" and "Without q_inf and p_inf". */
+
 #include "flight_other_loads.h"
 
 #include <math.h>
@@ -49,7 +64,7 @@ static double widening_of(const double *of_five, const OtherLoadsMap *map, size_
     return like < N_LOADS ? of_five[like] : largest;
 }
 
-/* The tables at other solutions. */
+/* The tables at the other solutions; the response is left at the last of them. */
 static void set_others(FlightOtherLoads *other_loads, const FlightSolver *solver) {
     const size_t m = other_loads->map.tables.n_rows;
     const Solution *found = &solver->solution;
@@ -59,7 +74,7 @@ static void set_others(FlightOtherLoads *other_loads, const FlightSolver *solver
     }
 }
 
-/* Variances of load j and of its coefficient by other solutions, of a dynamic pressure. Strain corrects all alike. */
+/* part delta^2 of load j, and of its coefficient, whose q_inf differs too. */
 static void of_others(const FlightOtherLoads *other_loads, const FlightSolver *solver, size_t j, double dynamic,
                       double reference, double variance[2]) {
     const Solution *found = &solver->solution;
@@ -80,7 +95,8 @@ static double joined(double std, double variance) {
     return variance > 0.0 ? sqrt(std * std + variance) : std;
 }
 
-/* Load j at the solution, in the outputs. */
+/* Load j, its coefficient at the references of the settings, and their standard deviations. `turn` goes from
+   references of the map to references of the settings. */
 static void set_load(const FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, size_t j,
                      const PressureErrors *pressure, OtherLoads *out) {
     const FlightMap *map = solver->map;

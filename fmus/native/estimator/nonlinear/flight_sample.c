@@ -1,3 +1,20 @@
+/* What is known of a sample besides its strain: navigation, with standard deviations, and the ranges of the map.
+
+   Seven measurements go to the solver: M, ln p_inf, ln q_inf of navigation, then M, u, w, ln p_inf of the ranges as
+   a weak prior, each with the precision 1 / sigma^2, 0 where it is not given. A standard deviation that is not given
+   is the map's; none is below 1e-3 of its value, since a smaller one would be rounding of the solution. Special
+   rules:
+
+       p_inf by altitude       from the standard atmosphere, with its own relative error
+       q_inf computed          from M and a pressure is no measurement: it stands for the one of both that is not given,
+                               else it is left out; its sources have the errors of the day, which nothing confirms
+       M by total temperature  T_0 = T (1 + (gamma - 1)/2 M^2) with T of the standard atmosphere; joined with a given M by
+                               precisions, wider by their distance where that exceeds one standard deviation
+       measured angles         u and w join the prior: precisions add, values are their weighted mean
+
+   docs/explanation/nonlinear_estimator.md, "Estimate" and "What comes out"; docs/howto/settings_and_health.md,
+   "State where q_inf comes from"; strainfmu/estimator/reference/air.py. */
+
 #include "flight_sample.h"
 
 #include <math.h>
@@ -24,6 +41,7 @@ size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
         sample->strain[g] = sample->used[g] ? inputs->strain[g] : 0.0;
         count += sample->used[g];
     }
+    /* Searches of the last strain do not count. */
     solver->n_kept = 0;
     return count;
 }
@@ -35,8 +53,8 @@ static double navigation_error(const FlightMap *map, const Inputs *inputs, size_
     return by_altitude ? map->altitude_error : map->error[quantity];
 }
 
-/* M by the total temperature and the standard atmosphere at the altitude, and its sigma; NaN where one is not known or
-   they have no Mach number in common. */
+/* M by the total temperature and its standard deviation: M = sqrt(2 (T_0/T - 1) / (gamma - 1)), dM = (T_0/T) e /
+   ((gamma - 1) M) by the relative error e of T_0/T. NaN where an input is not known or T_0 is not above T. */
 static double mach_by_temperature(const Inputs *inputs, double *std) {
     const Envelope *envelope = &inputs->map->envelope;
     const double total = later_input(inputs, TOTAL_TEMPERATURE), stated = later_input(inputs, TOTAL_TEMPERATURE_STD);
@@ -77,8 +95,8 @@ static int is_value(double value) {
     return isfinite(value) && value > 0.0;
 }
 
-/* A dynamic pressure that is computed from others is no measurement: it stands for what it is computed from, where that is
-   not given, and for nothing where it is. Its standard deviation is by its sources. */
+/* A q_inf that is computed from the others. With M and p_inf both given nothing is left of it; with one of them it
+   gives the other; with neither it stays q_inf, with the standard deviation of a computed one. */
 static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *found) {
     double *value = found->value, *std = found->std;
     const PressureSource source = pressure_source(inputs);
@@ -140,7 +158,7 @@ void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found
     join(&value[0], &std[0], by_temperature, by_temperature_std);
 }
 
-/* u and w of the priors become u and w of priors and angles. */
+/* The product of two normal densities: precisions add, the mean is weighted by them. */
 static void join_angles(const MeasuredAngles *angles, Sample *sample) {
     for (size_t k = 0; k < 2 && angles->count > 0; k++) {
         const size_t which = N_NAVIGATION + STATE_U + k;
@@ -151,6 +169,7 @@ static void join_angles(const MeasuredAngles *angles, Sample *sample) {
     }
 }
 
+/* Navigation as M, ln p_inf, ln q_inf with precisions of these, then the prior. */
 void flight_set_measurement(FlightSolver *solver, const double *navigation, const double *navigation_std) {
     Sample *sample = &solver->sample;
     for (size_t k = 0; k < N_NAVIGATION; k++) {

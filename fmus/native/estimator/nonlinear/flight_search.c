@@ -1,3 +1,30 @@
+/* Starts of the iterations where no last state is known: the best state of a grid at each of six incidences.
+
+   The grid has SEARCH_STARTS incidences, in the middle of six equal parts of the range of (u, w), times SEARCH_MACHS
+   Mach numbers from end to end, times SEARCH_ROLLS roll angles: 288 states. At p_inf = 1 Pa the tables give the
+   strain t (n) of each, once, when an instance is made; strain is in proportion to p_inf. With the weights W =
+   diag(1 / S_ii), S at one state in the middle of the grid and 0 for gauges that are not in use, the cost of a state
+   at pressure p is, less d' W d,
+
+       cost(p) = p^2 size - 2 p dot + sum_m (z_m - h_m)^2 / sigma_m^2,     size = t' W t,   dot = t' W (d - d_fixed).
+
+   Strain alone gives p_s = dot / size, clipped to plausible pressures; near it strain determines ln p with the
+   information size p_s^2. Navigation and priors know ln p, ln q = ln(gamma/2) + 2 ln M + ln p, M, and the prior of
+   ln p. Joined to first order,
+
+       ln p = (size p_s^2 ln p_s + sum_k target_k precision_k) / (size p_s^2 + sum_k precision_k),
+
+   at which the cost is taken. The state of smallest cost at an incidence is a start. From each start
+   start_iterations Gauss-Newton iterations follow (flight_solve.c), and the end of smallest -2 ln likelihood is
+   solved further.
+
+   So a search costs the same whatever it finds. A step may search at most KEPT_SEARCHES times, with all navigation
+   and without what is inconsistent; ends are kept for the step by the precisions that they belong to.
+
+   Where gauges are lost the grid also gives other minima: states over incidence and roll angle, at the best Mach
+   number, no neighbour of which costs less (policies/other_solutions.c). docs/explanation/nonlinear_estimator.md,
+   "Estimate" and "Lost gauges"; starts, grid and _joined in strainfmu/estimator/reference/nonlinear.py. */
+
 #include "flight_search.h"
 
 #include <math.h>
@@ -16,6 +43,8 @@
 
 static const double TWO_PI = 6.2831853071795862;
 
+/* The grid: Mach numbers with both ends of the range, incidences in the middle of their parts, roll angles from 0
+   on. */
 static void set_states(FlightSolver *solver) {
     const FlightMap *map = solver->map;
     const double low = map->mach_range[0], high = map->mach_range[1];
@@ -32,7 +61,7 @@ static void set_states(FlightSolver *solver) {
     }
 }
 
-/* Mach number, u and w of a state of the search. */
+/* M, u and w of a state of the grid, by start (incidence) and its number there. */
 static void set_state(const FlightSolver *solver, size_t start, size_t which, double *state) {
     const double *size = solver->search_crossflow[start], *middle = solver->map->crossflow_middle;
     state[STATE_MACH] = solver->search_mach[which / SEARCH_ROLLS];
@@ -40,7 +69,8 @@ static void set_state(const FlightSolver *solver, size_t start, size_t which, do
     state[STATE_W] = middle[1] + size[1] * solver->search_sine[which % SEARCH_ROLLS];
 }
 
-/* Slopes at p_inf = 1 Pa in the middle of the ranges. */
+/* Slopes of strain by u and w at p_inf = 1 Pa in the middle of the ranges: policies/other_solutions.c takes from
+   them how well the gauges in use separate a flow from its mirror image. */
 static void set_slopes(FlightSolver *solver) {
     const double *middle = solver->map->crossflow_middle;
     const double state[N_STATES] = {solver->search_mach[SEARCH_MACHS / 2], middle[0], middle[1], 0.0};
@@ -50,6 +80,7 @@ static void set_slopes(FlightSolver *solver) {
     }
 }
 
+/* t of all 288 states, which no sample changes. */
 void flight_search_prepare(FlightSolver *solver) {
     const size_t n = solver->n;
     set_states(solver);
@@ -68,6 +99,8 @@ void flight_search_prepare(FlightSolver *solver) {
     flight_search_weigh(solver);
 }
 
+/* 1 / sqrt(S_ii) of each gauge at the middle of the grid. Weights without correlations suffice for a comparison of
+   starts. */
 void flight_search_weigh(FlightSolver *solver) {
     const size_t n = solver->n;
     double state[N_STATES] = {0.0};
@@ -80,7 +113,7 @@ void flight_search_weigh(FlightSolver *solver) {
     }
 }
 
-/* Sums over the gauges of weighted strain times the strain of a state, and of the square of the latter. */
+/* dot = sum of weighted t, size = sum of square t^2, where weighted = W (d - d_fixed) and square = diag(W). */
 EVERYWHERE void compare(size_t n, const double *restrict weighted, const double *restrict square,
                         const double *restrict strain, double *dot, double *size) {
     double d[LANES] = {0.0}, s[LANES] = {0.0};
@@ -102,12 +135,14 @@ AVX2 static void compare_avx2(size_t n, const double *weighted, const double *sq
 }
 #endif
 
-/* What navigation and priors say of ln p_inf at a Mach number: three values with their precisions. */
+/* What is known of ln p_inf at a Mach number without strain: three targets with their precisions, from p_inf, q_inf
+   and the prior. */
 typedef struct {
     double target[3], precision[3];
     double of_mach; /* what they hold against the Mach number */
 } Knowledge;
 
+/* The targets at one Mach number, of which ln q_inf gives ln p_inf; what differs from M itself costs of_mach. */
 static Knowledge knowledge_at(const FlightSolver *solver, double mach) {
     const Sample *sample = &solver->sample;
     const double of_mach = sample->value[0] - mach, of_prior = sample->value[N_NAVIGATION + STATE_MACH] - mach;
@@ -121,7 +156,7 @@ static Knowledge knowledge_at(const FlightSolver *solver, double mach) {
     };
 }
 
-/* ln p_inf that joins strain, of an information, with what is known; *cost is the latter's. */
+/* ln p_inf of strain (its value and information) with the three targets; *cost is what these and M cost there. */
 static double joined_pressure(const Knowledge *known, double log_pressure, double information, double *cost) {
     double sum = information * log_pressure, total = information;
     for (int k = 0; k < 3; k++) {
@@ -137,7 +172,7 @@ static double joined_pressure(const Knowledge *known, double log_pressure, doubl
     return joined;
 }
 
-/* What the angles hold against a state. */
+/* (z - h)^2 / sigma^2 of measured angles, which are values of u and w. */
 static double against_angles(const FlightSolver *solver, size_t start, size_t which) {
     double state[N_STATES] = {0.0}, cost = 0.0;
     set_state(solver, start, which, state);
@@ -148,7 +183,7 @@ static double against_angles(const FlightSolver *solver, size_t start, size_t wh
     return cost;
 }
 
-/* Strain of the sample in the search, in sigmas times these, and squares of the latter; 0 of gauges not in use. */
+/* W (d - d_fixed) and diag(W); 0 of gauges that are not in use. */
 static void weigh_strain(const FlightSolver *solver, double *weighted, double *square) {
     const Sample *sample = &solver->sample;
     memset(weighted, 0, solver->n * sizeof *weighted);
@@ -160,7 +195,8 @@ static void weigh_strain(const FlightSolver *solver, double *weighted, double *s
     }
 }
 
-/* What the states at an incidence, by its index, cost, and ln p_inf there; less a constant. */
+/* Cost and ln p_inf of the SEARCH_STATES states at one incidence. Logarithms and exponentials are taken of all
+   together, so that their divisions do not wait for each other. */
 static void set_costs(FlightSolver *solver, size_t start, double *cost, double *log_pressure) {
     const size_t n = solver->n;
     double *weighted = solver->turned, *square = solver->turned + n;
@@ -192,7 +228,7 @@ static void set_costs(FlightSolver *solver, size_t start, double *cost, double *
     }
 }
 
-/* A state of the search with its ln p_inf. */
+/* A state of the grid with its ln p_inf, kept within a factor e^5 of the range: far beyond it no iteration returns. */
 static void set_start_at(const FlightSolver *solver, size_t start, size_t which, double log_pressure, double *state) {
     const double *range = solver->map->log_pressure_range;
     set_state(solver, start, which, state);
@@ -210,7 +246,7 @@ static void set_start(FlightSolver *solver, size_t start, double *state) {
     set_start_at(solver, start, best, log_pressure[best], state);
 }
 
-/* The search of this step that was of the same navigation: it is as it was, and so is where it ends. */
+/* A search of the same strain with the same precisions ends where it ended before in this step. */
 static const KeptEnds *kept_ends(const FlightSolver *solver) {
     for (size_t k = 0; k < solver->n_kept; k++) {
         const KeptEnds *kept = &solver->kept[k];
@@ -238,6 +274,7 @@ size_t flight_search_ends(FlightSolver *solver) {
     if (kept != NULL) {
         memcpy(solver->end, kept->end, sizeof solver->end);
         memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
+    /* A third search in one step would break the bound on its time: the last ends stay. */
     } else if (solver->n_kept < KEPT_SEARCHES) {
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
             set_start(solver, start, solver->end[start]);
@@ -277,7 +314,7 @@ static void set_directions(FlightSolver *solver, Directions *all) {
     }
 }
 
-/* Whether no neighbour costs less: those around, and of the smallest incidence those on the other side. */
+/* Whether no neighbour costs less: eight around, over the axis at the smallest incidence. */
 static int is_minimum(const Directions *all, size_t start, size_t roll) {
     const double cost = all->cost[start][roll];
     int least = 1;
@@ -290,7 +327,7 @@ static int is_minimum(const Directions *all, size_t start, size_t roll) {
     return least;
 }
 
-/* Whether a state is in the neighbourhood of another one, by the distance of the incidences. */
+/* Whether two states lie within NEIGHBOURHOOD distances of the grid in (u, w): they would end in the same solution. */
 static int is_near(const FlightSolver *solver, const double *state, const double *other) {
     double square = 0.0;
     for (size_t k = 0; k < 2; k++) {
@@ -312,6 +349,7 @@ size_t flight_search_minima(FlightSolver *solver, const double *state, double mi
             if (!is_minimum(&all, start, roll) || is_near(solver, one, state)) {
                 continue;
             }
+            /* Insert by cost; the worst one falls out where there are MOST_MINIMA already. */
             size_t at = count < MOST_MINIMA ? count++ : MOST_MINIMA;
             for (; at > 0 && all.cost[start][roll] < cost[at - 1]; at--) {
                 if (at < MOST_MINIMA) {

@@ -1,3 +1,36 @@
+/* The flight state that fits strain and air data, by Gauss-Newton iterations of a fixed number, and what follows
+   from it.
+
+   State x = (M, u, w, ln p_inf), 4. Strain d (n) has the tables y(x) with the Jacobian J (n, 4) and the error
+   covariance S(x) = L L' (n, n). Seven measurements z_m with the precision 1 / sigma_m^2, 0 where one is not given,
+   are M, ln p_inf and ln q_inf of navigation, then the ranges of the map as a weak prior of the four states,
+   measured angles included; they read h_m(x) with rows H_m (4). The iterations minimise
+
+       cost(x) = | L^-1 (d - y(x)) |^2 + sum_m (z_m - h_m(x))^2 / sigma_m^2.
+
+   About x, with rho = L^-1 (d - y), A = L^-1 J (both in `right`), and S not differentiated,
+
+       H = A' A + sum_m H_m' H_m / sigma_m^2        hessian
+       g = A' rho + sum_m H_m' (z_m - h_m) / sigma_m^2   gradient, of -cost / 2
+       x becomes x + a H^-1 g                       limited by largest_step and the reach of the tables
+
+   a is 1, or shorter where strain curves away: with the last change of the state dx and the decrease of the whole
+   step v, a = dx' H v / v' H v between SMALLEST_PART and 1 (Barzilai and Borwein, IMA J. Numer. Anal. 8, 1988, the
+   shorter of their steps in the metric of H). S is renewed every second iteration of a cold solution, half-way in a
+   start of the search, and once at the last state of a warm one: a decomposition of S costs as much as an iteration.
+
+   Covariances and alarms follow from the full model, with the considered errors: S_full, H_full, g_full in `full`.
+
+       shift      = H_full^-1 g_full                its estimate of the state, less x
+       chi-square = cost_full - g_full' H_full^-1 g_full
+       P          = S_full^-1 - S_full^-1 J H_full^-1 J' S_full^-1
+       z_i        = (S_full^-1 (d - y - J shift))_i / sqrt(P_ii)                     gauges
+       z_m        = (z_m - h_m - H_m shift) / sqrt(sigma_m^2 - H_m H_full^-1 H_m')   navigation
+       shape^2    = r' P B (B' P B)^-1 B' P r       B (n, n_shapes) the discrepancy modes
+
+   docs/explanation/nonlinear_estimator.md, "Roles of the errors", "Estimate" and "What comes out";
+   strainfmu/estimator/reference/nonlinear.py iterates until it converges. */
+
 #include "flight_solve.h"
 
 #include <math.h>
@@ -12,7 +45,8 @@
 #define AT_ONCE 6          /* ratios of standard deviations up to 1e51 have a product */
 #define LEAST_SEEN 1e-9    /* of the variance of a shape; what others leave below it is lost in rounding */
 
-/* L of a covariance; L of the unit matrix for gauges that are not in use. */
+/* L of a covariance. A gauge that is not in use gets row and column of the unit matrix: with a residual of 0 it has
+   no effect, and the order n stays. */
 static void decompose(const FlightSolver *solver, double *factor) {
     const size_t n = solver->n;
     for (size_t g = 0; g < n; g++) {
@@ -27,7 +61,7 @@ static void decompose(const FlightSolver *solver, double *factor) {
     cholesky(solver->wide, n, factor);
 }
 
-/* L of S at the state of solver->response. */
+/* L of S at the state of solver->response; factor_state notes where, so that the same solution can be made again. */
 static void set_factor(FlightSolver *solver) {
     solver->factor_pressure = solver->response.pressure;
     memcpy(solver->factor_state, solver->state, sizeof solver->factor_state);
@@ -44,7 +78,8 @@ static double larger_mach(double mach) {
     return mach > MIN_MACH ? mach : MIN_MACH;
 }
 
-/* What the measurement reads at the state of the problem, subtracted from what it reads. */
+/* z_m - h_m(x). Below MIN_MACH ln M goes on as a constant, so that no iteration meets the logarithm of a negative
+   number. */
 static void set_innovation(FlightSolver *solver) {
     const double *state = solver->state, *value = solver->sample.value;
     const double mach = larger_mach(state[STATE_MACH]);
@@ -70,7 +105,8 @@ void flight_measurement_row(double log_mach_slope, size_t which, double *row) {
     }
 }
 
-/* Residual and Jacobian, weighted by a factor, in right; Hessian, gradient and cost with the measurement. */
+/* L^-1 of residual and Jacobian in `right`, then H, g and cost of strain by one product of all pairs of these five
+   vectors, and the terms of the measurements. */
 static void weigh(const FlightSolver *solver, const double *factor, double *right, double *hessian, double *gradient,
                   double *cost) {
     const size_t n = solver->n;
@@ -108,15 +144,18 @@ static void weigh(const FlightSolver *solver, const double *factor, double *righ
     }
 }
 
-/* The problem about the state of solver->response, weighted by solver->factor. */
+/* The problem about the state of solver->response, weighted by the last S. */
 static void linearise(FlightSolver *solver) {
     set_innovation(solver);
     weigh(solver, solver->factor, solver->right, solver->hessian, solver->gradient, &solver->cost);
 }
 
+/* The full model about the same state. With n_free below 4 the last states are held fixed: policies/ambiguity.c
+   moves ln p_inf to a value and asks for the rest. Their rows of the covariance are 0 then. */
 void flight_weigh_full(FlightSolver *solver, size_t n_free) {
     FullModel *full = &solver->full;
     double inner[N_STATES * N_STATES], inverse[N_STATES * N_STATES];
+    /* One considered error may have tables of its own, by the same state. */
     if (solver->map->considered.n_rows > 0) {
         flight_response(&full->tables, solver->wide, solver->state, &full->response);
     }
@@ -139,6 +178,8 @@ void flight_weigh_full(FlightSolver *solver, size_t n_free) {
     }
 }
 
+/* x + step, shortened as a whole so that no state moves by more than its largest step, then brought back to where
+   the tangents of the tables hold: 30 % beyond the Mach numbers, 1.5 times the incidence, a factor e of pressure. */
 void flight_limited(const FlightMap *map, const double *from, const double *step, double *state) {
     double size = 1.0;
     for (size_t i = 0; i < N_STATES; i++) {
@@ -160,7 +201,7 @@ void flight_limited(const FlightMap *map, const double *from, const double *step
         clipped(state[STATE_PRESSURE], map->log_pressure_range[0] - 1.0, map->log_pressure_range[1] + 1.0);
 }
 
-/* The part of a step to take, from what the last change of the state has done to it: gauss_newton.py. */
+/* a of the step at hand: 1 in the first iteration, and where curvature along the last change says nothing. */
 static double part_of_step(const FlightSolver *solver, const double *step) {
     double change[N_STATES], shrunk[N_STATES];
     if (!solver->has_before) {
@@ -178,7 +219,7 @@ static double part_of_step(const FlightSolver *solver, const double *step) {
     return along / size > SMALLEST_PART ? along / size : SMALLEST_PART;
 }
 
-/* The next state of the iterations. */
+/* x + a H^-1 g; state and whole step are noted for the next a. */
 static void next_state(FlightSolver *solver, double *state) {
     double inverse[N_STATES * N_STATES], step[N_STATES];
     invert_small(N_STATES, solver->hessian, inverse);
@@ -198,7 +239,8 @@ static void next_state(FlightSolver *solver, double *state) {
     flight_limited(solver->map, solver->state, step, state);
 }
 
-/* (P r)_i / sqrt(P_ii) with P = S^-1 - S^-1 J E_x J' S^-1 of the full model. */
+/* z_i of all gauges, which need the diagonal of P and so the whole L^-1: once in a step, after the solution is
+   chosen. back[0] = S_full^-1 (d - y), back[1 + k] = S_full^-1 J_k. */
 void flight_set_gauge_residuals(FlightSolver *solver) {
     const size_t n = solver->n;
     const FullModel *full = &solver->full;
@@ -217,7 +259,7 @@ void flight_set_gauge_residuals(FlightSolver *solver) {
     }
 }
 
-/* L^-1 of the shapes of pressure off the tables, with zeros for gauges that are not used. */
+/* L_full^-1 B, with zeros for gauges that are not in use. */
 static void whiten_shapes(FlightSolver *solver) {
     const size_t n = solver->n, count = solver->map->n_shapes;
     double *shapes = solver->shapes;
@@ -230,8 +272,8 @@ static void whiten_shapes(FlightSolver *solver) {
     solve_lower(solver->wide, n, solver->full.factor, count, shapes);
 }
 
-/* r' P A (A' P A)^-1 A' P r of the shapes A, by the Cholesky factor of A' P A, row by row. A shape counts for nothing
-   where those before it leave a rounding error of its variance. */
+/* shape^2 by the Cholesky factor T of B' P B, a row at a time: T T' = B' P B, size = T^-1 B' P r, shape^2 =
+   |size|^2. A shape counts for nothing where the shapes before it leave a rounding error of its variance. */
 static void set_shape_square(FlightSolver *solver) {
     const size_t n = solver->n, count = solver->map->n_shapes;
     const FullModel *full = &solver->full;
@@ -247,6 +289,7 @@ static void set_shape_square(FlightSolver *solver) {
             by_state[s][k] = lane_dot(n, shape, full->right + (1 + k) * n);
             rest -= by_state[s][k] * full->shift[k];
         }
+        /* Diagonal of B' P B, from which the rows above take their squares. */
         double left = alone - quadratic(N_STATES, by_state[s], full->state_covariance, by_state[s]);
         for (size_t t = 0; t < s; t++) {
             double common = lane_dot(n, shape, solver->shapes + t * n)
@@ -273,7 +316,7 @@ static double along_shift(const FullModel *full, const double *row) {
     return sum;
 }
 
-/* Of the innovation at the minimum of the linearised problem. */
+/* z_m of navigation at the minimum of the linearised problem. */
 static void set_navigation_residuals(FlightSolver *solver) {
     const FullModel *full = &solver->full;
     Solution *found = &solver->solution;
@@ -288,7 +331,8 @@ static void set_navigation_residuals(FlightSolver *solver) {
     }
 }
 
-/* What u and w of priors and angles cost more than u and w of the priors: the angles have a test of their own. */
+/* What u and w of priors and measured angles cost more than u and w of the priors alone: angles have a test of their
+   own (angles_contradict), and must not count in chi-square. */
 static double cost_of_angles(const FlightSolver *solver) {
     double cost = 0.0;
     for (size_t k = STATE_U; k <= STATE_W && solver->angles.count > 0; k++) {
@@ -300,6 +344,8 @@ static double cost_of_angles(const FlightSolver *solver) {
     return cost;
 }
 
+/* Conclude at the state of the problem: covariance H^-1 of the model that the gain follows, the square of the next
+   step in its standard deviations (rest_square), then all that follows from the full model. */
 void flight_settle(FlightSolver *solver) {
     const FullModel *full = &solver->full;
     Solution *found = &solver->solution;
@@ -315,6 +361,7 @@ void flight_settle(FlightSolver *solver) {
     set_shape_square(solver);
 }
 
+/* S at the last state serves all iterations of the step: the state moves little from sample to sample. */
 void flight_solve_warm(FlightSolver *solver, const double *state) {
     double next[N_STATES];
     solver->has_before = 0;
@@ -330,6 +377,7 @@ void flight_solve_warm(FlightSolver *solver, const double *state) {
     flight_settle(solver);
 }
 
+/* The same evaluations in the same order as of the solution that was left, so that its bits come back. */
 void flight_solve_again(FlightSolver *solver, const double *weighted_at, const double *state) {
     evaluate(solver, weighted_at);
     set_factor(solver);
@@ -349,7 +397,8 @@ void flight_linearise_anew(FlightSolver *solver, const double *state) {
     linearise(solver);
 }
 
-/* One logarithm for every few gauges: of the product of their standard deviations over the first one's. */
+/* -2 ln likelihood less a constant: cost + ln det S, ln det S = 2 sum of ln L_ii. One logarithm serves AT_ONCE
+   gauges: of the product of their L_ii over the first one's. */
 double flight_deviance(const FlightSolver *solver) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
     const double first = solver->factor[0];
@@ -365,6 +414,7 @@ double flight_deviance(const FlightSolver *solver) {
     return solver->cost + 2.0 * sum;
 }
 
+/* A start of the search: S at the start and half-way. Its deviance by that S compares the ends. */
 double flight_iterate_start(FlightSolver *solver, double *state) {
     const size_t iterations = (size_t)solver->map->start_iterations;
     solver->has_before = 0;
@@ -382,7 +432,7 @@ double flight_iterate_start(FlightSolver *solver, double *state) {
     return flight_deviance(solver);
 }
 
-/* Weights follow the state in every second iteration, as in iterations of the starts, and in the last one. */
+/* A cold solution: S follows the state in every second iteration, and in the last one. */
 void flight_solve_from(FlightSolver *solver, const double *state) {
     const size_t iterations = (size_t)solver->map->cold_iterations;
     double next[N_STATES];

@@ -1,3 +1,15 @@
+/* Memory of the nonlinear solver, and the errors that its gauges have.
+
+   All arrays of gauges have n = n_gauges in multiples of LANES, so that products need no remainder; what lies beyond
+   n_gauges is 0. The solver holds three covariances (n, n) of which S is made in each iteration
+   (strain_covariance.c): of errors that do not scale, of pressure off the tables per p_inf^2, and of considered
+   errors per p_inf^2. Only the first one changes: with zero offsets and temperature sensors it is
+
+       gauge_covariance = Gamma_g (the map's, or what known sensors leave of thermal strain) + added,
+
+   the same sum as of the linear map (update/added_noise.c). The weights of the search follow it.
+   docs/explanation/nonlinear_estimator.md, "Model discrepancy". */
+
 #include "flight_solver.h"
 
 #include "../numerics/arrays.h"

@@ -1,3 +1,25 @@
+/* Strain and loads over the flight state, with derivatives: tensor-product cubic splines of harmonics.
+
+   A row (a gauge, a load) at x = (M, u, w, ln p) is, with the incidence a = sqrt(u^2 + w^2 + a_min^2), phi the roll
+   angle of the flow, cos phi = u / a and sin phi = w / a,
+
+       y = y_fixed + p sum over terms of sum_m T_m(M, a) (C_m cos m phi + S_m sin m phi),
+
+   where T_m are splines of a channel: gauges that are rotations of each other share one, and differ in the factors
+   C_m, S_m of their term (n_terms, n_harmonics). a_min keeps derivatives finite at the axis, where all harmonics but
+   the mean vanish. With B-splines B_i of Mach number and B_j of incidence, of which four each are not zero,
+
+       T_m = sum_ij B_i(M) B_j(a) cell_ijm,      dT_m/dM and dT_m/da by B'.
+
+   Derivatives by u and w have two parts, by the incidence and by the phase:
+
+       dy/du = p sum (u / a dT_m/da) phase + p sum T_m d(phase)/du,     phase = C_m cos m phi + S_m sin m phi,
+
+   and alike by w; d/d ln p is the row less y_fixed. cos m phi and sin m phi follow from each other by addition
+   theorems, so that a row costs no sine. Cells of known flow parameters are sums of parts and made when a state
+   first needs them: flight_known.c. docs/explanation/nonlinear_estimator.md, "Model";
+   strainfmu/estimator/tables/flight_tables.py. */
+
 #include "flight_tables.h"
 
 #include <math.h>
@@ -61,6 +83,8 @@ static double padded(const double *knots, size_t n, size_t index) {
     return index < DEGREE ? knots[0] : index < DEGREE + n ? knots[index - DEGREE] : knots[n - 1];
 }
 
+/* The four cubic B-splines at x by Cox and de Boor's recursion, their derivatives by the splines of degree 2.
+   Outside the knots x is clipped and the value goes on along the tangent. */
 Basis flight_basis(const double *knots, size_t n, double x) {
     const double inside = x < knots[0] ? knots[0] : x > knots[n - 1] ? knots[n - 1] : x;
     size_t span = 0;
@@ -75,11 +99,14 @@ Basis flight_basis(const double *knots, size_t n, double x) {
         memset(values, 0, sizeof values);
         for (size_t j = 0; j < degree; j++) {
             const double left = padded(knots, n, span - degree + 1 + j), right = padded(knots, n, span + 1 + j);
+            /* B of degree d from B of degree d - 1: two neighbours share each. */
             const double part = lower[j] / (right - left);
             values[j] += (right - inside) * part;
             values[j + 1] += (inside - left) * part;
         }
     }
+    /* The slope of a spline is three times the difference of two neighbours of degree 2, each over the length of its
+       support. */
     for (size_t j = 0; j < DEGREE; j++) {
         const double part =
             DEGREE * lower[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
@@ -92,6 +119,7 @@ Basis flight_basis(const double *knots, size_t n, double x) {
     return found;
 }
 
+/* A cell as the sum of its first part and of weighted others, marked by the round that it belongs to. */
 EVERYWHERE void make_cell(const CellParts *parts, size_t width, size_t cell, double *restrict made) {
     memcpy(made, parts->part + cell * width, width * sizeof *made);
     for (size_t j = 0; j < parts->n_weights; j++) {
@@ -104,7 +132,7 @@ EVERYWHERE void make_cell(const CellParts *parts, size_t width, size_t cell, dou
     parts->made[cell] = parts->round;
 }
 
-/* Make the cells that the splines at a place need, the pairs of N_LOCAL knots from `mach` and `incidence` on. */
+/* Make the 16 cells that the splines at a place need. */
 EVERYWHERE void make_cells(const FlightTables *tables, size_t mach, size_t incidence) {
     for (size_t k = 0; k < N_LOCAL * N_LOCAL; k++) {
         const size_t cell = (mach + k / N_LOCAL) * (tables->map->n_incidence + 2) + incidence + k % N_LOCAL;
@@ -118,7 +146,8 @@ void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence
     make_cells(tables, mach, incidence);
 }
 
-/* Coefficients k to k + count at a Mach number and an incidence, and their derivatives by the two; count is a constant. */
+/* Coefficients k to k + count of T, dT/dM and dT/da: sums over the four knots of Mach number (p, q), then over four
+   of incidence. count is a constant. */
 EVERYWHERE void combine_some(size_t count, size_t k, size_t width, size_t stride, const double *restrict cells,
                              const Basis *mach, const Basis *incidence, double *restrict value, double *restrict by_mach,
                              double *restrict by_incidence) {
@@ -161,7 +190,7 @@ static inline double lane_sum(const double *sum) {
     return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
-/* Sums over the harmonics of one term: value, derivatives by M, incidence, u, w. */
+/* Sums over the harmonics of one term: T phase, dT/dM phase, dT/da phase, T d(phase)/du, T d(phase)/dw. */
 EVERYWHERE void contract(size_t harmonics, const double *restrict cosine, const double *restrict sine,
                          double *const *wind, const double *restrict value, const double *restrict by_mach,
                          const double *restrict by_incidence, double *restrict sums) {
@@ -184,7 +213,8 @@ EVERYWHERE void contract(size_t harmonics, const double *restrict cosine, const 
     sums[4] = lane_sum(w);
 }
 
-/* Cosine and sine of m phi_T and their derivatives by u and w. */
+/* cos m phi, sin m phi and their derivatives by u and w, from m - 1 to m by the addition theorems. d(u/a)/du = (a^2
+   - u^2) / a^3, d(u/a)/dw = -u w / a^3. */
 static void set_wind(const FlightTables *tables, double u, double w, double incidence) {
     const double cosine = u / incidence, sine = w / incidence, square = incidence * incidence;
     const double cube = square * incidence, across = -u * w / cube;
@@ -218,6 +248,7 @@ EVERYWHERE void respond(size_t most, const FlightTables *tables, const double *s
     combine(most, tables->width, stride, tables->cells + mach.first * stride + angle.first * tables->width, &mach, &angle,
             amplitude[0], amplitude[1], amplitude[2]);
     set_wind(tables, u, w, incidence);
+    /* Put the terms together: a row is the sum of one term or two. */
     const double pressure = response->pressure = exponential(state[STATE_PRESSURE]);
     const double along_u = u / incidence, along_w = w / incidence;
     for (size_t row = 0; row < map->n_rows; row++) {
@@ -253,6 +284,7 @@ AVX512 static void respond_to_avx512(const FlightTables *tables, const double *s
 }
 #endif
 
+/* A response at the state that it belongs to already is not computed again: a step starts where the last one ended. */
 void flight_response(const FlightTables *tables, int wide, const double *state, Response *response) {
     if (response->known && memcmp(response->state, state, sizeof response->state) == 0) {
         return;

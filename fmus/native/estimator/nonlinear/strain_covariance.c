@@ -1,8 +1,25 @@
+/* The covariance S (n, n) of strain about the tables at a flight state, and S_full with the considered errors.
+
+   With p = p_inf, the strain y (n) and the coefficients over references c = [1, loads / (p reference)] (6) of the
+   tables at the state,
+
+       S = Gamma_g                                gauge noise, apparent strain, zero offsets: do not scale
+         + p^2 E E'                               pressure off the tables, E E' = scaled_covariance
+         + p^2 sum_t (E_t c)(E_t c)'              errors that gauges have in common and that follow the load
+         + (g_c y)(g_c y)'                        gain error in common
+         + diag(p^2 sum_ab c_a c_b D_ab + (g y)^2)   own errors of each gauge: placement, clocking, gain
+
+   D_ab (21, n) is gauge_error_product, g and g_c (n) are standard deviations of gains. S_full adds considered errors
+   of the same two kinds, p^2 (H H' + sum_t (H_t c)(H_t c)'), and one with tables of its own, a column of its strain.
+   Columns in common are collected first, so that S is filled in by one pass over its lower triangle.
+   docs/explanation/nonlinear_estimator.md, "Model discrepancy" and "Roles of the errors"; docs/explanation/sigma.md,
+   "Errors in proportion to strain"; strain_covariance in strainfmu/estimator/reference/nonlinear.py. */
+
 #include "strain_covariance.h"
 
 #include "../numerics/wide.h"
 
-/* c = [1, loads over references] of the tables at the state. */
+/* c (6) at the state, whose loads are the last rows of the tables. */
 static void set_coefficients(const FlightSolver *solver, double c[1 + N_LOADS]) {
     const FlightMap *map = solver->map;
     const double *loads = solver->response.value + solver->n_gauges;
@@ -13,7 +30,8 @@ static void set_coefficients(const FlightSolver *solver, double c[1 + N_LOADS]) 
     }
 }
 
-/* Variances of the errors of each gauge alone, in own (n). */
+/* The diagonal: p^2 sum over a <= b of c_a c_b D_ab, where pairs a < b count twice in the map, and (g y)^2. Rounding
+   may leave the sum below 0. */
 static void set_own(const FlightSolver *solver, const double c[1 + N_LOADS], double *own) {
     const FlightMap *map = solver->map;
     const size_t n_gauges = solver->n_gauges;
@@ -33,7 +51,7 @@ static void set_own(const FlightSolver *solver, const double c[1 + N_LOADS], dou
     }
 }
 
-/* Columns of `count` errors (count, 6, n_gauges) that all gauges have in common; the column behind them. */
+/* Columns p E_t c of `count` errors (count, 6, n_gauges); the result is where the next column begins. */
 static double *set_common(const FlightSolver *solver, const double c[1 + N_LOADS], size_t count, const double *errors,
                           double *column) {
     const size_t n = solver->n, n_gauges = solver->n_gauges;
@@ -50,7 +68,7 @@ static double *set_common(const FlightSolver *solver, const double c[1 + N_LOADS
     return column;
 }
 
-/* On and below the diagonal, with whole lanes. */
+/* Gamma_g + p^2 (E E' + H H') + columns columns', on and below the diagonal, in whole LANES. */
 EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, double considered_square,
                                const double *restrict fixed, const double *restrict scaled,
                                const double *restrict considered, const double *restrict columns, double *restrict out) {
@@ -82,7 +100,7 @@ AVX2 static void add_covariance_avx2(size_t n, size_t n_columns, double square, 
 }
 #endif
 
-/* With considered errors, or without. */
+/* S, or S_full; solver->squares and solver->columns are scratch. */
 static void set_covariance(FlightSolver *solver, int with_considered, double *out) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n;

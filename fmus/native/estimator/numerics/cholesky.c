@@ -1,3 +1,22 @@
+/* A Cholesky decomposition and triangular solutions for the flight state's problem, in registers and in one order on
+   every processor.
+
+   A (n, n) = L L', n a multiple of LANES = 4, columns n apart. L is computed by blocks of four columns, each from
+   the columns before it (left-looking: Golub and Van Loan, Matrix Computations, section 4.2):
+
+       A_kk.. -= L_k,0..k-1 L_0..k-1'      one product of matrices (products.c)
+       four columns of L                   L D L' within the block, then times the roots of D
+
+   x = L^-1 b goes forward by blocks: the inverse (4, 4) of the diagonal block gives four elements, which are
+   subtracted from all below; x = L'^-1 b goes back alike with sums over what is below. L^-1 by rows is needed for
+   the diagonal of S^-1 = L'^-1 L^-1: (S^-1)_gg = sum over i of (L^-1)_ig^2, and L'^-1 of five vectors comes from the
+   same pass (turn_back).
+
+   Each sum has four parts, one for each lane, which are added as (0 + 1) + (2 + 3): what SSE2 does in two registers
+   and AVX2 in one has the same bits. A matrix that is not positive definite gives NaN, which the tests of health
+   report. Small matrices, of at most five rows, are inverted by plain loops: A^-1 = L'^-1 L^-1.
+   docs/developers/native.md, "Conventions" and "Cost". */
+
 #include "cholesky.h"
 
 #include <math.h>
@@ -43,8 +62,8 @@ EVERYWHERE void subtract_columns_twice(size_t first, size_t n, const double *res
     }
 }
 
-/* LANES columns of L from k on, of a matrix from which the columns before them have been subtracted. The divisions wait
-   for each other, roots do not: L D L' first, then times the roots of D. */
+/* Four columns of L from column k on, of a matrix from which the columns before them have been subtracted. Divisions
+   of d_1, d_2, d_3 wait for each other, roots do not: so L D L' first, then the columns times the roots of D. */
 EVERYWHERE void decompose(size_t n, size_t k, double *restrict a) {
     double *restrict c0 = a + k * n, *restrict c1 = c0 + n, *restrict c2 = c1 + n, *restrict c3 = c2 + n;
     const double d0 = 1.0 / c0[k], f01 = c0[k + 1] * d0, f02 = c0[k + 2] * d0, f03 = c0[k + 3] * d0;
@@ -137,6 +156,7 @@ EVERYWHERE void backward(size_t n, const double *restrict lower, size_t count, d
 /* L^-1 (LANES, LANES) of the diagonal's LANES from k on. */
 static void invert_diagonal(size_t n, const double *restrict lower, size_t k, double small[LANES][LANES]) {
     for (size_t c = 0; c < LANES; c++) {
+        /* Row c of the inverse, from the rows above it. */
         const double scale = 1.0 / lower[(k + c) * n + k + c];
         for (size_t j = 0; j < LANES; j++) {
             double sum = j == c ? 1.0 : 0.0;
@@ -148,6 +168,7 @@ static void invert_diagonal(size_t n, const double *restrict lower, size_t k, do
     }
 }
 
+/* y = L'^-1 x of N_TURNED vectors and the sums of squares of the columns of L^-1, LANES columns at a time. */
 EVERYWHERE void back(size_t n, const double *restrict inverse, const double *restrict x, double *restrict y,
                      double *restrict squares) {
     for (size_t j = 0; j < n; j += LANES) {
@@ -237,6 +258,7 @@ void invert_lower(int wide, size_t n, const double *lower, double *scratch, doub
     for (size_t k = 0; k < n; k += LANES) {
         double small[LANES][LANES], turned[LANES * LANES], *rows = inverse + k * n;
         invert_diagonal(n, lower, k, small);
+        /* Row block k of L^-1 is -L_kk^-1 (L_k,0..k-1 times the row blocks above): two products of matrices. */
         multiply(wide, LOWER, LANES, k, k, (Strided){lower + k, 1, n}, inverse, n, scratch, n);
         for (size_t c = 0; c < LANES; c++) { /* and zeros as far as the widest block of a product reads */
             for (size_t j = 0; j < LANES; j++) {
@@ -268,6 +290,7 @@ double lane_dot(size_t n, const double *restrict x, const double *restrict y) {
 }
 
 void invert_small(size_t order, const double *matrix, double *inverse) {
+    /* L, L^-1, then L'^-1 L^-1. */
     double lower[MAX_SMALL][MAX_SMALL] = {{0.0}}, of_unit[MAX_SMALL][MAX_SMALL] = {{0.0}};
     for (size_t i = 0; i < order; i++) {
         for (size_t j = 0; j <= i; j++) {

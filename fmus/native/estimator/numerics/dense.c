@@ -1,3 +1,11 @@
+/* y = M x for matrices that are the same in every step, laid out in panels of ROWS rows; in double, and in float for
+   the screen.
+
+   A panel has the ROWS elements of a column next to each other: a step of the inner loop loads one number of x for
+   all of them, and ROWS sums stay in registers. Column k adds to part k % DEPTH of each sum, and the parts are added
+   as (0 + 1) + (2 + 3), so that an addition need not wait for the last one and every instruction set gives the same
+   bits. Rows and columns beyond the matrix are zeros. docs/developers/native.md, "Cost". */
+
 #include "dense.h"
 
 #include "wide.h"

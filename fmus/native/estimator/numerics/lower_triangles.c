@@ -1,3 +1,16 @@
+/* The root of a covariance and its inverse: C (n, n) = L L', both triangles packed by rows.
+
+   C is scaled to correlations first, C = D c D with the standard deviations D, so that rows of unlike units (gauges,
+   auxiliary sensors) cost no digits, and a negative rest is seen relative to 1. By rows (Golub and Van Loan, Matrix
+   Computations, section 4.2)
+
+       l_ij = (c_ij - sum over k < j of l_ik l_jk) / l_jj,      l_ii = sqrt(c_ii - sum over k < i of l_ik^2),
+
+   then L = D l and L^-1 = l^-1 D^-1, where row i of l^-1 is the unit row less the rows above times l_ik, over l_ii.
+   A rest that is not positive means that C is no covariance: the result is 0. docs/explanation/dynamic_pressure.md,
+   "Weights at any dynamic pressure", has L; the same as numpy's cholesky in
+   strainfmu/estimator/numerics/whitening.py. */
+
 #include "lower_triangles.h"
 
 #include <math.h>

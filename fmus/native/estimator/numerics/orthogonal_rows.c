@@ -1,3 +1,26 @@
+/* Rows are turned until they are orthogonal: the left singular vectors U of a matrix, applied to it and to what
+   stands behind it.
+
+   Rows X (count, width) with X = [K, rest], K the first n columns. Any orthogonal U keeps K' K; wanted is the U for
+   which the rows of U K are orthogonal: their lengths are then the singular values of K, and U rest goes with them.
+   Two stages:
+
+       1. eigenvectors of the products K K': Householder reflections to a tridiagonal matrix (PRODUCTS, REFLECTIONS),
+          then QL steps with implicit shifts until its off-diagonal elements vanish (QL). Every reflection and rotation
+          acts on the rows of X at once, so that U is never formed. Rows are then orthogonal to rounding of the largest
+          one, since K K' squares K.
+       2. one-sided Jacobi rotations of pairs of rows (SQUARES, SWEEP) make them orthogonal relative to their own
+          lengths. Two or three sweeps suffice after stage 1, and small singular values come out to full relative
+          accuracy (Demmel and Veselic, SIAM J. Matrix Anal. Appl. 13, 1992).
+
+   A rotation of rows a and b with squares alpha, beta and the product gamma makes a' b = 0 for t = sign(tau) /
+   (|tau| + sqrt(1 + tau^2)), tau = (beta - alpha) / (2 gamma), c = 1 / sqrt(1 + t^2), s = t c.
+
+   The work can stop after every row, QL step or row of a sweep, and goes on from *turned: a step of the estimator
+   makes a part of new matrices in bounded time (renewal.c). The result does not depend on where it stopped.
+   docs/explanation/dynamic_pressure.md, eq:scaled-decomposition; Golub and Van Loan, Matrix Computations, sections
+   8.3.1, 8.3.3 and 8.6.3. */
+
 #include "orthogonal_rows.h"
 
 #include <math.h>
@@ -12,6 +35,7 @@
 #define SMALL 0x1p-53    /* of an element next to the diagonal, over the ones on it, that counts as 0 */
 #define ROOTS 40         /* multiplications that take the time of the roots and divisions of a rotation */
 
+/* Stages in their order. */
 enum { PRODUCTS, REFLECTIONS, QL, SQUARES, SWEEP, ORTHOGONAL_ROWS };
 
 size_t orthogonal_rows_doubles(size_t count, size_t width) {
@@ -59,6 +83,8 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
         return;
     }
     const double head = v[0], end = head > 0.0 ? -norm : norm, factor = 1.0 / (norm * (norm + fabs(head)));
+    /* The reflection is 1 - factor v v', from both sides of the products (rank-two update with w) and from the left
+       of the rows. */
     v[0] = head - end;
     for (size_t i = 0; i < length; i++) {
         w[i] = factor * product(length, gram + (first + i) * count + first, v);
@@ -79,7 +105,8 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
     v[0] = end;
 }
 
-/* A QL step of the tridiagonal matrix from row l to row m, which its elements next to the diagonal cut off; rows alike. */
+/* A QL step of the tridiagonal block from row l to row m: Wilkinson's shift from the upper end, then rotations that
+   chase the element outside the band upwards; rows are rotated alike. */
 EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, double *beside, double *rows) {
     const double slope = (diagonal[l + 1] - diagonal[l]) / (2.0 * beside[l]), size = sqrt(slope * slope + 1.0);
     double g = diagonal[m] - diagonal[l] + beside[l] / (slope + (slope < 0.0 ? -size : size));
@@ -87,6 +114,7 @@ EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, doub
     for (size_t i = m; i-- > l;) {
         const double f = s * beside[i], b = c * beside[i], r = sqrt(f * f + g * g);
         beside[i + 1] = r;
+        /* The block falls apart: the caller looks for its new end. */
         if (!(r > 0.0)) {
             diagonal[i + 1] -= shift;
             beside[m] = 0.0;
@@ -147,7 +175,8 @@ EVERYWHERE size_t approach(size_t count, size_t width, double *diagonal, double 
     return (m - l) * (2 * width + ROOTS);
 }
 
-/* Turn all pairs of row p with those below it. square (count) has the squares of rows. */
+/* Rotate all pairs of row p with the rows below it that are not orthogonal yet. square (count) has the squares of
+   rows. */
 EVERYWHERE size_t sweep(size_t count, size_t n, size_t width, size_t p, double *rows, double *square, double *largest) {
     size_t work = 0;
     for (size_t q = p + 1; q < count; q++) {

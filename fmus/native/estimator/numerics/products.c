@@ -1,8 +1,15 @@
+/* Products of matrices by rows: P = A B and P -= A B, sums in registers.
+
+   The columns of P are taken in blocks whose sums stay in registers (blocks.h): 24 columns with AVX-512, 4 with
+   SSE2, 8 with AVX2 and elsewhere. A sum runs over the inner index in order, in one part, so that no width of a
+   block changes a bit. A lower triangular B has zeros above its diagonal: a block of columns from j on begins with
+   row j. Both are the bulk of a nonlinear step (cholesky.c). docs/developers/native.md, "Cost". */
+
 #include "products.h"
 
 #include "blocks.h"
 
-/* Columns j to j + width. */
+/* Columns j to j + width of P; a lower triangular B begins at row j. */
 EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, size_t inner, Strided left,
                              const double *right, size_t right_row, double *product, size_t product_row) {
     const size_t first = shape == LOWER ? j : 0;
@@ -11,7 +18,7 @@ EVERYWHERE void some_columns(Shape shape, size_t j, size_t width, size_t rows, s
           product_row);
 }
 
-/* What is zero of a triangular right factor has no place for wide blocks. */
+/* All columns of A B. Wide blocks would multiply the zeros of a triangle. */
 EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, size_t columns, Strided left,
                          const double *right, size_t right_row, double *product, size_t product_row) {
     size_t j = 0;
@@ -20,6 +27,7 @@ EVERYWHERE void whole_of(size_t width, Shape shape, size_t rows, size_t inner, s
 #undef SOME_COLUMNS
 }
 
+/* All columns of P - A B. */
 EVERYWHERE void less_of(size_t width, size_t rows, size_t inner, size_t columns, Strided left, const double *right,
                         size_t right_row, double *product, size_t product_row) {
     size_t j = 0;

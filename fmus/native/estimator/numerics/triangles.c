@@ -1,3 +1,19 @@
+/* Small dense algebra of the linear map: sums, Householder decompositions, triangular solutions, the smallest
+   singular value.
+
+   A (rows, columns) = Q R by Householder reflections H_k = 1 - f v v' (Golub and Van Loan, Matrix Computations,
+   section 5.2). Column k below row k - 1, of norm a and first element x, is reflected to -sign(x) a in row k:
+
+       v = column - (-sign(x) a) e_1,      f = 1 / (a (a + |x|)) = 2 / v' v,
+
+   without cancellation, as v_1 has the sign of x. v stays below the diagonal, f and v_1 in `head`, so that Q' x =
+   H_last .. H_0 x and Q x = H_0 .. H_last x can be formed later. A column of zeros is not reflected, its R has a
+   zero on the diagonal.
+
+   Lost gauges (update/lost_rows.c), the complement of the states (update/added_noise.c) and the gauges in use
+   (update/masked_map.c) are all such decompositions. Columns are taken in pairs, which share the loads of v; each
+   sum has the order of dot. docs/explanation/theory.md, "Missing and suspect gauges". */
+
 #include "triangles.h"
 
 #include <math.h>
@@ -5,7 +21,7 @@
 #include "lanes.h"
 #include "wide.h"
 
-/* Four sums, so that additions need not wait for each other. */
+/* Four parts, so that additions need not wait for each other, added as (0 + 1) + (2 + 3); then the rest in order. */
 double dot(size_t n, const double *restrict x, const double *restrict y) {
     double a = 0.0, b = 0.0, c = 0.0, d = 0.0;
     size_t i = 0;
@@ -154,6 +170,7 @@ void solve_transposed(size_t rows, size_t n, const double *a, double *x) {
 /* Sweeps of Jacobi rotations; ten are plenty for matrices of any size seen, the bound is for damaged ones. */
 #define LARGEST_SWEEPS 30
 
+/* Rotate pairs of columns until all are orthogonal: their lengths are the singular values. */
 double smallest_singular_value(size_t n, double *a) {
     const double orthogonal = 1e-15;
     int rotated = 1;
@@ -167,6 +184,7 @@ double smallest_singular_value(size_t n, double *a) {
                     continue;
                 }
                 rotated = 1;
+                /* The rotation that makes both columns orthogonal: tangent of the smaller angle. */
                 const double zeta = (beta - alpha) / (2.0 * gamma);
                 const double size = 1.0 / (fabs(zeta) + sqrt(1.0 + zeta * zeta));
                 const double tangent = zeta > 0.0 ? size : -size;

@@ -1,3 +1,9 @@
+/* Which instruction sets the processor and the operating system have: 0 for SSE2 or none of x86, 1 for AVX2, 2 for
+   AVX-512.
+
+   The answer chooses between compiled variants of the same sums (wide.h): no result depends on it.
+   docs/developers/native.md, "Cost". */
+
 #include "wide.h"
 
 #if HAS_AVX2

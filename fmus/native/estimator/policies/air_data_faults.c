@@ -1,3 +1,16 @@
+/* Air data that fit neither strain nor each other: which one is dropped, and which are doubted.
+
+   z_k (3) are standardised residuals of M, ln p_inf, ln q_inf against strain and the others (flight_solve.c). The
+   one of largest |z_k| / limit_k, where that is above 1, is dropped: its precision becomes 0, and the sample is
+   solved again. Which of them is wrong is not certain where |z| of the dropped one is no alarm yet, or where another
+   one explains nearly as much, z_dropped^2 - z_k^2 < DISCERNED. Then the others count with standard deviations
+   |z_dropped| + 1 times as large, that is precision / (|z| + 1)^2, so that three standard deviations of the loads
+   include either case; the 1 is the noise in z.
+
+   A static pressure from which q_inf was computed is confirmed by nothing. From |z| > UNLIKELY_PRESSURE on it counts
+   with a standard deviation |z| + 1 times as large. docs/explanation/nonlinear_estimator.md, "What comes out";
+   without and doubted in strainfmu/estimator/reference/air.py. */
+
 #include "air_data_faults.h"
 
 #include <math.h>
@@ -8,7 +21,7 @@
 /* Standardised residual from which a static pressure that nothing confirms is doubted: navigation.py. */
 #define UNLIKELY_PRESSURE 1.5
 
-/* Whether another quantity of navigation may be the wrong one, or none, where one is dropped; of their residuals. */
+/* Whether another quantity may be the wrong one, or none, where one is dropped; of their residuals. */
 static int navigation_may_be_wrong(const Flight *flight, double dropped, double other) {
     return fabs(dropped) <= flight->map.navigation_alarm || dropped * dropped - other * other < DISCERNED;
 }
@@ -46,6 +59,7 @@ int flight_drop_inconsistent(Flight *flight) {
     return 1;
 }
 
+/* Whether a value that is given is not used, other than one whose residual is small enough to be a correct one. */
 int flight_navigation_alarms(const Flight *flight) {
     int alarms = 0;
     for (size_t k = 0; k < N_NAVIGATION; k++) {

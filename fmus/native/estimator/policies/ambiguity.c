@@ -1,3 +1,25 @@
+/* Flight states that fit about as well as the estimated one, where air data give no pressure: how much wider
+   standard deviations are.
+
+   Strain is nearly in proportion to p_inf times incidence. Without p_inf and q_inf the valley of the cost is long
+   and curved, and the covariance of the linearised problem is too small. Three more states are examined: to both
+   sides of the estimate at ASIDE = 3 standard deviations of ln p_inf (LARGEST_ASIDE at most), with M, u, w solved
+   there by ASIDE_ITERATIONS iterations, and the farthest end of the search. With the excess D of -2 ln likelihood
+   there, the difference delta of an output and its remaining variance v there, the variance of the output is at
+   least
+
+       v + delta^2 / max(D, LEAST_EXCESS),
+
+   fully up to D = 16, not at all from 25 on (UNLIKELY), linearly between: a state at three standard deviations of a
+   Gaussian has D = 9 and delta^2 / D = 1 standard deviation squared. For an end of the search the weight also asks
+   for a distance that its excess does not explain, delta_x' H delta_x - D (UNEXPLAINED): in a Gaussian the two are
+   equal.
+
+   The results are factors on standard deviations (N_WIDENING: state, loads, coefficients). A covariance C is widened
+   as C_ij min(w_i, w_j)^2, by which no combination of outputs becomes more certain: it is C plus sums of positive
+   matrices. The factors of a search hold for the steps after it. docs/explanation/nonlinear_estimator.md, "Without
+   q_inf and p_inf". */
+
 #include "ambiguity.h"
 
 #include <math.h>
@@ -27,7 +49,7 @@ int flight_pressure_untold(const FlightSolver *solver) {
     return solver->sample.precision[1] + solver->sample.precision[2] < TOLD;
 }
 
-/* Widen a covariance so that no combination becomes more certain: ambiguity.py. */
+/* C_ij min(w_i, w_j)^2. */
 static void widen(size_t order, const double *widening, double *covariance) {
     for (size_t i = 0; i < order; i++) {
         for (size_t j = 0; j < order; j++) {
@@ -50,7 +72,8 @@ static double risen(double value, const double *ends) {
     return clipped((value - ends[0]) / (ends[1] - ends[0]), 0.0, 1.0);
 }
 
-/* At the state of the problem, of which the first n_free elements are free. */
+/* Outputs and variances at the state of the problem, of which the first n_free elements are free, and its -2 ln
+   likelihood. */
 static void estimate(FlightSolver *solver, size_t n_free, Estimated *found) {
     const Solution *solution = &solver->solution;
     flight_weigh_full(solver, n_free);
@@ -68,7 +91,7 @@ static void estimate(FlightSolver *solver, size_t n_free, Estimated *found) {
     found->deviance = flight_deviance(solver);
 }
 
-/* Let every variance be as large as another state, of a weight, needs. */
+/* Enlarge variances to what another state, of a weight, needs: v + part delta^2. */
 static void enlarge(const Estimated *base, const Estimated *other, double weight, double part, double *largest) {
     for (size_t i = 0; i < N_WIDENING; i++) {
         const double apart = other->value[i] - base->value[i];
@@ -78,7 +101,7 @@ static void enlarge(const Estimated *base, const Estimated *other, double weight
     }
 }
 
-/* The inverse of the problem's Hessian without ln p_inf. */
+/* The inverse of H without ln p_inf: M, u, w at a given pressure. */
 static void invert_inner(const FlightSolver *solver, double inverse[N_INNER * N_INNER]) {
     double inner[N_INNER * N_INNER];
     for (size_t i = 0; i < N_INNER; i++) {
@@ -87,7 +110,8 @@ static void invert_inner(const FlightSolver *solver, double inverse[N_INNER * N_
     invert_small(N_INNER, inner, inverse);
 }
 
-/* The state at standard deviations of ln p_inf to one side of a state with a covariance. */
+/* The state to one side: along the covariance with ln p_inf first, which is the direction of the valley, then M, u,
+   w are solved at that pressure. */
 static void look_aside(FlightSolver *solver, const double *state, const double *covariance, const Estimated *base,
                        double sign, double *largest) {
     static const double NONE[N_STATES] = {0.0};
@@ -145,6 +169,7 @@ static void look_at_ends(FlightSolver *solver, const double *state, const double
         return;
     }
     Estimated other;
+    /* The end was reached with S of half-way: its likelihood by S there decides. */
     flight_linearise_anew(solver, solver->end[farthest]);
     estimate(solver, N_STATES, &other);
     const double weight =
@@ -152,7 +177,7 @@ static void look_at_ends(FlightSolver *solver, const double *state, const double
     enlarge(base, &other, weight, 1.0 / LEAST_EXCESS, largest);
 }
 
-/* The factors at the state of the problem, which is weighted by S there; the problem is another one afterwards. */
+/* The factors at the state of the problem, which is weighted by S there; afterwards the problem is at another state. */
 static void find_widening(FlightSolver *solver, double *widening) {
     double state[N_STATES], hessian[N_STATES * N_STATES], covariance[N_STATES * N_STATES], largest[N_WIDENING];
     Estimated base;

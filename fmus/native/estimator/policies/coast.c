@@ -1,3 +1,16 @@
+/* Steps without any strain: the last filtered estimate stays, and its standard deviations grow with the time since
+   then.
+
+   The flight state x (4) may have moved by the spread t sqrt(rate_k^2 + seen_k^2) in each part, rate the standard
+   deviations of rates that the map allows, seen the rates of the last windows. With the slopes J_L of the tables,
+   the variance of a load and of its coefficient grows by
+
+       sum over k of (J_Lk spread_k)^2,      sum over k of ((scale J_Lk - C d ln q/dx_k) spread_k)^2,
+
+   slopes at the largest incidence within the spread, where they are largest: the estimate must not become certain
+   because it happened to be at zero incidence. Once the state is no longer identified against the ranges of the map,
+   nothing is known. docs/explanation/filter.md, "What does not fit". */
+
 #include "coast.h"
 
 #include <math.h>
@@ -34,7 +47,7 @@ static double square_of_spread(const double *slope, const double *spread) {
     return sum;
 }
 
-/* Variances of a load and its coefficient of which the load has these slopes; scale of the coefficient. */
+/* The two sums above, added to the variances of the last filtered sample. */
 static void set_variances(const Filter *filter, size_t load, size_t coefficient, const double *slope, double scale,
                           const double *by_pressure, const double *spread, double variance[2]) {
     double of_coefficient[N_STATES];

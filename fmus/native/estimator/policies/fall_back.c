@@ -1,3 +1,11 @@
+/* Loads of the linear map where the tables' loads do not count.
+
+   Three cases: strain does not fit the tables; it has not fitted for return_after steps in a row since then, so that
+   one step that fits by chance does not switch the loads back and forth; fewer gauges are in use than the flight
+   state has quantities, of which solutions are too many to find them all. The linear map needs q_inf, measured or
+   computed. Without it the tables' loads stay, flagged by health; with too few gauges nothing is known.
+   docs/explanation/nonlinear_estimator.md, "What comes out" and "Lost gauges". */
+
 #include "fall_back.h"
 
 #include <math.h>

@@ -1,3 +1,17 @@
+/* The outputs by the filter: which numbers are its channels, the noise in each, and where filtered values go.
+
+   Channels of every map are five loads and five coefficients as they are put out; of a map with tables then the
+   flight state (M, u, w, ln p_inf); then loads and coefficients in addition to the five. Each has the value and
+   variance of the sample alone, and nu, the part of the variance that noise makes: responses of the solution to
+   noise, squared (linear/linear_noise.c, nonlinear/flight_noise.c). At moment point and references of the settings a
+   row of a moment is row_M + shift row_F, so that rows are combined before they are squared.
+
+   Filtered values replace loads and coefficients; air data follow from the filtered state, whose covariance is the
+   sample's with rows and columns times the factors of its channels. Health, chi-square and residuals stay the single
+   sample's. A sample that does not fit the map, or whose loads come from the linear map instead of the tables, is
+   not averaged; without any strain a map with tables coasts (coast.c). docs/explanation/filter.md, "Model" and "What
+   does not fit". */
+
 #include "filtered_outputs.h"
 
 #include <math.h>
@@ -58,7 +72,7 @@ static void set_linear_noise(Filter *filter, const Flight *flight) {
     }
 }
 
-/* Sum of squares of a row, and of that with another one a number of times. */
+/* Sum of squares of own row + times other. */
 static double square_of_rows(size_t count, double own, const double *row, double times, const double *other) {
     double sum = 0.0;
     for (size_t g = 0; g < count; g++) {
@@ -67,6 +81,7 @@ static double square_of_rows(size_t count, double own, const double *row, double
     return sum;
 }
 
+/* nu of all channels of a map with tables. */
 static void set_flight_noise(Filter *filter, Flight *flight) {
     const FlightSolver *solver = &flight->solver;
     const FlightMap *map = &flight->map;

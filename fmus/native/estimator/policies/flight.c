@@ -1,3 +1,12 @@
+/* The nonlinear estimator as a whole: its parts of map.bin, its memory, one update of all outputs, and the track
+   from step to step.
+
+   An update goes: readings in use (flight_sample.c), air data and angles, tables about known flow parameters
+   (flight_known.c), then the solution and what is made of it (flight_track.c). It starts from track `base` and
+   writes track `next`, without changing base: outputs may be computed any number of times for different inputs until
+   a step makes next the base (flight_take_next). The most iterations of a step follow from the numbers in the map:
+   docs/reference/step_time.md, "Iterations". docs/explanation/nonlinear_estimator.md, "What comes out". */
+
 #include "flight.h"
 
 #include <math.h>
@@ -11,7 +20,7 @@
 
 #define ALIGNMENT 64
 
-/* Read the parts. */
+/* Tables first: the other parts are on their knots. */
 static int parse(Flight *flight, MapFile *file) {
     const Inputs *inputs = flight->inputs;
     const size_t n = inputs->map->n_gauges, n_loads = flight->loads->map.n_loads;
@@ -97,6 +106,7 @@ void flight_update(Flight *flight) {
     }
 }
 
+/* By the tables, or by the linear map where it stands in or is alone; unknown where nothing is estimated. */
 void flight_other_loads_update(Flight *flight) {
     flight->loads->outdated = 0;
     if (!flight->present || flight->flag[LINEAR_LOADS]) {

@@ -1,3 +1,17 @@
+/* What a solution says: loads and coefficients at the settings, the tests of strain and ranges, health.
+
+   Loads go to the moment point of the settings by rows t of a transfer, t = e_i for forces and e_i + shift e_(i-2)
+   for moments, so that sigma^2 = t cov t'; coefficients take references of the map over references of the settings
+   into t. The tests, each with a threshold that the build has set (docs/explanation/alarm_levels.md):
+
+       chi-square       <= alarm_scale chi_square_scale chi2(freedom),  freedom = gauges + air data in use
+       shape_square     <= alarm_scale shape_limit,                     discrepancy modes
+       largest |z|      <= outlier_threshold sqrt(outlier_scale alarm_scale)
+       range score      the largest distance of M, (u, w), ln p_inf from their ranges in standard deviations, 0 inside
+       measured angles  sum of (v - x)^2 / (1/p + var x) <= chi2(number of angles) alarm_scale
+
+   docs/explanation/nonlinear_estimator.md, "What comes out". */
+
 #include "flight_outputs.h"
 
 #include <math.h>
@@ -40,7 +54,8 @@ static double larger(double a, double b) {
     return b > a ? b : a;
 }
 
-/* Deviations by which u and w leave their ranges. */
+/* Standard deviations by which u and w leave their ranges: incidence at every roll angle alike, or each range of its
+   own. */
 static double crossflow_excess(const FlightMap *map, const double *state, const double *std) {
     const double slack = 1.0 + map->range_tolerance;
     if (map->has_crossflow_range == 0.0) {
@@ -55,7 +70,7 @@ static double crossflow_excess(const FlightMap *map, const double *state, const 
     return larger(excess[0], excess[1]);
 }
 
-/* Deviations by which the flight state leaves the ranges of the map, 0 inside. */
+/* The largest of the distances in M, (u, w) and ln p_inf; 0 inside. */
 static double range_score(const Flight *flight) {
     const FlightMap *map = &flight->map;
     const Solution *found = &flight->solver.solution;

@@ -1,3 +1,17 @@
+/* One sample after another: from the last flight state, or from a search of the tables, and which of the two is
+   better.
+
+   A step solves from the last state. Where the solution does not fit, it searches the tables in the same step and
+   takes the better of both; where it fits but drops air data with an alarm, a search comes at most every
+   search_every steps, so that a lasting fault costs a bounded time. The order of qualities is FITS > ALARMS >
+   FITS_NOT. An attempt that loses is not kept whole: its state, the state of its S and its precisions suffice to
+   compute it again, to the bit.
+
+   Then: other states that fit where no pressure is given (ambiguity.c), other solutions where gauges are lost
+   (other_solutions.c), residuals of the gauges, outputs (flight_outputs.c), loads of the linear map where the
+   tables' do not count (fall_back.c), and the track for the next step. Strain that fits nowhere does not move the
+   state. docs/explanation/nonlinear_estimator.md, "What comes out", "Step by step". */
+
 #include "flight_track.h"
 
 #include <math.h>
@@ -28,8 +42,8 @@ static void solve(Flight *flight, int search) {
     }
 }
 
-/* Solve from the last state or from a search, a second time without navigation that is inconsistent, unless the solution
-   cannot be better than `found` any more. */
+/* Solve from the last state or from a search, a second time without air data that are inconsistent, unless the
+   solution cannot become better than `found`. */
 static Quality attempt(Flight *flight, size_t used, int search, Quality found) {
     double residual[N_NAVIGATION];
     flight_set_measurement(&flight->solver, flight->navigation.value, flight->navigation.std);
@@ -60,7 +74,7 @@ static void take_again(FlightSolver *solver, const Attempt *kept) {
     memcpy(solver->solution.navigation_residual, kept->residual, sizeof kept->residual);
 }
 
-/* Widen the solution by what else fits, and keep its residuals of navigation. */
+/* Residuals of air data are of the solution with all of them, and stay. */
 static void widen_by(FlightSolver *solver, void (*look)(FlightSolver *)) {
     double residual[N_NAVIGATION];
     memcpy(residual, solver->solution.navigation_residual, sizeof residual);
@@ -96,8 +110,8 @@ static int tables_count(const Flight *flight, Quality found) {
     return found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
 }
 
-/* Where navigation does not give the pressure, widen the solution by what else fits: of a search, of another one where it
-   is time for that, or what the last one has found. Where loads of the linear map stand in, nothing is looked for. */
+/* Where air data give no pressure, widen the solution by what else fits: of a search, of another search where it is
+   due, or by the factors of the last one. Where loads of the linear map stand in, nothing is looked for. */
 static void widen(Flight *flight, Quality found, int *searched, int by_search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;

@@ -1,3 +1,22 @@
+/* Other flows that the gauges in use read alike where some are lost: they are looked for, and their differences
+   widen the covariances.
+
+   Gauges near one plane through the axis read a flow and its mirror image alike, and a few gauges may have several
+   solutions. Starts are the best other minima of the search's grid (flight_search.c) and mirror images of the
+   estimate. The plane follows from the information that the gauges in use have on the flow direction,
+
+       N (2, 2) = sum over gauges of s_g s_g' / S_gg,      s_g = d y_g / d(u, w) at p_inf = 1 Pa,
+
+   whose eigenvector of the smaller eigenvalue is the normal n of the plane; the mirror image of (u, w) is (u, w) - 2
+   n n' (u, w). A start is iterated only if its first Gauss-Newton step leads elsewhere (leads_elsewhere) and the
+   strain of both is not so different that one is out of the question (DISTINCT). With E the excess of -2 ln
+   likelihood over the best, another solution at a difference delta adds
+
+       PART weight(E) delta delta',     weight = 1 up to E = 16, 0 from 25 on,
+
+   to the covariances: with PART = 1/4 three standard deviations reach half of delta beyond it. One that is better by
+   BETTER takes the place of the solution. docs/explanation/nonlinear_estimator.md, "Lost gauges". */
+
 #include "other_solutions.h"
 
 #include <math.h>
@@ -42,9 +61,8 @@ int flight_gauges_are_lost(const FlightSolver *solver) {
     return lost > 0;
 }
 
-/* The information that the gauges in use hold on two directions of (u, w) at right angles, per square of p_inf and radian,
-   the least first, and the unit vector of that: the normal of the plane through the axis that they are nearest to. 0 where
-   they hold as much on every direction. */
+/* Eigenvalues of N, the smaller one first, and the unit normal that belongs to it. 0 where N is a multiple of the
+   unit matrix: every plane is as near. */
 static int nearest_plane(const FlightSolver *solver, double normal[2], double information[2]) {
     double of_u = 0.0, of_w = 0.0, of_both = 0.0;
     for (size_t g = 0; g < solver->n_gauges; g++) {
@@ -58,6 +76,7 @@ static int nearest_plane(const FlightSolver *solver, double normal[2], double in
     if (!(radius > 0.0)) {
         return 0;
     }
+    /* Half of the angle 2 phi of the eigenvector, by cos phi = sqrt((1 + |cos 2 phi|) / 2): no difference cancels. */
     const double cosine = difference / radius, sine = of_both / radius; /* of twice the plane's roll angle */
     const double larger = sqrt(0.5 * (1.0 + fabs(cosine))), smaller = -0.5 * sine / larger;
     normal[0] = cosine < 0.0 ? larger : smaller;
@@ -73,9 +92,8 @@ static double next_to_plane(const FlightMap *map) {
     return 0.5 * (half[0] < half[1] ? half[0] : half[1]) / SEARCH_STARTS;
 }
 
-/* Starts from the mirror image of a state about a plane of this normal; their number. Next to the plane, where iterations
-   that have come upon it stay, they are one on each side. None where gauges read state and image so differently that no
-   iteration is needed. */
+/* Mirror images of a state about the plane of a normal; their number. Next to the plane, where iterations that have
+   come upon it stay, there is one start on each side. */
 static size_t image_starts(const FlightSolver *solver, const double *state, const double normal[2], double information,
                            double start[][N_STATES]) {
     const double near = next_to_plane(solver->map), pressure = solver->response.pressure;
@@ -104,8 +122,8 @@ static size_t mirror_starts(const FlightSolver *solver, const double *state, dou
     return count + image_starts(solver, state, across, information[1], start + count);
 }
 
-/* Whether iterations from a start may end in another solution than a state, at about the same cost, by the first of them: it
-   leads to a place that is farther from the state than from the start, and than half the distance next to a plane. */
+/* Whether iterations from a start may end in another solution of about the same cost. The first step decides: it has
+   to lead to a place that is farther from the estimate than from the start, and not next to a plane. */
 static int leads_elsewhere(FlightSolver *solver, const double *start, const double *state, double cost) {
     double inverse[N_STATES * N_STATES], from_start = 0.0, from_state = 0.0;
     flight_linearise_at(solver, start);
@@ -119,12 +137,13 @@ static int leads_elsewhere(FlightSolver *solver, const double *start, const doub
         from_start += step * step;
         from_state += apart * apart;
     }
+    /* g' H^-1 g: the decrease of the cost that the step predicts. */
     const double gained = quadratic(N_STATES, solver->gradient, inverse, solver->gradient);
     const double near = 0.5 * next_to_plane(solver->map);
     return from_state > from_start && from_state > near * near && solver->cost - gained < cost + PREDICTED;
 }
 
-/* Whether the state of the problem is one of the solutions. */
+/* Whether the state of the problem is one of the solutions, within SAME of a standard deviation squared. */
 static int is_among(const FlightSolver *solver, const Solutions *all) {
     int found = 0;
     for (size_t s = 0; s < all->count; s++) {
@@ -137,8 +156,8 @@ static int is_among(const FlightSolver *solver, const Solutions *all) {
     return found;
 }
 
-/* The solution and others, from mirror images and the minima of the search. The problem is another one afterwards; it is
-   the same where nothing leads to another solution, which is 0. */
+/* Solutions from all starts that lead elsewhere. Where none does, the problem is brought back to what it was: most
+   samples end here. */
 static int find_solutions(FlightSolver *solver, Solutions *all) {
     double start[MOST_OTHERS][N_STATES];
     const double cost = solver->cost;
@@ -178,7 +197,8 @@ static void add_difference(size_t order, double part, const double *value, const
     }
 }
 
-/* The solution from the best of all on, with the differences to the others. */
+/* The solution from the best state on, with the differences to the others. Loads and coefficients of each are
+   computed at its own state. */
 static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
     Solution *found = &solver->solution;
     double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];

@@ -1,3 +1,15 @@
+/* Channels of an inertial unit: amplitudes of the modes of strain that the inertia of the structure makes.
+
+   The acceleration of a point x of a rigid body, less gravity, is f + alpha x x + (w w' - |w|^2 1) x, with the
+   specific force f, the angular acceleration alpha and the angular rate w. Strain is linear in these, so that each
+   is a channel: f_x, f_y, f_z, alpha_y, alpha_z (alpha_x makes no bending), and the six elements of the symmetric
+   matrix w w' - |w|^2 1,
+
+       xx = -(w_y^2 + w_z^2),   yy = -(w_x^2 + w_z^2),   zz = -(w_x^2 + w_y^2),   xy = w_x w_y,   xz = w_x w_z,   yz = w_y w_z.
+
+   A channel is NaN where one of its inputs is not known: its mode then has its prior variance
+   (temperature/thermal.c). strainfmu/estimator/map/inertia.py derives the modes. */
+
 #include "inertia.h"
 
 static double known_inertial(const Inputs *inputs, size_t which) {

@@ -1,3 +1,14 @@
+/* Inputs and settings of the estimator in one array: the place of each, its start value, and the values that it
+   accepts.
+
+       readings (n) | flow, settings, air data | zero offsets | temperatures | thrust | time constant | parameters | their
+       standard deviations | later air data | last air data and angles | inertial unit
+
+   Runs that a map does not have are empty, so that places depend on the map. New inputs stand at the end: numbers of
+   variables of exported FMUs stay. Strain, pressures and temperatures accept any value, since health reports what
+   makes no sense; settings and zero offsets have bounds, since nothing else would notice a wrong one.
+   docs/developers/native.md, "Variables" and "Gauges, zero offsets, temperatures". */
+
 #include "inputs.h"
 
 #include <stdio.h>

@@ -1,3 +1,12 @@
+/* Measured angle of attack alpha and sideslip beta as the components (u, w) of the flow direction that the flight
+   state has.
+
+   The flow comes along (cos beta cos alpha, -sin beta, cos beta sin alpha): aft, to starboard, up. With the total
+   angle a to the axis, sin a = sqrt(up^2 + starboard^2), the state has u = a up / sin a and w = a starboard / sin a;
+   a / sin a tends to 1 on the axis. Precisions are 1 / std^2 of the angles, which to first order are u and -w.
+   docs/howto/settings_and_health.md, "State where the vehicle flies"; measured_directions in
+   strainfmu/estimator/reference/pressure_source.py. */
+
 #include "measured_angles.h"
 
 #include "../../core/elementary.h"
@@ -24,6 +33,7 @@ void measured_angles(const Inputs *inputs, MeasuredAngles *angles) {
         sine_cosine(known[1] ? sideslip : 0.0, &sine[1], &cosine[1]);
         const double along = cosine[1] * cosine[0], up = cosine[1] * sine[0], starboard = -sine[1];
         const double across = sqrt(up * up + starboard * starboard);
+        /* a / sin a. */
         const double ratio = across > 0.0 ? angle_of(across, along) / across : 1.0;
         angles->value[0] = ratio * up;
         angles->value[1] = ratio * starboard;

@@ -1,3 +1,6 @@
+/* Scales of coefficients, and outputs that are not known. C = F / (q S) for forces, M / (q S L) for moments. Unknown
+   outputs are NaN except counts and health, which always have a value. */
+
 #include "outputs.h"
 
 #include <math.h>

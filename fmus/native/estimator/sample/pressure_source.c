@@ -1,3 +1,15 @@
+/* What a dynamic pressure is computed from, and its standard deviation then.
+
+   q = gamma/2 M^2 p: where it is computed from M and a pressure it adds no information, and its relative error is,
+   to first order,
+
+       (s_q / q)^2 = (2 s_M / M)^2 + (s_p / p)^2.
+
+   The input q_source states the source; without it a q_inf that comes with M counts as computed, from p_inf where
+   that is given, else from the standard atmosphere at the altitude. A stated standard deviation smaller than by
+   these sources then counts only where the source is stated too. docs/howto/settings_and_health.md, "State where
+   q_inf comes from"; strainfmu/estimator/reference/pressure_source.py. */
+
 #include "pressure_source.h"
 
 double pressure_by_altitude(const Inputs *inputs) {

@@ -1,3 +1,11 @@
+/* Readings of a sample: which of them are used, and the rows of strain that they stand for.
+
+   A reading is used where the caller trusts it, it was set, and it is a number within its range (NaN fails every
+   comparison). If all of them that may be used are exactly 0 in a flow, no gauge is connected: none is used. A row
+   is the reading less its zero offset; of an auxiliary sensor the reading less what thrust makes of it, over its
+   scale. Thermal strain is subtracted afterwards (temperature/thermal.c). docs/developers/native.md, "Gauges, zero
+   offsets, temperatures". */
+
 #include "readings.h"
 
 #include <math.h>
@@ -44,6 +52,8 @@ void readings_note_given(Inputs *in, size_t first, size_t end) {
     }
 }
 
+/* A quick look first, without branches: if nothing is out of range the mask is the caller's, as in nearly every
+   step. */
 int readings_are_of(const Inputs *in, const unsigned char *mask) {
     const size_t n = in->map->n_gauges;
     const double range = scalar_input(in, SENSOR_RANGE);

@@ -1,3 +1,28 @@
+/* Temperature and inertia at run time: strain of the modes, subtracted from the readings as far as sensors measure
+   it.
+
+   k modes with amplitudes a of prior standard deviations s; n_t sensors theta = C a + e with e of standard
+   deviations r; n gauges that are B a warmer and have the strain Phi a. A reading with slopes g of the gauge factor
+   and m of the modulus and the polynomial p of the data sheet is
+
+       d = (1 + g Ba) (eps / (1 + m Ba) + Phi a + p(Ba)),      so that     eps = factor d - offset,
+       factor = (1 + m Ba) / (1 + g Ba),      offset = (Phi a + p(Ba)) (1 + m Ba).
+
+   Known sensors give a by conditioning. With whitened amplitudes A = R^-1/2 C diag(s) of the known sensors, 0 of
+   others,
+
+       1 + A' A = L L',      left = diag(s) L'^-1,      P = left left',      a = left L^-1 A' R^-1/2 theta.
+
+   What they leave, F P F' with F = Phi + p_1 B, stays in the covariance of the gauges: own = isothermal + F P F',
+   and noise = own + scaled with the errors that scale. These change only when a sensor comes or goes; a new reading
+   costs the product of `gain` (2 n, n_t), strain and rise of each gauge per rise of each sensor. No sensor known:
+   the map's own matrices, in which the modes are noise, and no correction.
+
+   Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/inertia.c), the
+   last sensors. The standard deviation of vibration modes is an input, in steps of sqrt 2 over its prior, so that
+   matrices stay while it changes little. docs/explanation/temperature.md, "The model";
+   strainfmu/estimator/map/temperature.py; amplitudes and rows_of in strainfmu/estimator/reference/readings.py. */
+
 #include "thermal.h"
 
 #include <math.h>
@@ -41,8 +66,8 @@ static int parse(MapFile *file, size_t n, ThermalMap *map) {
     return file->good;
 }
 
-/* Scratch of thermal_renew: C diag(s) / std of the known sensors, the root of what is left of the amplitudes, the root
-   of their information and its inverse, then strain by whitened amplitudes. */
+/* Scratch of thermal_renew: A, left, L and its inverse, strain by whitened amplitudes, then gains before they are
+   laid out in panels. */
 static size_t scratch_doubles(const ThermalMap *map, size_t n) {
     const size_t k = map->n_modes;
     return map->n_sensors * k + k * k + k * (k + 1) + n * k + 2 * n * map->n_sensors
@@ -125,6 +150,8 @@ int thermal_vibrates(const Thermal *thermal) {
     return thermal->knows_vibration && thermal->vibration > 1.0;
 }
 
+/* Lateral force against mass times specific force: |F - m a| above half of the larger one, as fins and jets may
+   differ by that much, and above the limit in standard deviations. */
 int thermal_contradicted(const Thermal *thermal, const double *loads, const double *loads_std, double limit) {
     const ThermalMap *map = &thermal->map;
     for (int axis = 1; axis <= 2 && thermal->present && map->vehicle_mass > 0.0; axis++) {
@@ -165,8 +192,7 @@ static double prior_of(const Thermal *thermal, size_t mode) {
     return map->prior_std[mode] * (mode >= map->n_modes - map->n_vibrations ? thermal->vibration : 1.0);
 }
 
-/* Amplitudes per rise of the known sensors (n_modes, n_sensors), and in `left` (n_modes, n_modes) the root of what they
-   leave of the amplitudes: by whitened amplitudes A = R^-1/2 C diag(s), left = diag(s) L'^-1 with I + A' A = L L'. */
+/* a per rise of the known sensors (n_modes, n_sensors), and left (n_modes, n_modes). */
 static void set_amplitudes(Thermal *thermal, double *seen, double *left, double *root, double *amplitude) {
     const ThermalMap *map = &thermal->map;
     const size_t k = map->n_modes, n_t = map->n_sensors;
@@ -203,7 +229,7 @@ static void set_amplitudes(Thermal *thermal, double *seen, double *left, double 
     }
 }
 
-/* The covariances: isothermal, and what the sensors leave of the modes. */
+/* own = isothermal + F P F', noise = own + scaled, by the product of F left with itself. */
 static void set_covariances(Thermal *thermal, const double *left, double *strain) {
     const ThermalMap *map = &thermal->map;
     const size_t k = map->n_modes, n = thermal->n_gauges;
@@ -257,7 +283,7 @@ void thermal_renew(Thermal *thermal) {
     dense_panels(2 * n, n_t, gain, n_t, 1, thermal->gain);
 }
 
-/* Factors and offsets of all gauges for their rise and strain. */
+/* factor and offset of all gauges; the polynomial by Horner's scheme. */
 EVERYWHERE void set_factors(size_t n, size_t n_powers, const double *restrict powers, double gauge_factor, double modulus,
                             const double *restrict strain, const double *restrict rise, double *restrict factor,
                             double *restrict offset) {

@@ -1,3 +1,27 @@
+/* What follows from the covariance of the gauges: whitening and directions of a map, made again where zero offsets
+   or temperature sensors change it.
+
+   With n gauges the covariance of the errors that do not scale is Gamma_g + added; all errors together are
+
+       Gamma = Gamma_g + added + N N',      Gamma = L L',
+
+   N (n, n_errors) being the errors that scale, at the nominal dynamic pressure. `added` is diag(zero_std^2) +
+   zero_common_std^2 1 1' (prepared.c); where temperature sensors are known, thermal.c hands over Gamma_g (`own`) and
+   Gamma (`whole`) itself. The parts make, in this order:
+
+       ROOT                 L^-1, noise_whitening
+       COMPLEMENT           R of the complement W, P = W' W of Case 1 or [A A' + Gamma]^-1 of Case 2; smallest P_ii that counts
+       DIRECTIONS .. LOADS  V, S, F, R of eq:scaled-decomposition: pressure_directions.c
+       FIXED_LOADS          gain and what it leaves, of form "absolute": fixed_loads.c
+
+   P is the precision of strain that masked_map.c needs for the gauges in use. A Householder decomposition of [I;
+   L^-1 A] (I for a standard normal state, 0 for a free one) turns [0; L^-1] into rows that the states explain and
+   rows W below them: then W' W = P. docs/explanation/theory.md, "Missing and suspect gauges", and
+   docs/explanation/dynamic_pressure.md; strainfmu/estimator/reference/update.py, prepare, is the same by an SVD.
+
+   Parts take about WORK multiplications of renewal.c each, so that a step has a bounded time. The map keeps its
+   matrices until the last part is done: `set` has room for two. */
+
 #include "added_noise.h"
 
 #include <string.h>
@@ -8,7 +32,7 @@
 #include "fixed_loads.h"
 #include "pressure_directions.h"
 
-/* What a part makes, in their order. */
+/* The parts in their order; the last two are ends. */
 enum { ROOT, COMPLEMENT, DIRECTIONS, TURNS, LOADS_OF_DIRECTIONS, FIXED_LOADS, MADE, NO_COVARIANCE };
 
 /* The scratch `large` holds L, then [I or 0, 0; L^-1 A, L^-1], of order n_states + n_gauges by columns, then what
@@ -64,9 +88,8 @@ void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {
     noise->rows = taken(doubles, fixed_loads_doubles(map));
 }
 
-/* Householder's reflections of [I; L^-1 A], of [0; L^-1 A] where no state has a prior, on [0; L^-1]: then the lower rows
-   of the latter are the complement W, of which square takes the R. They show which gauges identify the state, and which
-   cannot be distinguished. */
+/* Householder reflections of [I; L^-1 A], or of [0; L^-1 A] where no state has a prior, applied to [0; L^-1]. The
+   rows of the latter below the states' are W; residual_triangle takes its R, which has the same W' W. */
 static void set_complement(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, states = file->n_states, order = n + states;
@@ -84,6 +107,7 @@ static void set_complement(AddedNoise *noise) {
             a[(states + j) * order + states + i] = noise->made->noise_whitening[triangle_column(i) + j];
         }
     }
+    /* Eliminate the states: n rows stay that they do not explain. */
     householder_columns(noise->wide, order, states, order, a, noise->head);
     for (size_t j = 0; j < n; j++) {
         memcpy(noise->square + j * n, a + (states + j) * order + states, n * sizeof *a);
@@ -94,8 +118,8 @@ static void set_complement(AddedNoise *noise) {
     }
 }
 
-/* The covariance of the gauges at the nominal dynamic pressure, of the errors its lower triangle, which the root reads; and
-   the inverse of its root. 0 if it is none. */
+/* Gamma and the inverse of its root L. Only the lower triangle is filled in, which is all that the root reads. 0
+   where Gamma is not positive definite. */
 static int set_root(AddedNoise *noise) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -114,7 +138,7 @@ static int set_root(AddedNoise *noise) {
     return lower_root(n, noise->square, noise->large, noise->made->noise_whitening);
 }
 
-/* P_ii of each gauge that is round-off. */
+/* A P_ii below this part of (Gamma^-1)_ii is rounding: no other gauge checks the gauge then. */
 static void set_min_precision(AddedNoise *noise) {
     const size_t n = noise->file.n_gauges;
     NoiseMatrices *made = noise->made;
@@ -127,6 +151,7 @@ static void set_min_precision(AddedNoise *noise) {
     }
 }
 
+/* Let the map point to the new matrices; no step sees a part of them. */
 static void hand_out(const AddedNoise *noise, Map *map) {
     const NoiseMatrices *made = noise->made;
     map->residual_triangle = made->residual_triangle;
@@ -150,7 +175,8 @@ void added_noise_begin(AddedNoise *noise) {
     noise->refused = 0;
 }
 
-/* Go back to the file's covariance; without one either, there is nothing to make. */
+/* A sum that is no covariance comes from standard deviations that cancel or overflow: the file's own is used, and if
+   that is none either, there is nothing to make. */
 static void refuse(AddedNoise *noise) {
     const size_t n = noise->file.n_gauges;
     noise->stage = noise->refused ? NO_COVARIANCE : ROOT;
@@ -198,6 +224,7 @@ int added_noise_hand_out(AddedNoise *noise, Map *map) {
         return 0;
     }
     hand_out(noise, map);
+    /* The other set is free for the next matrices. */
     noise->made = noise->made == noise->set ? noise->set + 1 : noise->set;
     return !noise->refused;
 }

@@ -1,3 +1,34 @@
+/* Errors in proportion to strain at the current strain: what they add to covariance and expected chi-square.
+
+   An error t has the strain s E_t c for one standard deviation, where c = [1, C_A, C_N, C_Y, M_P, M_Y]: own errors
+   of each gauge are independent (D_t), common ones move all gauges (E_t). The weights of the map include their mean
+   over the snapshots, mean(c c'). With the estimated c the rows have the additional covariance s^2 D
+   (eq:proportional),
+
+       D = sum over a, b of (c_a c_b - mean(c_a c_b)) H_ab,   H_ab = diag_i(sum_t D_tai D_tbi) + sum_t E_ta E_tb',
+
+   which the gain G (loads, n) and the precision P (n, n) of the step turn into
+
+       cov f grows by s^2 G D G',       expected chi-square by s^2 tr(P D).
+
+   D is linear in the 21 products c_a c_b, a <= b; pairs a < b count twice. So each value v (15 entries of G D G',
+   the trace, then one variance for each other load) is a sum over pairs p,
+
+       v = sum_p k_vp(s) (c_a c_b - mean)_p.
+
+   k_vp depends on s alone, by G(s) and P(s), and is smooth. In an interval of s, a factor 2^(1/16) wide, a
+   polynomial in t = (s - middle) / half through N_NODES = 6 Chebyshev points reproduces it to 1e-10 of a variance.
+   `factor` (values, 6 * 21) has its coefficients, `powers` (6 * 21) is t^j (c_a c_b - mean)_p: v = factor powers. An
+   interval is filled when s first enters it; 16 are kept.
+
+   Lost gauges are taken out exactly, with P = P_all - Y Y' and G = G_all - B Y' of lost_rows.c:
+
+       G D G'  = (G D G')_all - (G D Y) B' - B (G D Y)' + B (Y' D Y) B',
+       tr(P D) = tr(P D)_all - tr(Y' D Y).
+
+   docs/explanation/sigma.md, "Errors in proportion to strain", derives eq:proportional; excess_covariance in
+   strainfmu/estimator/reference/linear.py is D in numpy. */
+
 #include "current_errors.h"
 
 #include <math.h>
@@ -12,7 +43,7 @@
 #define TRACE 15
 #define N_FACTORS (N_NODES * N_PAIRS)
 
-/* 2^(k/16) / 2 */
+/* Ends of the intervals between 1/2 and 1: 2^(k/16) / 2, as constants, so that no platform rounds them otherwise. */
 static const double SIXTEENTH[17] = {0x1.0000000000000p-1, 0x1.0b5586cf9890fp-1, 0x1.172b83c7d517bp-1, 0x1.2387a6e756238p-1,
                                      0x1.306fe0a31b715p-1, 0x1.3dea64c123422p-1, 0x1.4bfdad5362a27p-1, 0x1.5ab07dd485429p-1,
                                      0x1.6a09e667f3bcdp-1, 0x1.7a11473eb0187p-1, 0x1.8ace5422aa0dbp-1, 0x1.9c49182a3f090p-1,
@@ -31,6 +62,7 @@ static double mantissa_of(double value, double *unit) {
     return mantissa;
 }
 
+/* The ends of the interval that a ratio lies in: below <= ratio < above. */
 static void ends_of(double ratio, double *below, double *above) {
     double unit;
     const double mantissa = mantissa_of(ratio, &unit);
@@ -112,6 +144,7 @@ void current_errors_prepare(Scaled *scaled) {
     dense_panels(n, 6 * form->n_terms, form->common, 1, n, errors->columns);
     for (size_t t = 0; t < 6 * form->n_terms; t++) {
         memcpy(errors->product, form->common + t * n, n * sizeof *errors->product);
+        /* V E_ta: the common errors in directions, in which G and P are diagonal. */
         dense_times(scaled->wide, n, n, scaled->rows, errors->product, errors->common + t * whole);
     }
 }
@@ -122,7 +155,7 @@ static double load_of(const Scaled *scaled, size_t a, size_t k) {
     return k < N_LOADS ? scaled->map->form.load[N_LOADS * a + k] : scaled->other_loads->load[a * m + k - N_LOADS];
 }
 
-/* P_ii of all gauges at a ratio, in errors->precision; u in errors->unresolved. */
+/* u and P_ii = sum over a of u_a V_ai^2 of all gauges at a ratio; scaled_form.c has the same of the step. */
 static void set_precision(Scaled *scaled, double ratio) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
@@ -134,7 +167,7 @@ static void set_precision(Scaled *scaled, double ratio) {
     dense_times(scaled->wide, n, n, scaled->square, errors->unresolved, errors->precision);
 }
 
-/* Gains of all loads at the ratio of set_precision. */
+/* W F and the gain G = F W V of all loads at the ratio of set_precision; W = s^2 S u, 1 for free states. */
 static void set_gains(Scaled *scaled, double ratio) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     const ScaledForm *form = &scaled->map->form;
@@ -149,7 +182,8 @@ static void set_gains(Scaled *scaled, double ratio) {
     }
 }
 
-/* Factors of value v by the gauges' own errors, which count with errors->product. */
+/* k_vp of the gauges' own errors: sum over gauges of (sum_t D_tai D_tbi) times errors->product, which is G_ig G_jg
+   of a covariance and P_gg of the trace. of_gauge counts a pair a < b twice already. */
 static void add_own(Scaled *scaled, size_t v) {
     CurrentErrors *errors = &scaled->errors;
     dense_times(scaled->wide, N_PAIRS, scaled->map->n_gauges, errors->of_gauge, errors->product, errors->sum);
@@ -181,7 +215,8 @@ static void add_all_own(Scaled *scaled) {
     }
 }
 
-/* Factors of all values by an error in common, of which `shown` (6, whole) is V E. */
+/* k_vp of one common error, of which `shown` (6, whole) is V E_a: G E_a (E_b' G') symmetrised for the covariance,
+   E_a' P E_b for the trace, each twice for a < b. */
 static void add_common(Scaled *scaled, const double *shown) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     CurrentErrors *errors = &scaled->errors;
@@ -214,7 +249,8 @@ static void add_common(Scaled *scaled, const double *shown) {
     }
 }
 
-/* Chebyshev's points of [-1, 1], and by point the coefficients of the polynomial that is 1 there and 0 at the others. */
+/* Chebyshev's points of [-1, 1], cos((2 k + 1) pi / 12), and for each the coefficients of Lagrange's polynomial, 1
+   there and 0 at the other points. cos^2 of these angles is (2 +- sqrt 3) / 4 and 1/2, so that no cosine is needed. */
 static void set_nodes(double node[N_NODES], double coefficient[N_NODES][N_NODES]) {
     const double squares[3] = {(2.0 + sqrt(3.0)) / 4.0, 0.5, (2.0 - sqrt(3.0)) / 4.0};
     for (size_t k = 0; k < N_NODES / 2; k++) {
@@ -232,12 +268,15 @@ static void set_nodes(double node[N_NODES], double coefficient[N_NODES][N_NODES]
             }
             degree++;
             for (size_t power = degree + 1; power-- > 0;) {
+                /* Times (t - node_k) / (node_j - node_k). */
                 c[power] = ((power > 0 ? c[power - 1] : 0.0) - node[k] * c[power]) / (node[j] - node[k]);
             }
         }
     }
 }
 
+/* The coefficients of all polynomials of an interval: values at each node, times the coefficients of its Lagrange
+   polynomial. */
 static void set_factors(Scaled *scaled, Interval *interval) {
     CurrentErrors *errors = &scaled->errors;
     const size_t values = n_values(errors);
@@ -266,6 +305,8 @@ static void set_factors(Scaled *scaled, Interval *interval) {
     dense_panels(values, N_FACTORS, errors->polynomial, N_FACTORS, 1, interval->factor);
 }
 
+/* P_ii falls with s, so that the upper end of the interval bounds it from below; lost gauges take sum Y^2 from it. A
+   gauge is open where the bound does not show on which side of round-off its P_ii lies. */
 int current_errors_set_bound(const Scaled *scaled, const Interval *interval, size_t n_lost, double *restrict bound) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n);
     const double *restrict round_off = scaled->map->form.min_precision;
@@ -284,7 +325,7 @@ int current_errors_set_bound(const Scaled *scaled, const Interval *interval, siz
     return known;
 }
 
-/* P_ii falls with the ratio: its ends bound it. */
+/* u falls with s, and P_ii with it: the upper end has the smallest P_ii, the lower end the largest. */
 static void set_bounds(Scaled *scaled, Interval *interval) {
     CurrentErrors *errors = &scaled->errors;
     set_precision(scaled, interval->above);
@@ -296,6 +337,7 @@ static void set_bounds(Scaled *scaled, Interval *interval) {
     interval->bounded = current_errors_set_bound(scaled, interval, 0, interval->bound);
 }
 
+/* Intervals are found by their lower end, an exact number; the oldest gives way. */
 const Interval *current_interval(Scaled *scaled, double ratio) {
     CurrentErrors *errors = &scaled->errors;
     double below, above;
@@ -316,6 +358,7 @@ const Interval *current_interval(Scaled *scaled, double ratio) {
     return interval;
 }
 
+/* powers[j * 21 + p] = t^j (c_a c_b - mean)_p, from the loads of the step as they are without these errors. */
 void current_errors_set_powers(Scaled *scaled) {
     CurrentErrors *errors = &scaled->errors;
     const ScaledStep *step = &scaled->step;
@@ -338,7 +381,8 @@ void current_errors_set_powers(Scaled *scaled) {
     }
 }
 
-/* D y, with D_ii of the gauges' own errors in errors->own; both of `whole` elements. */
+/* D y = own y + sum_t E_t' M E_t y, where M (6, 6) is the symmetric matrix c c' - mean: along = E y, sized = M
+   along. D_ii of own errors is in errors->own. */
 static void error_of(Scaled *scaled, const double *y, double *out) {
     const size_t n = scaled->map->n_gauges, n_terms = scaled->map->form.n_terms;
     CurrentErrors *errors = &scaled->errors;
@@ -358,6 +402,7 @@ static void error_of(Scaled *scaled, const double *y, double *out) {
     }
 }
 
+/* For each column of Y: D Y, W V D Y by direction (weighted_error), its loads G D Y, and Y' D Y. */
 void current_errors_take_lost(Scaled *scaled) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost;
     const ScaledForm *form = &scaled->map->form;
@@ -400,6 +445,7 @@ static double of_lost(const Scaled *scaled, const double *first, const double *f
     return sum;
 }
 
+/* cov f = base + s^2 G D G' of the gauges in use; the result is tr(P D). */
 double current_errors_add(Scaled *scaled, const double *base, double *covariance) {
     const size_t n_lost = scaled->step.n_lost;
     const double *growth = scaled->step.growth, square_of_ratio = scaled->step.ratio * scaled->step.ratio;
@@ -423,6 +469,8 @@ double current_errors_add(Scaled *scaled, const double *base, double *covariance
     return trace;
 }
 
+/* The variance G_j D G_j' of load j, from its row of `factor`, which lies in panels; lost gauges as in
+   current_errors_add, with first = second. */
 double current_errors_of_other(const Scaled *scaled, size_t j, const double *growth) {
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n), n_lost = scaled->step.n_lost, row = FIVE_VALUES + j;
     const CurrentErrors *errors = &scaled->errors;

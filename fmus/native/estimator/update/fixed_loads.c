@@ -1,14 +1,37 @@
+/* Loads by direction of a map in form "absolute": the gain of its regularisation gamma, and what noise and prior
+   leave of the loads.
+
+   Strain and loads are d - m = A q + e and f - f_mean = M q + g. The loads g that no state has go with the errors of
+   strain: with N (n, n_errors) the strain of the errors and N_f (5, n_errors) their loads,
+
+       X = cov(e, g) = N N_f',     cov e = Gamma = Gamma_g + N N',     cov g = N_f N_f'.
+
+   pressure_directions.c gives directions V with V Gamma V' = 1, signal S_a of the states and loads G_a by states. In
+   direction a the noise has the load b_a = (X' V')_a, and a state of prior variance 1 / gamma the gain
+
+       k_a = u_a S_a G_a / gamma + u_a b_a,     u_a = 1 / (1 + S_a^2 / gamma),
+
+   G_a itself for a free state, b_a where no state is seen. Under the truth (prior variance 1) the error of the loads
+   is, direction by direction, k_a - b_a times the noise and G_a - k_a S_a times the state; both are kept, since the
+   covariance is the sum of their squares (Joseph's form). Independent of all strain remains
+
+       cov g - X' Gamma^-1 X = (N_f - B N)(N_f - B N)' + B Gamma_g B',     B = X' Gamma^-1,
+
+   a sum of squares, which loses no digits to cancellation: it joins R. docs/explanation/theory.md, "Case 2"
+   (eq:svd-solution) and "What a sigma is made of"; strainfmu/estimator/reference/update.py, condition and joseph. */
+
 #include "fixed_loads.h"
 
 #include <string.h>
 
 #include "../numerics/triangles.h"
 
-/* Loads g that no state holds go with errors of strain: X = N N_f' (5, n_gauges), then B = X' Gamma^-1. */
+/* Scratch: X' and B, both (5, n_gauges). */
 size_t fixed_loads_doubles(const Map *map) {
     return 2 * N_LOADS * map->n_gauges;
 }
 
+/* X' (5, n_gauges). */
 static void set_cross(const AddedNoise *noise, double *cross) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -23,9 +46,7 @@ static void set_cross(const AddedNoise *noise, double *cross) {
     }
 }
 
-/* Direction a of singular value S, whose states have the prior covariance 1 / gamma for the gain and 1 in truth. With loads
-   G by states and b by noise, the gain is k = u S G / gamma + u b, u = 1 / (1 + S^2 / gamma); b itself is the gain of a
-   direction which shows no state, and G the gain of a free state. Noise leaves k - b, and the prior G - k S. */
+/* k_a, k_a - b_a and G_a - k_a S_a of direction a. */
 static void split_direction(AddedNoise *noise, size_t a, const double *of_noise) {
     const Map *file = &noise->file;
     const double size = noise->made->singular[a], gamma = file->known_prior ? file->regularisation : 1.0;
@@ -40,7 +61,7 @@ static void split_direction(AddedNoise *noise, size_t a, const double *of_noise)
     }
 }
 
-/* Add V - X' Gamma^-1 X = (N_f - B N) (N_f - B N)' + B Gamma_g B'. */
+/* Add cov g - X' Gamma^-1 X to R, as the two squares above. */
 static void add_remainder(AddedNoise *noise, const double *by_strain) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -84,6 +105,7 @@ void fixed_loads(AddedNoise *noise) {
                 by_strain[i * n + j] += of_noise[i] * whitening[j * n + a];
             }
         }
+        /* b_a = (X' V')_a, and B = X' Gamma^-1 = X' V' V, a direction at a time. */
         split_direction(noise, a, of_noise);
     }
     add_remainder(noise, by_strain);

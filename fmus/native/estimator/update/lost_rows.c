@@ -1,3 +1,34 @@
+/* Gauges that are lost, without a new decomposition of the map.
+
+   n gauges have n directions; V (n, n) turns residuals r of strain into directions, u (n) is `unresolved`, 0 for
+   free states. With all gauges
+
+       w = V r,   chi-square = |D^-1/2 w|^2,   P = V' D^-1 V,   D^-1 = diag(u).
+
+   The reading of a lost gauge is unknown. V_L (n, n_lost) are the columns of V that belong to lost gauges, and w is
+   formed with residuals of 0 for them; the true residuals are -e. The best e makes chi-square smallest, an ordinary
+   least-squares problem:
+
+       min over e of | D^-1/2 (w - V_L e) |^2,     D^-1/2 V_L = Q [R; 0]          (decompose)
+
+       e          = R^-1 (Q' D^-1/2 w)_head,       w becomes w - V_L e            (predict_lost)
+       chi-square = | (Q' D^-1/2 w)_tail |^2,      x = D^-1/2 Q [0; tail]         (lost_rows_condition)
+       P          = P_all - Y Y',                  Y = V' D^-1/2 Q_head           (set_y)
+       gain       = G_all - B Y',                  B = F W V_L R^-1               (set_growth)
+       covariance = covariance_all + B B'
+
+   head is the first n_lost elements, tail the rest; F (5, n) are the loads of each direction and W = diag(weight),
+   so that G_all = F W V. (R' R)^-1 is the covariance of e. R is singular where the other gauges do not identify a
+   state; masked_map.c refuses such a set before.
+
+   In form "absolute" with gamma other than 1 the gain has another prior than the truth, so it has a u of its own:
+   qr_of_gain decomposes with that one, qr_of_truth with the true one, and the covariance follows from Joseph's form
+   (lost_rows_products).
+
+   docs/explanation/theory.md, "Missing and suspect gauges", has the same result by P: e = P_LL^-1 (P r)_L, as P_LL =
+   R' R. strainfmu/estimator/reference/update.py decomposes the model for the gauges in use instead; the tests
+   compare the two. */
+
 #include "lost_rows.h"
 
 #include <math.h>
@@ -17,6 +48,8 @@ void lost_rows_arrays(size_t n, LostRows *rows, double **doubles) {
     rows->head = taken(doubles, 2 * n);
 }
 
+/* Q and R of D^-1/2 V_L for these u. One more column, D^-1/2 V (m - d_0), is turned along with them: the mean strain
+   of lost gauges is predicted like their readings. */
 static void decompose(const Scaled *scaled, const double *unresolved, const LostRows *rows) {
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
     double *of_mean = rows->matrix + n_lost * n;
@@ -33,7 +66,8 @@ static void decompose(const Scaled *scaled, const double *unresolved, const Lost
     householder_columns(scaled->wide, n, n_lost, n_lost + 1, rows->matrix, rows->head);
 }
 
-/* Q' D^-1/2 times a vector of directions: the first n_lost elements hold what lost gauges say of it. */
+/* Q' D^-1/2 times a vector of directions: the first n_lost elements determine e, the others are free of the lost
+   gauges. */
 static void turn(const Scaled *scaled, const LostRows *rows, const double *vector, double *turned) {
     const size_t n = scaled->map->n_gauges;
     for (size_t a = 0; a < n; a++) {
@@ -42,7 +76,7 @@ static void turn(const Scaled *scaled, const LostRows *rows, const double *vecto
     householder_forward(n, scaled->step.n_lost, rows->matrix, rows->head, turned);
 }
 
-/* Complete a vector of directions of the gauges in use by the prediction of the lost ones, from the head of it turned. */
+/* w - V_L e. The head of `turned` becomes e. */
 static void complete(const Scaled *scaled, double *turned, double *vector) {
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
     solve_triangle(n, n_lost, scaled->step.gain.matrix, turned);
@@ -54,7 +88,7 @@ static void complete(const Scaled *scaled, double *turned, double *vector) {
     }
 }
 
-/* Y = V' D^-1/2 Q of the lost gauges: what they take from the precision of all. */
+/* Column j of Y is V' D^-1/2 Q times the unit vector j. */
 static void set_y(Scaled *scaled) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
@@ -70,6 +104,7 @@ static void set_y(Scaled *scaled) {
     }
 }
 
+/* Rows of B: R'^-1 times V_L' W F', a load at a time. */
 static void set_growth(Scaled *scaled) {
     const ScaledStep *step = &scaled->step;
     const ScaledForm *form = &scaled->map->form;
@@ -94,6 +129,7 @@ void lost_rows_prepare(Scaled *scaled) {
     if (scaled->of_gain != NULL) {
         decompose(scaled, scaled->of_gain, &step->gain);
     }
+    /* The mean strain comes first: of_mean of the lost gauges is part of the derivative by q_inf. */
     complete(scaled, step->gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
     set_growth(scaled);
     set_y(scaled);
@@ -109,6 +145,7 @@ void lost_rows_condition(Scaled *scaled) {
     } else {
         memcpy(of_gain, turned, n_lost * sizeof *of_gain);
     }
+    /* The tail is D^-1/2 (w - V_L e) in turned coordinates: its square is chi-square, and turned back it is D^1/2 x. */
     step->chi_square = dot(n - n_lost, turned + n_lost, turned + n_lost);
     memset(turned, 0, n_lost * sizeof *turned);
     householder_back(n, n_lost, step->truth.matrix, step->truth.head, turned);
@@ -126,7 +163,9 @@ void add_products(const double *first, const double *second, double products[N_V
     }
 }
 
-/* Joseph's form. Lost gauges take `shift` from the gain of each direction. */
+/* Joseph's form of the covariance, docs/explanation/theory.md, "What a sigma is made of": it holds for any gain. The
+   gain k_a of direction a changes by -(B Q_head')_a D_aa^-1/2, which is `taken_off` here; the noise leaves k_a -
+   b_a, the prior G_a - k_a S_a (fixed_loads.c). */
 void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;

@@ -1,3 +1,21 @@
+/* What a step needs of a map for the gauges in use, once per set: whether they identify the state, thresholds, and
+   which gauges cannot be distinguished.
+
+   P (n, n) = W' W is the precision of strain with all gauges, R of W = Q R is residual_triangle (added_noise.c).
+   With the columns of the missing gauges M first and the gauges in use K behind them,
+
+       [W_M W_K] = Q [R_MM R_MK; 0 R_KK],
+
+   R_KK' R_KK is the precision of the gauges in use, the missing ones being marginalised (docs/explanation/theory.md,
+   "Missing and suspect gauges": P_KK - P_KM P_MM^-1 P_MK). Without a prior the information that the gauges in use
+   have on a state, over the information of all gauges, is (in the worst state) the square of the smallest singular
+   value of R_MM r^-1, where r is the R of L^-1 of the missing gauges alone: R_MM measures what the others do not
+   explain of a missing gauge, r its own noise. Below min_information the state counts as not identified.
+
+   Correlation of two leave-one-out residuals: (P_K)_ij / sqrt(P_ii P_jj). Gauges of a correlation of nearly 1 cannot
+   be distinguished and form a group; the relation is continued through a third gauge. Triangle and groups are made
+   when a suspect needs them; a step without one does with the first n_missing columns. */
+
 #include "masked_map.h"
 
 #include <math.h>
@@ -37,7 +55,8 @@ void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t 
     *indices += n;
 }
 
-/* The gauges that are missing, then those in use, both ascending; the number of the missing. */
+/* The missing gauges, then those in use, both ascending: the order of the columns. The result is the number of the
+   missing. */
 static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
     size_t missing = 0, used = 0;
     for (size_t i = 0; i < map->n_gauges; i++) {
@@ -52,8 +71,8 @@ static size_t missing_first(const Map *map, MaskedMap *masked, size_t *order) {
     return missing;
 }
 
-/* The first columns of the R of a QR decomposition of the columns of a packed triangle in the given order. With the missing
-   gauges first, [W_R W_K] = Q [R_RR R_RK; 0 R_KK], and R_KK whitens the residual of the others. */
+/* The first columns of the R of W in another order of the gauges, from the packed R: the reflections act on columns
+   of R, which are shorter than columns of W. */
 static void reordered_triangle(int wide, size_t n, size_t columns, const double *packed, const size_t *order, double *a) {
     for (size_t j = 0; j < columns; j++) {
         const size_t height = order[j] + 1;
@@ -63,8 +82,8 @@ static void reordered_triangle(int wide, size_t n, size_t columns, const double 
     householder_triangle(wide, n, columns, a);
 }
 
-/* A lower bound of the smallest singular value of a triangle by columns: 1 over the norm of its inverse; not a positive
-   number where it has none. */
+/* A lower bound of the smallest singular value of a triangle T: 1 / |T^-1|_F, an inverse column at a time. 0 where T
+   is singular. */
 static double least_singular_value(size_t n, const double *triangle, double *column) {
     double square = 0.0;
     for (size_t j = 0; j < n; j++) {
@@ -79,10 +98,8 @@ static double least_singular_value(size_t n, const double *triangle, double *col
     return 1.0 / sqrt(square);
 }
 
-/* Information that the gauges in use hold on a state, as a fraction of what all gauges hold: the minimum over the states.
-   The matrix work->first holds the reordered triangle R of the residual, of which the leading block R_RR belongs to the
-   missing gauges; with the triangle r of their noise whitening, the fraction is the square of the smallest singular value of
-   R_RR r^-1: a lower bound of it where that is enough. */
+/* The square of the smallest singular value of R_MM r^-1. The cheap lower bound decides most sets; an exact value is
+   computed where it does not suffice. */
 static double information_left(const Map *map, size_t n_missing, Workspace *work) {
     const size_t n = map->n_gauges;
     double *r = work->second, *ratio = work->third;
@@ -97,6 +114,7 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
         double *column = ratio + j * n_missing;
         memset(column, 0, n_missing * sizeof *column);
         memcpy(column, work->first + j * n, (j + 1) * sizeof *column);
+        /* Column j of R_MM r^-1, by substitution from the left. */
         for (size_t m = 0; m < j; m++) {
             for (size_t i = 0; i <= m; i++) {
                 column[i] -= ratio[m * n_missing + i] * r[j * n + m];
@@ -111,8 +129,8 @@ static double information_left(const Map *map, size_t n_missing, Workspace *work
     return smallest * smallest;
 }
 
-/* Whether the gauges in use identify the state. Without the prior, more missing gauges than the residual has degrees
-   of freedom never do: W_R then lacks rank. */
+/* A known prior identifies every state. Without one, more missing gauges than degrees of freedom leave W_M without
+   full rank. */
 static int identifies(const Map *map, size_t n_missing, Workspace *work) {
     if (n_missing == map->n_gauges) {
         return 0;
@@ -124,7 +142,7 @@ static int identifies(const Map *map, size_t n_missing, Workspace *work) {
         && information_left(map, n_missing, work) >= map->min_information;
 }
 
-/* R_KK of the residual, and the scales of z. */
+/* R_KK, and 1 / sqrt(P_ii) of each gauge in use; 0 where P_ii is rounding, so that no other gauge checks this one. */
 static void set_residual(const Map *map, MaskedMap *masked, size_t n_missing, const Workspace *work) {
     const size_t n = map->n_gauges;
     reordered_triangle(work->wide, n, n, map->residual_triangle, work->order, work->first);
@@ -149,6 +167,7 @@ static void set_groups(const Map *map, MaskedMap *masked) {
             if (fabs(correlation) < map->ambiguous_correlation || group[i] == group[j]) {
                 continue;
             }
+            /* Join the two groups under the smaller number, which is a member's. */
             const size_t first = group[i] < group[j] ? group[i] : group[j];
             const size_t other = group[i] < group[j] ? group[j] : group[i];
             for (size_t k = 0; k <= j; k++) {

@@ -1,3 +1,17 @@
+/* Linear outputs in addition to the five loads: rolling moment, section loads, hinge moments, of a map in form
+   "dynamic_pressure".
+
+   Each of the m loads is linear in states and errors, as the five are:
+
+       f_j = fixed_j + s (of_mean_j + M_j x + M_Nj y),
+
+   with M (n_states, m) `load_per_state`, M_N (n_gauges, m) `spread_load` by the columns of N, and spread_unseen (m)
+   the variance of what no column has. pressure_directions.c turns them into loads of the directions, scaled_form.c
+   (scaled_other_load) estimates them when they are read: a step does not compute what nobody reads. This file reads
+   the part "other_loads" of map.bin and lists the outputs. A group of loads has up to four arrays (loads, standard
+   deviations, coefficients, standard deviations of these), each a run of rows. docs/explanation/dynamic_pressure.md
+   has the equations, strainfmu/estimator/other_loads.py the groups. */
+
 #include "other_loads.h"
 
 #include <stdlib.h>
@@ -42,7 +56,7 @@ static int parse(MapFile *file, size_t n, size_t states, OtherLoadsMap *map) {
     return file->good;
 }
 
-/* Where the values of each output lie. 1; 0 without memory. */
+/* Place of each output among the four arrays of m values, which follow each other in memory: value * m + row. */
 static int list_outputs(OtherLoads *other_loads) {
     const OtherLoadsMap *map = &other_loads->map;
     for (size_t a = 0; a < map->n_arrays; a++) {

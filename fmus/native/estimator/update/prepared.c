@@ -1,3 +1,16 @@
+/* The matrices of a map for the gauges in use and for the standard deviations of zero offsets: made once for each,
+   and kept.
+
+   Two things change what follows from a map. Another set of gauges asks for a MaskedMap; CACHED_MASKS sets are kept,
+   since gauges that come and go return to the same few sets, and the one that has not been used for longest gives
+   way. Other standard deviations of zero offsets change the covariance itself,
+
+       added = diag(zero_std^2) + zero_common_std^2 1 1'        (n_strains, n_strains),
+
+   and with it all matrices: added_noise.c makes these in parts, and every MaskedMap is made again.
+   docs/explanation/theory.md, "Missing and suspect gauges"; docs/reference/step_time.md, "Matrices for other zero
+   offsets". */
+
 #include "prepared.h"
 
 #include <string.h>
@@ -46,6 +59,7 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs) {
     const size_t n = prepared->map->n_gauges;
     const double range = scalar_input(inputs, SENSOR_RANGE);
     const int silent = readings_silent(inputs);
+    /* The usual step: the same gauges as in the last one, without looking at the cache. */
     if (!silent && prepared->masked != NULL && readings_are_of(inputs, prepared->masked->mask)) {
         return;
     }
@@ -65,6 +79,7 @@ void prepared_follow(Prepared *prepared, const Inputs *inputs) {
     prepared->last_use[oldest] = prepared->uses;
     prepared->masked = &prepared->cache[oldest];
     memcpy(prepared->masked->mask, prepared->mask, n);
+    /* The number is new: what steps have computed for the set that was here before does not count. */
     prepared->masked->number = prepared->uses;
     masked_map_prepare(prepared->map, prepared->masked, &prepared->work);
 }
@@ -91,6 +106,7 @@ int prepared_part(Prepared *prepared, size_t work) {
 
 void prepared_renewed(Prepared *prepared) {
     memcpy(prepared->noise_std, prepared->next_std, (prepared->n_strains + 1) * sizeof *prepared->noise_std);
+    /* Sets of gauges were prepared for the old covariance. */
     memset(prepared->last_use, 0, sizeof prepared->last_use);
     prepared->masked = NULL;
     added_noise_hand_out(&prepared->noise, prepared->map);

@@ -1,3 +1,27 @@
+/* The directions of a map that serve every dynamic pressure (eq:scaled-decomposition), for the errors that its
+   gauges have now.
+
+   n gauges, n_free free states A (n, n_free) of Case 1, N (n, n) the columns of what has a prior and scales:
+   `spread`, states of Case 2 among them. L is the root of the covariance of the gauges' own errors (form
+   "dynamic_pressure") or of all errors (form "absolute", where nothing scales). Householder reflections Q take the
+   free states out, orthogonal transformations U of the rows below diagonalise the rest:
+
+       Q' L^-1 [A, N, 1] = [T, Z, Q_1' L^-1; 0, K, Q_2' L^-1],      U K = diag(S) E,   E orthonormal rows
+
+       V = [Q_1' L^-1; U Q_2' L^-1]        n directions in which noise is 1 and independent, the free states first
+       S                                   signal over noise at s = 1, falling; 0 for free states
+
+   Loads follow. With M (5, n_free) of the free states and M_N (5, n) of the columns of N,
+
+       F_free = M T^-1,      M_N - F_free Z = loads of what the free states do not take (split_loads)
+       F_a    = (M_N - F_free Z) E_a'       by the unit row E_a, which is then taken out of the rest
+       R      = spread_unseen + rest rest'  covariance of loads that no strain shows
+
+   Other loads (section loads, rolling moment) are more rows of the same. An SVD would give the same numbers; turning
+   rows until they are orthogonal keeps small S to full relative accuracy, can be divided into parts of bounded time,
+   and gives the same bits on every platform (orthogonal_rows.c). docs/explanation/dynamic_pressure.md, "Weights at
+   any dynamic pressure"; prepare in strainfmu/estimator/reference/update.py. */
+
 #include "pressure_directions.h"
 
 #include <math.h>
@@ -7,13 +31,14 @@
 #include "../numerics/orthogonal_rows.h"
 #include "../numerics/triangles.h"
 
-/* [L^-1 A, L^-1 N, L^-1] by columns, A the free states; the rows below the free states'; then scratch of a
-   triangle that is not needed, and of orthogonal_rows.h. */
+/* Scratch: [L^-1 A, L^-1 N, L^-1] by columns; the rows [K, Q_2' L^-1] below the free states; two triangles of a root
+   that is not kept; loads of five rows; scratch of orthogonal_rows.h. */
 size_t pressure_directions_doubles(const Map *map) {
     const size_t n = map->n_gauges;
     return n * (map->form.n_free + 2 * n) + 2 * n * n + n * (n + 1) + 2 * N_LOADS * n + orthogonal_rows_doubles(n, 2 * n);
 }
 
+/* L^-1 x of a strided vector; from the last row on, so that it is done in place. */
 static void whiten(size_t n, const double *inverse, const double *x, size_t stride, double *out) {
     for (size_t j = 0; j < n; j++) {
         out[j] = x[j * stride];
@@ -23,13 +48,13 @@ static void whiten(size_t n, const double *inverse, const double *x, size_t stri
     }
 }
 
-/* Columns of the spread that are reflected to a triangle: where they are fewer than the rows that are left, the others show
-   nothing of it, to the last bit. Rows of rounding alone would be turned for long. */
+/* Columns of N that are reflected to a triangle as well. Where they are fewer than the rows below the free states,
+   the remaining rows show nothing of N to the last bit; rows of rounding alone would take long to turn. */
 static size_t reflected_columns(const Map *file) {
     return file->form.n_columns < file->n_gauges - file->form.n_free ? file->form.n_columns : 0;
 }
 
-/* Reflect the free states away: `whole` has their triangle and, in its other columns, what is left. */
+/* Q' L^-1 [A, N, 1]: `whole` has T on top of its first columns, and the other columns as they are left. */
 static void eliminate_free(AddedNoise *noise, const double *inverse, double *whole) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges, n_free = file->form.n_free;
@@ -54,7 +79,7 @@ typedef struct {
     double *load;                     /* (n_gauges, count) of the directions */
 } LoadRows;
 
-/* Loads of the free directions, and of the columns of the spread less what the free states take of them (5, n). */
+/* F_free = M T^-1, and M_N - F_free Z in of_spread (count, n). */
 static void split_loads(const Map *file, const double *whole, const LoadRows *rows) {
     const size_t n = file->n_gauges, n_free = file->form.n_free, count = rows->count;
     for (size_t i = 0; i < count; i++) {
@@ -72,7 +97,7 @@ static void split_loads(const Map *file, const double *whole, const LoadRows *ro
     }
 }
 
-/* Loads of direction a, a turned row, taken out of the loads of the spread. */
+/* F_a, and what it leaves of the loads of N. `unit` makes the row E_a of unit length; a row of zeros has no load. */
 static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit, const double *row) {
     for (size_t i = 0; i < rows->count; i++) {
         double *loads = rows->of_spread + i * n;
@@ -84,7 +109,7 @@ static void take_direction(const LoadRows *rows, size_t n, size_t a, double unit
     }
 }
 
-/* The row of the largest first half that is not taken yet, marked by taking its size out. */
+/* The row of largest S that is not taken yet; square[] of a taken row is -1. */
 static size_t next_row(size_t count, double *square) {
     size_t best = 0;
     for (size_t k = 1; k < count; k++) {
@@ -99,6 +124,7 @@ static void set_direction(AddedNoise *noise, const double *rows, const LoadRows 
     double *square = noise->head;
     const size_t k = next_row(n - noise->file.form.n_free, square);
     const double *row = rows + k * 2 * n;
+    /* A row is [S_a E_a, V_a]: its first half has the length S_a, its second half is the direction itself. */
     const double root = sqrt(square[k]), unit = root > 0.0 ? 1.0 / root : 1.0;
     square[k] = -1.0;
     noise->made->singular[a] = root;
@@ -110,7 +136,7 @@ static void set_direction(AddedNoise *noise, const double *rows, const LoadRows 
     noise->taken++;
 }
 
-/* Of the loads that no strain shows. */
+/* R: the covariance that the file states, and the loads that no direction has taken. */
 static void set_unseen(const AddedNoise *noise, const LoadRows *five, const LoadRows *other_loads) {
     const Map *file = &noise->file;
     const size_t n = file->n_gauges;
@@ -160,7 +186,7 @@ static LoadRows other_rows(const AddedNoise *noise) {
                       other_loads->rows + map->n_loads * noise->file.n_gauges, noise->made->other_load};
 }
 
-/* L^-1 of what is noise: the gauges' own errors, or all errors where none scales. NULL if they have no covariance. */
+/* L^-1 of the errors that do not scale; NULL where they have no covariance. */
 static const double *errors_whitening(AddedNoise *noise, const Parts *parts) {
     const size_t n = noise->file.n_gauges;
     if (!noise->file.form.follows_pressure) {
@@ -195,6 +221,7 @@ int pressure_directions_begin(AddedNoise *noise) {
     }
     for (size_t k = 0; k < n - n_free; k++) {
         for (size_t c = 0; c < 2 * n; c++) {
+            /* Below the diagonal stand Householder vectors, which are not part of the matrix. */
             const int is_below = c < k && c < reflected_columns(file);
             parts.rows[k * 2 * n + c] = is_below ? 0.0 : parts.whole[(n_free + c) * n + n_free + k];
         }
@@ -210,6 +237,7 @@ int pressure_directions_turn(AddedNoise *noise, size_t work) {
         return 0;
     }
     for (size_t k = 0; k < count; k++) {
+        /* S_a^2, for the order in which directions are taken. */
         noise->head[k] = dot(n, parts.rows + k * 2 * n, parts.rows + k * 2 * n);
     }
     noise->taken = noise->file.form.n_free;

@@ -1,3 +1,28 @@
+/* The step of a linear map: loads, covariance and residuals of one sample at any dynamic pressure.
+
+   With s = q_inf / q_nominal, n gauges and n directions, a sample of strain d (n) has the model eq:scaled-model
+
+       d = d_0 + s (m + A x + N y) + e_g,      f = f_0 + s (f_mean + M x + M_N y),
+
+   y standard normal, x free (Case 1) or standard normal (Case 2). pressure_directions.c has decomposed it once for
+   all s (eq:scaled-decomposition): V (n, n) whitens, S (n) is signal over noise of each direction at s = 1, F (5, n)
+   are the loads of each, R (5, 5) the covariance of loads that no strain shows. Then
+
+       r = d - d_0 - s m,      w = V r,      u_a = 1 / (1 + s^2 S_a^2),  0 where direction a is a free state
+       f = f_0 + s f_mean + F W w,        W = diag(s^2 S u), 1 for free states          (eq:scaled-loads)
+       cov f = s^2 R + F diag(s^2 u) F',  1 instead of s^2 u for free states
+       chi-square = sum of u w^2,         P = V' diag(u) V                              (eq:scaled-chi-square)
+       z_i = (V' x)_i / sqrt(P_ii),       x = u w                                       (residuals)
+       df/dq_inf = (f_mean - F W V m) / q_nominal    at fixed weights: the mean alone follows q_inf
+
+   In form "absolute" s is 1, F is the gain of each direction itself (W = 1), and its covariance is Joseph's form,
+   sum of (k - b)(k - b)' + (G - k S)(G - k S)': fixed_loads.c. Errors at the current strain add s^2 G D G' to cov f
+   and s^2 tr(P D) to the expected chi-square: current_errors.c. Lost gauges: lost_rows.c.
+
+   What depends on s and the gauges in use alone stays in the step and is made again where either changes.
+   docs/explanation/dynamic_pressure.md, "Weights at any dynamic pressure", derives the equations;
+   strainfmu/estimator/reference/linear.py has them in numpy. */
+
 #include "scaled_form.h"
 
 #include <math.h>
@@ -10,7 +35,8 @@
 #include "current_errors.h"
 #include "lost_rows.h"
 
-/* Whether the gain is for another prior of the states than the true one. */
+/* Whether the gain has another prior of the states than the truth: gamma other than 1, possible in form "absolute"
+   alone. */
 static int gain_differs(const Map *map) {
     return !map->form.follows_pressure && map->known_prior && map->regularisation != 1.0;
 }
@@ -67,7 +93,8 @@ void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices) {
     *indices += n;
 }
 
-/* The products of the loads that the errors along direction a leave, row by row. */
+/* The 15 entries of F_a F_a', or of (k - b)(k - b)' + (G - k S)(G - k S)' in form "absolute": the covariance is
+   their sum over the directions with weights `spread`, one product of a matrix by a vector. */
 static void set_products(const ScaledForm *form, size_t a, double products[N_VALUES]) {
     static const double NONE[N_LOADS] = {0.0};
     const double *load = form->load + N_LOADS * a, *noise_left = form->noise_left + N_LOADS * a;
@@ -92,6 +119,7 @@ void scaled_prepare(Scaled *scaled) {
     dense_panels(N_LOADS, n, form->load, 1, N_LOADS, scaled->loads);
     for (size_t i = 0; i < n; i++) {
         const double *column = form->whitening + i * n;
+        /* Columns of unit length keep the screen of residuals in float within its range: suspects.c. */
         scaled->size[i] = sqrt(dot(n, column, column));
         scale[i] = 1.0 / scaled->size[i];
     }
@@ -103,6 +131,7 @@ void scaled_prepare(Scaled *scaled) {
             scaled->squares[(k / ROWS) * ROWS * dense_columns(n) + a * ROWS + k % ROWS] = products[k];
         }
         if (scaled->of_gain != NULL) {
+            /* u of the gain: the prior of the states counts gamma times, so their variance is 1 / gamma. */
             const double size = form->singular[a];
             scaled->of_gain[a] = 1.0 / (1.0 + size * size / scaled->map->regularisation);
         }
@@ -113,7 +142,8 @@ void scaled_prepare(Scaled *scaled) {
     current_errors_prepare(scaled);
 }
 
-/* u and what follows from it. */
+/* u, the weights W of loads, and s^2 u of their covariance. The last two loops overwrite the free states, and all
+   directions of form "absolute". */
 EVERYWHERE void set_weights(const Scaled *scaled, ScaledStep *step) {
     const ScaledForm *form = &scaled->map->form;
     const double s = step->ratio;
@@ -132,7 +162,7 @@ EVERYWHERE void set_weights(const Scaled *scaled, ScaledStep *step) {
     }
 }
 
-/* Add what the lost gauges add to the covariance by the gain of the prior. */
+/* Add B B' of lost_rows.c. In form "absolute" with a gain of its own lost_rows_products has this already. */
 static void add_growth(ScaledStep *step) {
     for (size_t i = 0; i < N_LOADS; i++) {
         for (size_t j = 0; j <= i; j++) {
@@ -144,7 +174,7 @@ static void add_growth(ScaledStep *step) {
     }
 }
 
-/* The lost gauges, and V (m - d_0) of the others. */
+/* The lost gauges, and V (m - d_0) without them; lost_rows_prepare puts in their prediction. */
 static void set_lost(Scaled *scaled, ScaledStep *step) {
     const size_t n = scaled->map->n_gauges;
     step->n_lost = 0;
@@ -163,7 +193,7 @@ static void set_lost(Scaled *scaled, ScaledStep *step) {
     dense_times(scaled->wide, n, n, scaled->rows, scaled->own_mean, scaled->mean_left);
 }
 
-/* Covariance and derivative by q_inf of the loads, but for errors at the current strain. */
+/* cov f and df/dq_inf, without errors at the current strain. */
 EVERYWHERE void set_spread(Scaled *scaled, ScaledStep *step) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
@@ -216,7 +246,7 @@ EVERYWHERE void prepare_spread(Scaled *scaled) {
     }
 }
 
-/* V r, the residuals of lost gauges being 0. */
+/* w = V r. Residuals of lost gauges are 0 here, whatever they read; lost_rows_condition predicts them. */
 EVERYWHERE void set_residual(Scaled *scaled, ScaledStep *step, const double *strain) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
@@ -229,6 +259,7 @@ EVERYWHERE void set_residual(Scaled *scaled, ScaledStep *step, const double *str
     dense_times(scaled->wide, n, n, scaled->rows, scaled->residual, step->w);
 }
 
+/* f = f_0 + s f_mean + F W w. */
 EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;
@@ -242,7 +273,9 @@ EVERYWHERE void set_loads(Scaled *scaled, ScaledStep *step) {
     }
 }
 
-/* Errors in proportion to strain at the current one: what they add to covariance, expected chi-square and limits. */
+/* Errors in proportion to strain at the current one: s^2 G D G' to the covariance, and the ratio r of expected
+   chi-square to its degrees of freedom, r = 1 + s^2 tr(P D) / freedom. Limits rise as r (1 + level_slope (r - 1)):
+   docs/explanation/alarm_levels.md. */
 static void add_errors(Scaled *scaled, ScaledStep *step) {
     const double s = step->ratio;
     const int freedom = scaled->map->degrees_of_freedom - (int)step->n_lost;
@@ -266,11 +299,13 @@ static void add_errors(Scaled *scaled, ScaledStep *step) {
     }
 }
 
-/* Inlined with all but what lost gauges need, so that the loops over directions are compiled for AVX2 too. */
+/* One sample. The order hides latencies: the product V r runs while the divisions of u are under way. All of it
+   except what lost gauges need is inlined here, so that the loops over directions are compiled for AVX2 too. */
 EVERYWHERE void condition(Scaled *scaled, const MaskedMap *masked, const double *strain) {
     ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;
     const double ratio = scaled->map->form.follows_pressure ? step->pressure / scaled->map->dynamic_pressure : 1.0;
+    /* masked->number distinguishes a set of gauges from an older one in the same cache entry. */
     const int is_other = step->masked != masked || step->number != masked->number || step->ratio != ratio;
     if (is_other) {
         prepare_weights(scaled, masked, ratio);
@@ -302,6 +337,7 @@ void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, 
     CHOSEN(scaled->wide, condition)(scaled, masked, strain);
 }
 
+/* z_i = (P r)_i / sqrt(P_ii). A P_ii of the size of rounding means that no other gauge checks this one: its z is 0. */
 void scaled_standardised_residuals(Scaled *scaled, double *z) {
     const size_t n = scaled->map->n_gauges;
     ScaledStep *step = &scaled->step;
@@ -323,7 +359,8 @@ void scaled_standardised_residuals(Scaled *scaled, double *z) {
     }
 }
 
-/* Row j of B, other_loads->growth: what the lost gauges add to the variance is its square. */
+/* Row j of B for a load in addition to the five, as in lost_rows.c; its square is what lost gauges add to the
+   variance. */
 static void set_growth(const Scaled *scaled, size_t j) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges, m = scaled->other_loads->map.n_loads;
@@ -361,7 +398,7 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
 }
 
 
-/* The gain of a load whose directions lie `apart`: that with all gauges, less what the lost ones would say. */
+/* The gain of one load by strain, F_i W V - B_i Y'. Loads of neighbouring directions lie `apart` in memory. */
 static void set_gain(const Scaled *scaled, const double *load, size_t apart, const double *growth, double *gain) {
     const ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges;

@@ -1,3 +1,13 @@
+/* A tare by the edges of its input, or of a whole window of readings at once; its state in bytes.
+
+       IDLE -- rising edge --> AVERAGING -- falling edge, nothing speaks against it --> DONE, zero offsets in use
+                                   |------- falling edge, a fault; q above its limit ---> REFUSED, zero offsets as before
+
+   While the input is true each step adds its readings to a window (tare_window.c). The falling edge judges the
+   window (tare_judge.c). A dynamic pressure that is not known or above its limit ends the tare at once: loads on the
+   gauges are not known then. New zero offsets go into use with their standard deviations, for which matrices are
+   renewed (renewal.c). docs/howto/tare.md, "In an FMU" and "When it is refused". */
+
 #include "tare.h"
 
 #include <float.h>
@@ -118,6 +128,7 @@ static int finish(Tare *tare) {
     return 1;
 }
 
+/* Edges of the input; whether there are new zero offsets. */
 int tare_follow(Tare *tare) {
     const int was_up = tare->flags.is_up != 0.0;
     tare->flags.is_up = tare->up;

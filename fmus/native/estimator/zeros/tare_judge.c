@@ -1,3 +1,27 @@
+/* Zero offsets that a window of readings gives, their standard deviations, and what speaks against them.
+
+   n readings of each gauge in B stretches of L readings (tare_window.c), scatter s of one reading. The zero is the
+   mean less the strain of known loads. Its variance is, with a factor k for readings that depend on each other,
+
+       std^2 = k s^2 / n + rise^2 / 12 + known_std^2.
+
+   k compares the scatter of means of stretches about a straight line, v_L, with independent readings: fine = v_L L /
+   s^2, and coarse is the same of stretches twice as long. Both fall short by a term in proportion to 1 / L, so that
+   2 coarse - fine is free of it (batch means: Alexopoulos and Seila, Handbook of Simulation, 1998, ch. 7). It is
+   averaged over the gauges, as channels have their filters in common, without those far above the median; these have
+   their own. k is at least 1. rise is the slope of the line over the window where it exceeds `moved` of its standard
+   deviations; the mean of a drift is off by its part of an even distribution, rise^2 / 12.
+
+   What the means of all m gauges have in common has the variance
+
+       shared = (sum of squares of the sums over gauges - sum of squares of each) / ((B - 2) m (m - 1)),
+
+   over B for the mean of the window; below three standard deviations of chance it is 0. Against the zeros speak a
+   drift, a scatter above the noise of the gauge, a size that is no zero, too few gauges, and a pattern of load:
+   zeros are random from gauge to gauge, strain of flights lies along the first patterns. With patterns made
+   orthonormal over the gauges that read, the sum of squares along them may exceed the rest by load_odds at most.
+   docs/howto/tare.md, "What the uncertainty includes" and "When it is refused". */
+
 #include "tare_judge.h"
 
 #include <math.h>
@@ -31,7 +55,7 @@ static double median(double *values, size_t count) {
     return count % 2 ? values[count / 2] : 0.5 * (values[count / 2 - 1] + values[count / 2]);
 }
 
-/* A straight line through the means of stretches of a gauge, `join` (1 or 2) of them taken together: its slope per
+/* A straight line through the means of stretches of a gauge, `join` (1 or 2) stretches taken together: its slope per
    stretch, and the sum of squares about it. */
 static double about_line(const WindowStatistics *found, size_t n, size_t gauge, size_t join, double *slope) {
     const size_t count = found->n_stretches / join;
@@ -57,7 +81,7 @@ static double about_line(const WindowStatistics *found, size_t n, size_t gauge, 
     return square;
 }
 
-/* Deviations and rises of the zeros. */
+/* k, and standard deviations and rises of the zeros. */
 static void set_deviations(Tare *tare, const Judgement *j) {
     const WindowStatistics *found = &tare->found;
     const size_t n = tare->n_gauges, b = found->n_stretches;
@@ -80,6 +104,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
             j->sorted[moving++] = j->fine[i];
         }
     }
+    /* Gauges up to own_factor^2 times the median have k in common. */
     const double times = tare->limits.own_factor * tare->limits.own_factor;
     const double limit = moving > 0 ? times * median(j->sorted, moving) : 0.0;
     for (size_t i = 0; i < n; i++) {
@@ -104,7 +129,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     tare->verdict.memory = sqrt(all);
 }
 
-/* Deviation of the mean over the window of what all gauges that read have in common. */
+/* The standard deviation of what all gauges that read have in common, of the mean over the window. */
 static double common_std(const WindowStatistics *found, size_t n, size_t n_reading) {
     const size_t b = found->n_stretches;
     const double freedom = (double)(b - 2), count = (double)n_reading;
@@ -202,7 +227,8 @@ static size_t load_directions(const Tare *tare, size_t wanted, double *direction
     return count;
 }
 
-/* Zeros are random from gauge to gauge; the strain of flights has patterns. */
+/* Sum of squares of the zeros along patterns of load, against what random zeros of the same rest stay below. The
+   noise of the gauges is a lower bound of the rest. */
 static void judge_pattern(Tare *tare, size_t n_reading, Judgement *j) {
     const size_t n = tare->n_gauges, most = n_reading / GAUGES_PER_PATTERN;
     const size_t wanted = tare->limits.n_patterns < most ? tare->limits.n_patterns : most;

@@ -1,3 +1,6 @@
+/* One line for the log of an FMU: why a tare was refused, the first reason that applies, or what it has taken.
+   Strain is in um/m, gauges are counted from 1. docs/howto/tare.md, "When it is refused". */
+
 #include "tare_text.h"
 
 #include <math.h>

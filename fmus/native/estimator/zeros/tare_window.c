@@ -1,3 +1,15 @@
+/* Readings of a window in few numbers: sums over stretches of equal length, so that a window of any length takes the
+   same memory.
+
+   Of each gauge: x_0, its first reading; the sum of (x - x_0)^2 over all; sums of x - x_0 and numbers of readings by
+   stretch. When MAX_STRETCHES = 32 are full, neighbours are joined to 16 of twice the length. About x_0, no digit is
+   lost where a zero is 10^5 times the noise:
+
+       mean = x_0 + T / c,      scatter^2 = (Q - T^2 / c) / (n - 1),      stretch = (T_k + missing T / c) / L,
+
+   T the sum, Q the sum of squares, c the number of readings of the gauge among n. A stretch with missing readings
+   has the mean in their place. docs/howto/tare.md, "What the uncertainty includes". */
+
 #include "tare_window.h"
 
 #include <math.h>
@@ -22,6 +34,7 @@ void window_begin(TareWindow *window) {
     memset(window->first, 0, window_doubles(window->n_gauges) * sizeof *window->first);
 }
 
+/* Stretches 2 k and 2 k + 1 become stretch k, of twice the length. */
 static void join_stretches(TareWindow *window) {
     const size_t n = window->n_gauges;
     double *const table[] = {window->total, window->count};
@@ -81,6 +94,8 @@ int window_counts_fit(const WindowCounts *counts) {
         && counts->samples == counts->stretches * counts->length + counts->filled;
 }
 
+/* Statistics of the gauges that read in a large enough part of the window; an even number of stretches, as
+   tare_judge.c joins them in pairs. */
 void window_statistics(const TareWindow *window, double least_part, WindowStatistics *found) {
     const size_t n = window->n_gauges;
     const double samples = window->counts.samples, length = window->counts.length;
