@@ -84,11 +84,11 @@ static void linear_covariances(const Estimator *e, double *fit) {
 /* The same of the nonlinear estimator. */
 static void flight_covariances(const Estimator *e, double *fit) {
     const FlightMap *map = &e->flight.map;
-    const Solution *found = &e->flight.solver.solution;
+    const Solution *solution = &e->flight.solver.solution;
     const double *scalar = e->inputs.value + e->map.n_gauges;
     double transfer[N_LOADS][N_LOADS];
     set_transfer(e, ONES, transfer);
-    transferred(transfer, found->load_covariance, NONE, fit + LOAD_COVARIANCE);
+    transferred(transfer, solution->load_covariance, NONE, fit + LOAD_COVARIANCE);
     for (size_t i = 0; i < N_LOADS; i++) {
         const double own = i < 3 ? scalar[REFERENCE_AREA] : scalar[REFERENCE_AREA] * scalar[REFERENCE_LENGTH];
         for (size_t j = 0; j < N_LOADS; j++) {
@@ -96,7 +96,7 @@ static void flight_covariances(const Estimator *e, double *fit) {
             transfer[i][j] *= reference / own;
         }
     }
-    transferred(transfer, found->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
+    transferred(transfer, solution->coefficient_covariance, NONE, fit + COEFFICIENT_COVARIANCE);
 }
 
 /* Covariances of filtered channels, from the covariances of the sample alone. */
@@ -120,15 +120,15 @@ static void write_filtered(const Estimator *e, double *fit) {
 
 /* Without strain: variances alone. */
 static void write_coasted(const Estimator *e, double *fit) {
-    const Solution *found = &e->flight.solver.solution;
+    const Solution *solution = &e->flight.solver.solution;
     memset(fit + LOAD_COVARIANCE, 0, 2 * N_ENTRIES * sizeof *fit);
     for (size_t i = 0; i < N_LOADS; i++) {
         const double load = e->output[LOADS_STD + i], coefficient = e->output[COEFFICIENTS_STD + i];
         fit[LOAD_COVARIANCE + i * (N_LOADS + 1)] = load * load;
         fit[COEFFICIENT_COVARIANCE + i * (N_LOADS + 1)] = coefficient * coefficient;
     }
-    memcpy(fit + FLIGHT_STATE, found->state, sizeof found->state);
-    memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
+    memcpy(fit + FLIGHT_STATE, solution->state, sizeof solution->state);
+    memcpy(fit + FLIGHT_STATE_COVARIANCE, solution->widened_covariance, sizeof solution->widened_covariance);
 }
 
 /* Gauges in use, and those that the largest residual points to. */
@@ -158,7 +158,7 @@ static void write_gauges(const Estimator *e, double *used, double *suspect) {
 
 static void write_flight_fit(Estimator *e, double *fit, double *z) {
     const FlightMap *map = &e->flight.map;
-    const Solution *found = &e->flight.solver.solution;
+    const Solution *solution = &e->flight.solver.solution;
     const int linear = e->flight.flag[LINEAR_LOADS];
     if (isnan(e->output[LOADS])) {
         return;
@@ -173,12 +173,12 @@ static void write_flight_fit(Estimator *e, double *fit, double *z) {
         flight_covariances(e, fit);
     }
     fit[FITS] = (double)e->flight.fits;
-    memcpy(fit + FLIGHT_STATE, found->state, sizeof found->state);
-    memcpy(fit + FLIGHT_STATE_COVARIANCE, found->widened_covariance, sizeof found->widened_covariance);
-    memcpy(fit + AIR_DATA_RESIDUAL, found->navigation_residual, sizeof found->navigation_residual);
-    fit[DISCREPANCY_CHI_SQUARE] = found->shape_square;
+    memcpy(fit + FLIGHT_STATE, solution->state, sizeof solution->state);
+    memcpy(fit + FLIGHT_STATE_COVARIANCE, solution->widened_covariance, sizeof solution->widened_covariance);
+    memcpy(fit + AIR_DATA_RESIDUAL, solution->navigation_residual, sizeof solution->navigation_residual);
+    fit[DISCREPANCY_CHI_SQUARE] = solution->shape_square;
     fit[RESIDUAL_LIMIT] = map->outlier_threshold * sqrt(map->outlier_scale * e->inputs.value[e->map.n_gauges + ALARM_SCALE]);
-    memcpy(z, found->standardised_residual, e->map.n_gauges * sizeof *z);
+    memcpy(z, solution->standardised_residual, e->map.n_gauges * sizeof *z);
 }
 
 static void write_linear_fit(Estimator *e, double *fit, double *z) {

@@ -29,9 +29,9 @@ void write_tare(const Tare *tare, const double *zero, double *outcome) {
     memcpy(outcome, zero, (2 * n + 1) * sizeof *outcome);
     outcome += 2 * n + 1;
     for (size_t i = 0; i < n; i++) {
-        outcome[i] = (double)tare->found.reads[i];
+        outcome[i] = (double)tare->statistics.reads[i];
     }
-    memcpy(outcome + n, tare->found.scatter, n * sizeof *outcome);
+    memcpy(outcome + n, tare->statistics.scatter, n * sizeof *outcome);
     outcome += 2 * n;
     memcpy(outcome, &tare->flags, sizeof tare->flags);
     memcpy(outcome + sizeof tare->flags / sizeof *outcome, &tare->verdict, sizeof tare->verdict);

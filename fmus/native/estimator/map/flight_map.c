@@ -24,9 +24,9 @@ typedef struct {
 } Name;
 
 static Name named(const char *part, const char *name) {
-    Name found;
-    snprintf(found.text, sizeof found.text, "%s.%s", part, name);
-    return found;
+    Name full_name;
+    snprintf(full_name.text, sizeof full_name.text, "%s.%s", part, name);
+    return full_name;
 }
 
 /* Whether rows ascend without a gap. */

@@ -63,12 +63,12 @@ static Wind wind_of(double u, double w, double incidence) {
 }
 
 /* Whether each quantity is identified; q_inf needs both M and p_inf. */
-static void set_flags(const FlightMap *map, const double *prior_std, const Solution *found, double incidence_std,
+static void set_flags(const FlightMap *map, const double *prior_std, const Solution *solution, double incidence_std,
                       unsigned char *flag) {
     int known[N_STATES];
-    const double u = found->state[STATE_U], w = found->state[STATE_W];
+    const double u = solution->state[STATE_U], w = solution->state[STATE_W];
     for (size_t k = 0; k < N_STATES; k++) {
-        known[k] = sqrt(found->widened_covariance[k * N_STATES + k]) < map->min_gain * prior_std[k];
+        known[k] = sqrt(solution->widened_covariance[k * N_STATES + k]) < map->min_gain * prior_std[k];
     }
     const int angles = known[STATE_U] && known[STATE_W];
     const double score = map->min_incidence_score * incidence_std;
@@ -80,11 +80,11 @@ static void set_flags(const FlightMap *map, const double *prior_std, const Solut
     flag[AIR_DYNAMIC] = (unsigned char)(known[STATE_MACH] && known[STATE_PRESSURE]);
 }
 
-void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *found, double *value,
+void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *solution, double *value,
                      unsigned char *is_identified) {
-    const double mach = found->state[STATE_MACH], u = found->state[STATE_U], w = found->state[STATE_W];
+    const double mach = solution->state[STATE_MACH], u = solution->state[STATE_U], w = solution->state[STATE_W];
     const double least = map->tables.min_incidence, incidence = sqrt((u * u + w * w) + least * least);
-    const double pressure = exponential(found->state[STATE_PRESSURE]);
+    const double pressure = exponential(solution->state[STATE_PRESSURE]);
     const double dynamic = map->half_gamma * mach * mach * pressure;
     const Wind wind = wind_of(u, w, incidence);
     const double plane = wind.along * wind.along + wind.z * wind.z, other = sqrt(1.0 - wind.y * wind.y);
@@ -110,7 +110,7 @@ void flight_air_data(const FlightMap *map, const double *prior_std, const Soluti
     row[AIR_DYNAMIC][STATE_MACH] = 2.0 * dynamic / mach;
     row[AIR_DYNAMIC][STATE_PRESSURE] = dynamic;
     /* Without incidence the wind has no direction: its error is all of the incidence. */
-    const double *covariance = found->widened_covariance, part = least / incidence;
+    const double *covariance = solution->widened_covariance, part = least / incidence;
     const double any = part * part * (covariance[STATE_U * N_STATES + STATE_U] + covariance[STATE_W * N_STATES + STATE_W]);
     const double added[N_AIR_DATA] = {[TOTAL_INCIDENCE] = any, [WIND_ROLL_ANGLE] = any / (incidence * incidence)};
     for (int i = 0; i < N_AIR_DATA; i++) {
@@ -121,5 +121,5 @@ void flight_air_data(const FlightMap *map, const double *prior_std, const Soluti
         std[i] = value[i] * lognormal_deviation(std[i] / value[i]);
     }
     std[WIND_ROLL_ANGLE] = smaller(std[WIND_ROLL_ANGLE], PI / sqrt(3.0)); /* of a roll angle that may be any */
-    set_flags(map, prior_std, found, std[TOTAL_INCIDENCE], is_identified);
+    set_flags(map, prior_std, solution, std[TOTAL_INCIDENCE], is_identified);
 }

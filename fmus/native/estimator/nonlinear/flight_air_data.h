@@ -11,7 +11,7 @@ enum { ANGLE_OF_ATTACK, SIDESLIP_ANGLE, TOTAL_INCIDENCE, WIND_ROLL_ANGLE, AIR_MA
 
 /* Air data of a solution, (2, N_AIR_DATA) with their sigmas, and whether each is identified: better known than by the
    ranges of the map, whose standard deviations are prior_std (N_STATES). */
-void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *found, double *value,
+void flight_air_data(const FlightMap *map, const double *prior_std, const Solution *solution, double *value,
                      unsigned char *is_identified);
 
 #endif

@@ -54,14 +54,14 @@ static double along_state(const double *by_state, const double *shift) {
 PressureErrors flight_pressure_errors(const FlightSolver *solver) {
     const FullModel *full = &solver->full;
     const double mach = solver->state[STATE_MACH];
-    PressureErrors found = {.dynamic = solver->map->half_gamma * mach * mach * solver->response.pressure,
+    PressureErrors pressure = {.dynamic = solver->map->half_gamma * mach * mach * solver->response.pressure,
                             .by_state = {2.0 / mach, 0.0, 0.0, 1.0}};
-    found.apart = -along_state(found.by_state, full->shift);
-    const double variance = quadratic(N_STATES, found.by_state, full->state_covariance, found.by_state);
-    const double of_log = sqrt(variance + found.apart * found.apart);
+    pressure.apart = -along_state(pressure.by_state, full->shift);
+    const double variance = quadratic(N_STATES, pressure.by_state, full->state_covariance, pressure.by_state);
+    const double of_log = sqrt(variance + pressure.apart * pressure.apart);
     const double widening = lognormal_deviation(of_log) / of_log;
-    found.wider = widening * widening;
-    return found;
+    pressure.wider = widening * widening;
+    return pressure;
 }
 
 /* L^-1 Gamma_dL of `count` loads, at the pressure that L belongs to. */
@@ -113,14 +113,14 @@ void flight_turn_full(const FlightSolver *solver, const double *strain_covarianc
 LoadErrors flight_load_errors(const FlightSolver *solver, const PressureErrors *pressure, const Response *response,
                               size_t row, double value, const double *turned, double scale) {
     const FullModel *full = &solver->full;
-    LoadErrors found;
-    const double of_full = flight_corrected(solver, full->right, response, row, turned, found.by_state);
-    found.apart = value - of_full - along_state(found.by_state, full->shift);
+    LoadErrors errors;
+    const double of_full = flight_corrected(solver, full->right, response, row, turned, errors.by_state);
+    errors.apart = value - of_full - along_state(errors.by_state, full->shift);
     for (size_t k = 0; k < N_STATES; k++) {
-        found.of_coefficient[k] = scale * found.by_state[k] - scale * value * pressure->by_state[k];
+        errors.of_coefficient[k] = scale * errors.by_state[k] - scale * value * pressure->by_state[k];
     }
-    found.coefficient_apart = scale * found.apart - scale * value * pressure->apart;
-    return found;
+    errors.coefficient_apart = scale * errors.apart - scale * value * pressure->apart;
+    return errors;
 }
 
 /* Gamma_LL - K_full Gamma_dL of two loads: what strain leaves of them at a fixed state. */
@@ -135,13 +135,13 @@ void flight_set_loads(FlightSolver *solver) {
     const FlightMap *map = solver->map;
     const size_t n = solver->n;
     FullModel *full = &solver->full;
-    Solution *found = &solver->solution;
+    Solution *solution = &solver->solution;
     double *turned = solver->turned, by_state[N_STATES], scale[N_LOADS];
     LoadErrors errors[N_LOADS];
     for (size_t i = 0; i < N_STATES; i++) {
         for (size_t j = 0; j < N_STATES; j++) {
             const size_t at = i * N_STATES + j;
-            found->widened_covariance[at] = full->state_covariance[at] + full->shift[i] * full->shift[j];
+            solution->widened_covariance[at] = full->state_covariance[at] + full->shift[i] * full->shift[j];
         }
     }
     const PressureErrors pressure = flight_pressure_errors(solver);
@@ -151,9 +151,9 @@ void flight_set_loads(FlightSolver *solver) {
         const size_t row = solver->n_gauges + i;
         const double reference = i < 3 ? map->reference_area : map->reference_area * map->reference_length;
         scale[i] = 1.0 / (pressure.dynamic * reference);
-        found->loads[i] = flight_corrected(solver, solver->right, &solver->response, row, turned + i * n, by_state);
-        found->coefficients[i] = scale[i] * found->loads[i];
-        errors[i] = flight_load_errors(solver, &pressure, &solver->response, row, found->loads[i], full->turned + i * n,
+        solution->loads[i] = flight_corrected(solver, solver->right, &solver->response, row, turned + i * n, by_state);
+        solution->coefficients[i] = scale[i] * solution->loads[i];
+        errors[i] = flight_load_errors(solver, &pressure, &solver->response, row, solution->loads[i], full->turned + i * n,
                                        scale[i]);
     }
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -162,10 +162,10 @@ void flight_set_loads(FlightSolver *solver) {
             const double remaining =
                 flight_load_square(solver, map->load_covariance[at] + map->considered_load_covariance[at], i, j,
                                    full->turned + i * n, full->turned + j * n);
-            found->load_covariance[at] =
+            solution->load_covariance[at] =
                 quadratic(N_STATES, errors[i].by_state, full->state_covariance, errors[j].by_state) + remaining
                 + errors[i].apart * errors[j].apart;
-            found->coefficient_covariance[at] =
+            solution->coefficient_covariance[at] =
                 pressure.wider
                 * (quadratic(N_STATES, errors[i].of_coefficient, full->state_covariance, errors[j].of_coefficient)
                    + scale[i] * remaining * scale[j] + errors[i].coefficient_apart * errors[j].coefficient_apart);

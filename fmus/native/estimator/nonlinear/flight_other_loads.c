@@ -67,9 +67,9 @@ static double widening_of(const double *of_five, const OtherLoadsMap *map, size_
 /* The tables at the other solutions; the response is left at the last of them. */
 static void set_others(FlightOtherLoads *other_loads, const FlightSolver *solver) {
     const size_t m = other_loads->map.tables.n_rows;
-    const Solution *found = &solver->solution;
-    for (size_t s = 0; s < found->n_others; s++) {
-        flight_response(&other_loads->tables, solver->wide, found->other_state[s], &other_loads->response);
+    const Solution *solution = &solver->solution;
+    for (size_t s = 0; s < solution->n_others; s++) {
+        flight_response(&other_loads->tables, solver->wide, solution->other_state[s], &other_loads->response);
         memcpy(other_loads->others + s * m, other_loads->response.value, m * sizeof(double));
     }
 }
@@ -77,16 +77,16 @@ static void set_others(FlightOtherLoads *other_loads, const FlightSolver *solver
 /* part delta^2 of load j, and of its coefficient, whose q_inf differs too. */
 static void of_others(const FlightOtherLoads *other_loads, const FlightSolver *solver, size_t j, double dynamic,
                       double reference, double variance[2]) {
-    const Solution *found = &solver->solution;
+    const Solution *solution = &solver->solution;
     const double own = other_loads->response.value[j];
     variance[0] = variance[1] = 0.0;
-    for (size_t s = 0; s < found->n_others; s++) {
+    for (size_t s = 0; s < solution->n_others; s++) {
         const double load = other_loads->others[s * other_loads->map.tables.n_rows + j];
-        const double mach = found->other_state[s][STATE_MACH];
-        const double other = solver->map->half_gamma * mach * mach * exponential(found->other_state[s][STATE_PRESSURE]);
+        const double mach = solution->other_state[s][STATE_MACH];
+        const double other = solver->map->half_gamma * mach * mach * exponential(solution->other_state[s][STATE_PRESSURE]);
         const double apart = (load / other - own / dynamic) / reference;
-        variance[0] += found->other_part[s] * ((load - own) * (load - own));
-        variance[1] += found->other_part[s] * (apart * apart);
+        variance[0] += solution->other_part[s] * ((load - own) * (load - own));
+        variance[1] += solution->other_part[s] * (apart * apart);
     }
 }
 

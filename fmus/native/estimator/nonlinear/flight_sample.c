@@ -97,8 +97,8 @@ static int is_value(double value) {
 
 /* A q_inf that is computed from the others. With M and p_inf both given nothing is left of it; with one of them it
    gives the other; with neither it stays q_inf, with the standard deviation of a computed one. */
-static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *found) {
-    double *value = found->value, *std = found->std;
+static void take_out_computed(const FlightMap *map, const Inputs *inputs, Navigation *navigation) {
+    double *value = navigation->value, *std = navigation->std;
     const PressureSource source = pressure_source(inputs);
     if (source == INDEPENDENT || !is_value(value[2])) {
         return;
@@ -119,10 +119,10 @@ static void take_out_computed(const FlightMap *map, const Inputs *inputs, Naviga
     }
     const double mach = is_value(value[0]) ? value[0] : map->prior_mean[STATE_MACH];
     const double own = value[2] * computed_pressure_error(mach, std[0], error);
-    found->is_computed = 1;
-    found->of_loads[1] = computed_pressure_std(inputs, known_input(inputs, DYNAMIC_PRESSURE_STD), own);
+    navigation->is_computed = 1;
+    navigation->of_loads[1] = computed_pressure_std(inputs, known_input(inputs, DYNAMIC_PRESSURE_STD), own);
     if (!is_value(value[0]) && !is_value(value[1])) {
-        std[2] = found->of_loads[1];
+        std[2] = navigation->of_loads[1];
         return;
     }
     if (!is_value(value[1])) {
@@ -134,8 +134,8 @@ static void take_out_computed(const FlightMap *map, const Inputs *inputs, Naviga
     value[2] = std[2] = NAN;
 }
 
-void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found) {
-    double *value = found->value, *std = found->std;
+void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *navigation) {
+    double *value = navigation->value, *std = navigation->std;
     value[0] = known_input(inputs, MACH_NUMBER);
     value[1] = known_input(inputs, STATIC_PRESSURE);
     value[1] = isnan(value[1]) ? pressure_by_altitude(inputs) : value[1];
@@ -149,10 +149,10 @@ void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found
         std[k] = isnan(std[k]) ? own : std[k];
         std[k] = std[k] > least ? std[k] : least;
     }
-    found->is_computed = 0;
-    found->of_loads[0] = value[2];
-    found->of_loads[1] = std[2];
-    take_out_computed(map, inputs, found);
+    navigation->is_computed = 0;
+    navigation->of_loads[0] = value[2];
+    navigation->of_loads[1] = std[2];
+    take_out_computed(map, inputs, navigation);
     double by_temperature_std = 0.0;
     const double by_temperature = mach_by_temperature(inputs, &by_temperature_std);
     join(&value[0], &std[0], by_temperature, by_temperature_std);

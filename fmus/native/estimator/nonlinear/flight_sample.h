@@ -16,7 +16,7 @@ typedef struct {
     double of_loads[2]; /* q_inf and its sigma for loads of the linear map, also where it is computed and no value */
 } Navigation;
 
-void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *found);
+void navigation_of(const FlightMap *map, const Inputs *inputs, Navigation *navigation);
 
 /* What navigation, of these values and standard deviations, and the ranges of the map say of the flight state. */
 void flight_set_measurement(FlightSolver *solver, const double *navigation, const double *navigation_std);

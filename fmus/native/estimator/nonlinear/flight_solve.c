@@ -277,9 +277,9 @@ static void whiten_shapes(FlightSolver *solver) {
 static void set_shape_square(FlightSolver *solver) {
     const size_t n = solver->n, count = solver->map->n_shapes;
     const FullModel *full = &solver->full;
-    Solution *found = &solver->solution;
+    Solution *solution = &solver->solution;
     double by_state[MAX_SHAPES][N_STATES], factor[MAX_SHAPES][MAX_SHAPES], size[MAX_SHAPES];
-    found->shape_square = 0.0;
+    solution->shape_square = 0.0;
     whiten_shapes(solver);
     for (size_t s = 0; s < count; s++) {
         const double *shape = solver->shapes + s * n;
@@ -304,7 +304,7 @@ static void set_shape_square(FlightSolver *solver) {
         const int seen = left > LEAST_SEEN * alone;
         factor[s][s] = seen ? sqrt(left) : 0.0;
         size[s] = seen ? rest / factor[s][s] : 0.0;
-        found->shape_square += size[s] * size[s];
+        solution->shape_square += size[s] * size[s];
     }
 }
 
@@ -319,7 +319,7 @@ static double along_shift(const FullModel *full, const double *row) {
 /* z_m of navigation at the minimum of the linearised problem. */
 static void set_navigation_residuals(FlightSolver *solver) {
     const FullModel *full = &solver->full;
-    Solution *found = &solver->solution;
+    Solution *solution = &solver->solution;
     for (size_t m = 0; m < N_NAVIGATION; m++) {
         const double precision = solver->sample.precision[m];
         double row[N_STATES];
@@ -327,7 +327,7 @@ static void set_navigation_residuals(FlightSolver *solver) {
         const double reached = quadratic(N_STATES, row, full->state_covariance, row);
         const double variance = precision > 0.0 ? 1.0 / precision - reached : 0.0;
         const double remaining = solver->innovation[m] - along_shift(full, row);
-        found->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
+        solution->navigation_residual[m] = variance > 0.0 ? remaining / sqrt(variance) : 0.0;
     }
 }
 
@@ -348,15 +348,15 @@ static double cost_of_angles(const FlightSolver *solver) {
    step in its standard deviations (rest_square), then all that follows from the full model. */
 void flight_settle(FlightSolver *solver) {
     const FullModel *full = &solver->full;
-    Solution *found = &solver->solution;
-    memcpy(found->state, solver->state, sizeof found->state);
-    invert_small(N_STATES, solver->hessian, found->state_covariance);
-    memset(found->widening, 0, sizeof found->widening);
-    found->n_others = 0;
-    found->rest_square = quadratic(N_STATES, solver->gradient, found->state_covariance, solver->gradient);
+    Solution *solution = &solver->solution;
+    memcpy(solution->state, solver->state, sizeof solution->state);
+    invert_small(N_STATES, solver->hessian, solution->state_covariance);
+    memset(solution->widening, 0, sizeof solution->widening);
+    solution->n_others = 0;
+    solution->rest_square = quadratic(N_STATES, solver->gradient, solution->state_covariance, solver->gradient);
     flight_weigh_full(solver, N_STATES);
     flight_set_loads(solver);
-    found->chi_square = full->cost - along_shift(full, full->gradient) - cost_of_angles(solver);
+    solution->chi_square = full->cost - along_shift(full, full->gradient) - cost_of_angles(solver);
     set_navigation_residuals(solver);
     set_shape_square(solver);
 }

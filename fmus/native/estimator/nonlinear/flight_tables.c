@@ -91,7 +91,7 @@ Basis flight_basis(const double *knots, size_t n, double x) {
     while (span + 2 < n && knots[span + 1] <= inside) {
         span++;
     }
-    Basis found = {.first = span};
+    Basis basis = {.first = span};
     span += DEGREE;
     double lower[N_LOCAL] = {0.0}, values[N_LOCAL] = {1.0};
     for (size_t degree = 1; degree <= DEGREE; degree++) {
@@ -110,13 +110,13 @@ Basis flight_basis(const double *knots, size_t n, double x) {
     for (size_t j = 0; j < DEGREE; j++) {
         const double part =
             DEGREE * lower[j] / (padded(knots, n, span + 1 + j) - padded(knots, n, span - DEGREE + 1 + j));
-        found.slope[j] -= part;
-        found.slope[j + 1] += part;
+        basis.slope[j] -= part;
+        basis.slope[j + 1] += part;
     }
     for (size_t j = 0; j < N_LOCAL; j++) {
-        found.value[j] = values[j] + (x - inside) * found.slope[j];
+        basis.value[j] = values[j] + (x - inside) * basis.slope[j];
     }
-    return found;
+    return basis;
 }
 
 /* A cell as the sum of its first part and of weighted others, marked by the round that it belongs to. */

@@ -107,17 +107,17 @@ EVERYWHERE void reflect(size_t count, size_t width, size_t k, double *gram, doub
 
 /* A QL step of the tridiagonal block from row l to row m: Wilkinson's shift from the upper end, then rotations that
    chase the element outside the band upwards; rows are rotated alike. */
-EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, double *beside, double *rows) {
-    const double slope = (diagonal[l + 1] - diagonal[l]) / (2.0 * beside[l]), size = sqrt(slope * slope + 1.0);
-    double g = diagonal[m] - diagonal[l] + beside[l] / (slope + (slope < 0.0 ? -size : size));
+EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, double *off_diagonal, double *rows) {
+    const double slope = (diagonal[l + 1] - diagonal[l]) / (2.0 * off_diagonal[l]), size = sqrt(slope * slope + 1.0);
+    double g = diagonal[m] - diagonal[l] + off_diagonal[l] / (slope + (slope < 0.0 ? -size : size));
     double s = 1.0, c = 1.0, shift = 0.0;
     for (size_t i = m; i-- > l;) {
-        const double f = s * beside[i], b = c * beside[i], r = sqrt(f * f + g * g);
-        beside[i + 1] = r;
+        const double f = s * off_diagonal[i], b = c * off_diagonal[i], r = sqrt(f * f + g * g);
+        off_diagonal[i + 1] = r;
         /* The block falls apart: the caller looks for its new end. */
         if (!(r > 0.0)) {
             diagonal[i + 1] -= shift;
-            beside[m] = 0.0;
+            off_diagonal[m] = 0.0;
             return;
         }
         s = f / r;
@@ -130,12 +130,12 @@ EVERYWHERE void ql_step(size_t l, size_t m, size_t width, double *diagonal, doub
         rotate(width, c, s, rows + i * width, rows + (i + 1) * width);
     }
     diagonal[l] -= shift;
-    beside[l] = g;
-    beside[m] = 0.0;
+    off_diagonal[l] = g;
+    off_diagonal[m] = 0.0;
 }
 
 /* One rotation of rows a and b, of squares alpha and beta and a product. */
-EVERYWHERE void turn_pair(size_t width, double alpha, double beta, double gamma, double *a, double *b) {
+EVERYWHERE void rotate_pair(size_t width, double alpha, double beta, double gamma, double *a, double *b) {
     const double tau = (beta - alpha) / (2.0 * gamma);
     const double size = 1.0 / (fabs(tau) + sqrt(1.0 + tau * tau)), t = tau < 0.0 ? -size : size;
     const double c = 1.0 / sqrt(1.0 + t * t);
@@ -151,18 +151,18 @@ EVERYWHERE size_t set_products(size_t count, size_t n, size_t width, size_t k, c
 }
 
 /* The diagonal and the elements next to it, of products and rows that are reflected. */
-static void set_diagonal(size_t count, const double *gram, double *diagonal, double *beside) {
+static void set_diagonal(size_t count, const double *gram, double *diagonal, double *off_diagonal) {
     for (size_t i = 0; i < count; i++) {
         diagonal[i] = gram[i * count + i];
-        beside[i] = i + 1 < count ? gram[i * count + i + 1] : 0.0;
+        off_diagonal[i] = i + 1 < count ? gram[i * count + i + 1] : 0.0;
     }
 }
 
 /* A QL step for eigenvalue `row`, or on to the next one. */
-EVERYWHERE size_t approach(size_t count, size_t width, double *diagonal, double *beside, double *rows, Turned *turned) {
+EVERYWHERE size_t approach(size_t count, size_t width, double *diagonal, double *off_diagonal, double *rows, Turned *turned) {
     const size_t l = turned->row;
     size_t m = l;
-    while (m + 1 < count && fabs(beside[m]) > SMALL * (fabs(diagonal[m]) + fabs(diagonal[m + 1]))) {
+    while (m + 1 < count && fabs(off_diagonal[m]) > SMALL * (fabs(diagonal[m]) + fabs(diagonal[m + 1]))) {
         m++;
     }
     if (m == l || turned->round == QL_STEPS) {
@@ -170,7 +170,7 @@ EVERYWHERE size_t approach(size_t count, size_t width, double *diagonal, double 
         turned->round = 0;
         return 0;
     }
-    ql_step(l, m, width, diagonal, beside, rows);
+    ql_step(l, m, width, diagonal, off_diagonal, rows);
     turned->round++;
     return (m - l) * (2 * width + ROOTS);
 }
@@ -187,7 +187,7 @@ EVERYWHERE size_t sweep(size_t count, size_t n, size_t width, size_t p, double *
             continue;
         }
         *largest = fabs(gamma) / scale > *largest ? fabs(gamma) / scale : *largest;
-        turn_pair(width, square[p], square[q], gamma, a, b);
+        rotate_pair(width, square[p], square[q], gamma, a, b);
         square[p] = product(n, a, a);
         square[q] = product(n, b, b);
         work += 2 * width + 2 * n + ROOTS;
@@ -212,7 +212,7 @@ static void next_stage(Turned *turned) {
 
 /* The next row, QL step, or row of a sweep; its multiplications. */
 EVERYWHERE size_t turn_row(size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned) {
-    double *gram = scratch, *diagonal = gram + count * count, *beside = diagonal + count, *square = scratch;
+    double *gram = scratch, *diagonal = gram + count * count, *off_diagonal = diagonal + count, *square = scratch;
     const size_t row = turned->row, left = count - row;
     size_t work = 0;
     switch (turned->stage) {
@@ -230,13 +230,13 @@ EVERYWHERE size_t turn_row(size_t count, size_t n, size_t width, double *rows, d
             work = left * (3 * left + 2 * width);
             turned->row++;
         } else {
-            set_diagonal(count, gram, diagonal, beside);
+            set_diagonal(count, gram, diagonal, off_diagonal);
             next_stage(turned);
         }
         break;
     case QL:
         if (row < count) {
-            work = approach(count, width, diagonal, beside, rows, turned);
+            work = approach(count, width, diagonal, off_diagonal, rows, turned);
         } else {
             next_stage(turned);
         }

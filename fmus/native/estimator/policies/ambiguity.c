@@ -31,7 +31,7 @@
 #include "../numerics/cholesky.h"
 
 /* Those of ambiguity.py and solve.py. */
-#define TOLD 100.0
+#define KNOWN_PRECISION 100.0
 #define ASIDE 3.0
 #define LARGEST_ASIDE 3.0
 #define LEAST_EXCESS 4.0
@@ -45,8 +45,8 @@ typedef struct {
     double value[N_WIDENING], variance[N_WIDENING], deviance;
 } Estimated;
 
-int flight_pressure_untold(const FlightSolver *solver) {
-    return solver->sample.precision[1] + solver->sample.precision[2] < TOLD;
+int flight_pressure_unknown(const FlightSolver *solver) {
+    return solver->sample.precision[1] + solver->sample.precision[2] < KNOWN_PRECISION;
 }
 
 /* C_ij min(w_i, w_j)^2. */
@@ -60,11 +60,11 @@ static void widen(size_t order, const double *widening, double *covariance) {
 }
 
 void flight_widen(FlightSolver *solver, const double *widening) {
-    Solution *found = &solver->solution;
-    memcpy(found->widening, widening, sizeof found->widening);
-    widen(N_STATES, widening, found->widened_covariance);
-    widen(N_LOADS, widening + N_STATES, found->load_covariance);
-    widen(N_LOADS, widening + N_STATES + N_LOADS, found->coefficient_covariance);
+    Solution *solution = &solver->solution;
+    memcpy(solution->widening, widening, sizeof solution->widening);
+    widen(N_STATES, widening, solution->widened_covariance);
+    widen(N_LOADS, widening + N_STATES, solution->load_covariance);
+    widen(N_LOADS, widening + N_STATES + N_LOADS, solution->coefficient_covariance);
 }
 
 /* 0 below the first of the ends, 1 above the second, between them a straight line. */
@@ -74,21 +74,21 @@ static double risen(double value, const double *ends) {
 
 /* Outputs and variances at the state of the problem, of which the first n_free elements are free, and its -2 ln
    likelihood. */
-static void estimate(FlightSolver *solver, size_t n_free, Estimated *found) {
+static void estimate(FlightSolver *solver, size_t n_free, Estimated *estimated) {
     const Solution *solution = &solver->solution;
     flight_weigh_full(solver, n_free);
     flight_set_loads(solver);
     for (size_t k = 0; k < N_STATES; k++) {
-        found->value[k] = solver->state[k];
-        found->variance[k] = solution->widened_covariance[k * (N_STATES + 1)];
+        estimated->value[k] = solver->state[k];
+        estimated->variance[k] = solution->widened_covariance[k * (N_STATES + 1)];
     }
     for (size_t i = 0; i < N_LOADS; i++) {
-        found->value[N_STATES + i] = solution->loads[i];
-        found->variance[N_STATES + i] = solution->load_covariance[i * (N_LOADS + 1)];
-        found->value[N_STATES + N_LOADS + i] = solution->coefficients[i];
-        found->variance[N_STATES + N_LOADS + i] = solution->coefficient_covariance[i * (N_LOADS + 1)];
+        estimated->value[N_STATES + i] = solution->loads[i];
+        estimated->variance[N_STATES + i] = solution->load_covariance[i * (N_LOADS + 1)];
+        estimated->value[N_STATES + N_LOADS + i] = solution->coefficients[i];
+        estimated->variance[N_STATES + N_LOADS + i] = solution->coefficient_covariance[i * (N_LOADS + 1)];
     }
-    found->deviance = flight_deviance(solver);
+    estimated->deviance = flight_deviance(solver);
 }
 
 /* Enlarge variances to what another state, of a weight, needs: v + part delta^2. */

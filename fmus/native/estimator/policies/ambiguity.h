@@ -7,7 +7,7 @@
 #include "../nonlinear/solver_state.h"
 
 /* Whether navigation gives neither p_inf nor q_inf. */
-int flight_pressure_untold(const FlightSolver *solver);
+int flight_pressure_unknown(const FlightSolver *solver);
 
 /* Widen the covariances of the solution by factors on standard deviations (N_WIDENING). */
 void flight_widen(FlightSolver *solver, const double *widening);

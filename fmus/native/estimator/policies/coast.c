@@ -102,16 +102,16 @@ static void set_other_loads(Flight *flight, const Filter *filter, const double *
 
 void flight_coast(Flight *flight, Filter *filter, double time) {
     const double *state = filter->last_value + STATE_CHANNELS, *scalar = flight->inputs->value + flight->solver.n_gauges;
-    Solution *found = &flight->solver.solution;
+    Solution *solution = &flight->solver.solution;
     double spread[N_STATES], outer[N_STATES], scale[N_LOADS];
     set_spread(filter, time, spread);
-    memcpy(found->state, state, sizeof found->state);
-    memset(found->widened_covariance, 0, sizeof found->widened_covariance);
+    memcpy(solution->state, state, sizeof solution->state);
+    memset(solution->widened_covariance, 0, sizeof solution->widened_covariance);
     for (size_t k = 0; k < N_STATES; k++) {
-        found->widened_covariance[k * (N_STATES + 1)] =
+        solution->widened_covariance[k * (N_STATES + 1)] =
             filter->last_variance[STATE_CHANNELS + k] + spread[k] * spread[k];
     }
-    flight_air_data(&flight->map, flight->prior_std, found, flight->real, flight->flag);
+    flight_air_data(&flight->map, flight->prior_std, solution, flight->real, flight->flag);
     memset(flight->flag + NAVIGATION_USED, 0, N_FLIGHT_FLAGS - NAVIGATION_USED);
     if (!flight->flag[TOTAL_INCIDENCE]) {
         flight_set_nothing_known(flight);

@@ -125,10 +125,10 @@ static int is_estimate(const Flight *flight) {
 static void set_sample(Filter *filter, Flight *flight) {
     set_loads(filter, flight);
     if (flight->present) {
-        const Solution *found = &flight->solver.solution;
+        const Solution *solution = &flight->solver.solution;
         for (size_t k = 0; k < N_STATES; k++) {
-            filter->value[STATE_CHANNELS + k] = found->state[k];
-            filter->variance[STATE_CHANNELS + k] = found->widened_covariance[k * (N_STATES + 1)];
+            filter->value[STATE_CHANNELS + k] = solution->state[k];
+            filter->variance[STATE_CHANNELS + k] = solution->widened_covariance[k * (N_STATES + 1)];
         }
         set_flight_noise(filter, flight);
     } else {

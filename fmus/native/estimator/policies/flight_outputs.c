@@ -24,7 +24,7 @@
 /* Loads and coefficients at the references of the settings. */
 static void set_loads(Flight *flight) {
     const FlightMap *map = &flight->map;
-    const Solution *found = &flight->solver.solution;
+    const Solution *solution = &flight->solver.solution;
     const double *scalar = flight->inputs->value + flight->solver.n_gauges;
     const double shift = moment_shift(flight->inputs);
     for (size_t i = 0; i < N_LOADS; i++) {
@@ -41,12 +41,12 @@ static void set_loads(Flight *flight) {
         }
         flight->output[LOADS + i] = flight->output[COEFFICIENTS + i] = 0.0;
         for (size_t j = 0; j < N_LOADS; j++) {
-            flight->output[LOADS + i] += load[j] * found->loads[j];
-            flight->output[COEFFICIENTS + i] += coefficient[j] * found->coefficients[j];
+            flight->output[LOADS + i] += load[j] * solution->loads[j];
+            flight->output[COEFFICIENTS + i] += coefficient[j] * solution->coefficients[j];
         }
-        flight->output[LOADS_STD + i] = sqrt(quadratic(N_LOADS, load, found->load_covariance, load));
+        flight->output[LOADS_STD + i] = sqrt(quadratic(N_LOADS, load, solution->load_covariance, load));
         flight->output[COEFFICIENTS_STD + i] =
-            sqrt(quadratic(N_LOADS, coefficient, found->coefficient_covariance, coefficient));
+            sqrt(quadratic(N_LOADS, coefficient, solution->coefficient_covariance, coefficient));
     }
 }
 
@@ -73,11 +73,11 @@ static double crossflow_excess(const FlightMap *map, const double *state, const 
 /* The largest of the distances in M, (u, w) and ln p_inf; 0 inside. */
 static double range_score(const Flight *flight) {
     const FlightMap *map = &flight->map;
-    const Solution *found = &flight->solver.solution;
-    const double *state = found->state, tolerance = map->range_tolerance;
+    const Solution *solution = &flight->solver.solution;
+    const double *state = solution->state, tolerance = map->range_tolerance;
     double std[N_STATES];
     for (size_t k = 0; k < N_STATES; k++) {
-        std[k] = sqrt(found->widened_covariance[k * N_STATES + k]);
+        std[k] = sqrt(solution->widened_covariance[k * N_STATES + k]);
     }
     const double mach = larger(map->mach_range[0] * (1.0 - tolerance) - state[STATE_MACH],
                                state[STATE_MACH] - map->mach_range[1] * (1.0 + tolerance));
@@ -107,20 +107,20 @@ static double chi_square_limit(const Flight *flight, size_t freedom) {
 }
 
 int flight_solution_fits(const Flight *flight, size_t used) {
-    const Solution *found = &flight->solver.solution;
-    return found->chi_square <= chi_square_limit(flight, used + flight_navigation_used(flight))
-        && found->shape_square <= flight->map.shape_limit * scalar_input(flight->inputs, ALARM_SCALE);
+    const Solution *solution = &flight->solver.solution;
+    return solution->chi_square <= chi_square_limit(flight, used + flight_navigation_used(flight))
+        && solution->shape_square <= flight->map.shape_limit * scalar_input(flight->inputs, ALARM_SCALE);
 }
 
 /* Whether the measured angles are others than the solution's. */
 static int angles_contradict(const Flight *flight) {
     const MeasuredAngles *angles = &flight->solver.angles;
-    const Solution *found = &flight->solver.solution;
+    const Solution *solution = &flight->solver.solution;
     double square = 0.0;
     for (size_t k = 0; k < 2; k++) {
         if (angles->precision[k] > 0.0) {
-            const double off = angles->value[k] - found->state[STATE_U + k];
-            const double variance = found->widened_covariance[(STATE_U + k) * (N_STATES + 1)];
+            const double off = angles->value[k] - solution->state[STATE_U + k];
+            const double variance = solution->widened_covariance[(STATE_U + k) * (N_STATES + 1)];
             square += off * off / (1.0 / angles->precision[k] + variance);
         }
     }
@@ -130,20 +130,20 @@ static int angles_contradict(const Flight *flight) {
 /* Set the outputs of health; whether strain and navigation fit the tables. */
 static int judge(Flight *flight, size_t used) {
     const FlightMap *map = &flight->map;
-    const Solution *found = &flight->solver.solution;
+    const Solution *solution = &flight->solver.solution;
     const double alarm_scale = scalar_input(flight->inputs, ALARM_SCALE);
     double *output = flight->output;
     double largest = 0.0;
     size_t worst = 0;
     for (size_t g = 0; g < flight->solver.n_gauges; g++) {
-        const double size = fabs(found->standardised_residual[g]);
+        const double size = fabs(solution->standardised_residual[g]);
         if (size > largest) {
             largest = size;
             worst = g;
         }
     }
     const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
-    output[CHI_SQUARE] = found->chi_square;
+    output[CHI_SQUARE] = solution->chi_square;
     const size_t freedom = used + flight_navigation_used(flight);
     output[CHI_SQUARE_LIMIT] = chi_square_limit(flight, freedom);
     flight->degrees_of_freedom = (double)freedom;
@@ -154,7 +154,7 @@ static int judge(Flight *flight, size_t used) {
     const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
                      || parameter_beyond(flight->inputs) != SIZE_MAX;
     const int lacks = used < flight->solver.n_gauges || flight_navigation_alarms(flight)
-                   || found->rest_square > LARGEST_REST * LARGEST_REST;
+                   || solution->rest_square > LARGEST_REST * LARGEST_REST;
     output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
     if (!outside && fits && angles_contradict(flight)) {
         output[HEALTH_STATE] = INCONSISTENT;

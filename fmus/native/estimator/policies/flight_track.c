@@ -43,14 +43,14 @@ static void solve(Flight *flight, int search) {
 }
 
 /* Solve from the last state or from a search, a second time without air data that are inconsistent, unless the
-   solution cannot become better than `found`. */
-static Quality attempt(Flight *flight, size_t used, int search, Quality found) {
+   solution cannot become better than `quality`. */
+static Quality attempt(Flight *flight, size_t used, int search, Quality quality) {
     double residual[N_NAVIGATION];
     flight_set_measurement(&flight->solver, flight->navigation.value, flight->navigation.std);
     solve(flight, search);
     memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
     if (flight_drop_inconsistent(flight)) {
-        if (found == ALARMS && flight_navigation_alarms(flight)) {
+        if (quality == ALARMS && flight_navigation_alarms(flight)) {
             return ALARMS;
         }
         solve(flight, search);
@@ -89,40 +89,40 @@ static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_se
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
     const int first = base->has_state == 0.0;
-    const Quality found = attempt(flight, used, first, FITS_NOT);
+    const Quality quality = attempt(flight, used, first, FITS_NOT);
     *searched = *by_search = first;
-    if (first || found == FITS || (found == ALARMS && base->since_search < flight->map.search_every)) {
-        return found;
+    if (first || quality == FITS || (quality == ALARMS && base->since_search < flight->map.search_every)) {
+        return quality;
     }
     const Attempt kept = kept_attempt(solver);
-    const Quality other = attempt(flight, used, 1, found);
+    const Quality other = attempt(flight, used, 1, quality);
     *searched = 1;
-    *by_search = other > found;
+    *by_search = other > quality;
     if (*by_search) {
         return other;
     }
     take_again(solver, &kept);
-    return found;
+    return quality;
 }
 
 /* Whether loads of the tables count: the linear map's stand in where strain does not fit and there are some. */
-static int tables_count(const Flight *flight, Quality found) {
-    return found != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
+static int tables_count(const Flight *flight, Quality quality) {
+    return quality != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
 }
 
 /* Where air data give no pressure, widen the solution by what else fits: of a search, of another search where it is
    due, or by the factors of the last one. Where loads of the linear map stand in, nothing is looked for. */
-static void widen(Flight *flight, Quality found, int *searched, int by_search) {
+static void widen(Flight *flight, Quality quality, int *searched, int by_search) {
     FlightSolver *solver = &flight->solver;
     const Track *base = &flight->base;
     const int known = base->widening[0] != 0.0, due = !known || base->since_search >= flight->map.search_every;
-    if (!flight_pressure_untold(solver)) {
+    if (!flight_pressure_unknown(solver)) {
         memcpy(flight->next.widening, by_search ? solver->solution.widening : base->widening, sizeof base->widening);
         return;
     }
     if (by_search) {
         widen_by(solver, flight_widen_searched);
-    } else if (due && tables_count(flight, found)) {
+    } else if (due && tables_count(flight, quality)) {
         widen_by(solver, flight_search_more);
         *searched = 1;
     } else if (known) {
@@ -145,10 +145,10 @@ static void set_next(Flight *flight, int searched, int fits, double to_return) {
 
 void flight_track_update(Flight *flight, size_t used) {
     int searched, by_search;
-    const Quality found = solve_best(flight, used, &searched, &by_search);
-    widen(flight, found, &searched, by_search);
+    const Quality quality = solve_best(flight, used, &searched, &by_search);
+    widen(flight, quality, &searched, by_search);
     const int is_ambiguous = flight->inputs->n_inertial > 0 || flight_gauges_are_lost(&flight->solver);
-    if (is_ambiguous && tables_count(flight, found)) {
+    if (is_ambiguous && tables_count(flight, quality)) {
         flight_look_for_others(&flight->solver);
     }
     flight_set_gauge_residuals(&flight->solver);

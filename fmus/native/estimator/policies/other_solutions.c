@@ -200,7 +200,7 @@ static void add_difference(size_t order, double part, const double *value, const
 /* The solution from the best state on, with the differences to the others. Loads and coefficients of each are
    computed at its own state. */
 static void conclude(FlightSolver *solver, const Solutions *all, size_t best, const Kept *kept) {
-    Solution *found = &solver->solution;
+    Solution *solution = &solver->solution;
     double part[MOST_OTHERS], loads[MOST_OTHERS][N_LOADS], coefficients[MOST_OTHERS][N_LOADS];
     size_t other[MOST_OTHERS], n_others = 0;
     for (size_t s = 0; s < all->count; s++) {
@@ -211,35 +211,35 @@ static void conclude(FlightSolver *solver, const Solutions *all, size_t best, co
         flight_linearise_anew(solver, all->state[s]);
         flight_weigh_full(solver, N_STATES);
         flight_set_loads(solver);
-        memcpy(loads[n_others], found->loads, sizeof found->loads);
-        memcpy(coefficients[n_others], found->coefficients, sizeof found->coefficients);
+        memcpy(loads[n_others], solution->loads, sizeof solution->loads);
+        memcpy(coefficients[n_others], solution->coefficients, sizeof solution->coefficients);
         part[n_others] = PART * weight;
         other[n_others++] = s;
     }
     flight_solve_again(solver, best == 0 ? kept->weighted_at : all->state[best], all->state[best]);
-    memcpy(found->navigation_residual, kept->residual, sizeof kept->residual);
+    memcpy(solution->navigation_residual, kept->residual, sizeof kept->residual);
     if (kept->widening[0] != 0.0) {
         flight_widen(solver, kept->widening);
     }
-    found->n_others = n_others;
+    solution->n_others = n_others;
     for (size_t s = 0; s < n_others; s++) {
         const double *state = all->state[other[s]];
-        found->other_part[s] = part[s];
-        memcpy(found->other_state[s], state, sizeof found->other_state[s]);
-        add_difference(N_STATES, part[s], found->state, state, found->widened_covariance);
-        add_difference(N_LOADS, part[s], found->loads, loads[s], found->load_covariance);
-        add_difference(N_LOADS, part[s], found->coefficients, coefficients[s], found->coefficient_covariance);
+        solution->other_part[s] = part[s];
+        memcpy(solution->other_state[s], state, sizeof solution->other_state[s]);
+        add_difference(N_STATES, part[s], solution->state, state, solution->widened_covariance);
+        add_difference(N_LOADS, part[s], solution->loads, loads[s], solution->load_covariance);
+        add_difference(N_LOADS, part[s], solution->coefficients, coefficients[s], solution->coefficient_covariance);
     }
 }
 
 void flight_look_for_others(FlightSolver *solver) {
-    const Solution *found = &solver->solution;
+    const Solution *solution = &solver->solution;
     Solutions all = {.count = 1};
     Kept kept;
-    memcpy(all.state[0], found->state, sizeof found->state);
+    memcpy(all.state[0], solution->state, sizeof solution->state);
     memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
-    memcpy(kept.widening, found->widening, sizeof kept.widening);
-    memcpy(kept.residual, found->navigation_residual, sizeof kept.residual);
+    memcpy(kept.widening, solution->widening, sizeof kept.widening);
+    memcpy(kept.residual, solution->navigation_residual, sizeof kept.residual);
     if (!find_solutions(solver, &all)) {
         return;
     }

@@ -48,7 +48,7 @@ void lost_rows_arrays(size_t n, LostRows *rows, double **doubles) {
     rows->head = taken(doubles, 2 * n);
 }
 
-/* Q and R of D^-1/2 V_L for these u. One more column, D^-1/2 V (m - d_0), is turned along with them: the mean strain
+/* Q and R of D^-1/2 V_L for these u. One more column, D^-1/2 V (m - d_0), is rotated along with them: the mean strain
    of lost gauges is predicted like their readings. */
 static void decompose(const Scaled *scaled, const double *unresolved, const LostRows *rows) {
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
@@ -68,22 +68,22 @@ static void decompose(const Scaled *scaled, const double *unresolved, const Lost
 
 /* Q' D^-1/2 times a vector of directions: the first n_lost elements determine e, the others are free of the lost
    gauges. */
-static void turn(const Scaled *scaled, const LostRows *rows, const double *vector, double *turned) {
+static void rotate(const Scaled *scaled, const LostRows *rows, const double *vector, double *rotated) {
     const size_t n = scaled->map->n_gauges;
     for (size_t a = 0; a < n; a++) {
-        turned[a] = rows->root[a] * vector[a];
+        rotated[a] = rows->root[a] * vector[a];
     }
-    householder_forward(n, scaled->step.n_lost, rows->matrix, rows->head, turned);
+    householder_forward(n, scaled->step.n_lost, rows->matrix, rows->head, rotated);
 }
 
-/* w - V_L e. The head of `turned` becomes e. */
-static void complete(const Scaled *scaled, double *turned, double *vector) {
+/* w - V_L e. The head of `rotated` becomes e. */
+static void predict_lost(const Scaled *scaled, double *rotated, double *vector) {
     const size_t n = scaled->map->n_gauges, n_lost = scaled->step.n_lost;
-    solve_triangle(n, n_lost, scaled->step.gain.matrix, turned);
+    solve_triangle(n, n_lost, scaled->step.qr_of_gain.matrix, rotated);
     for (size_t j = 0; j < n_lost; j++) {
         const double *column = scaled->map->form.whitening + scaled->step.lost[j] * n;
         for (size_t a = 0; a < n; a++) {
-            vector[a] -= turned[j] * column[a];
+            vector[a] -= rotated[j] * column[a];
         }
     }
 }
@@ -96,9 +96,9 @@ static void set_y(Scaled *scaled) {
     for (size_t j = 0; j < step->n_lost; j++) {
         memset(column, 0, n * sizeof *column);
         column[j] = 1.0;
-        householder_back(n, step->n_lost, step->truth.matrix, step->truth.head, column);
+        householder_back(n, step->n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, column);
         for (size_t a = 0; a < n; a++) {
-            column[a] *= step->truth.root[a];
+            column[a] *= step->qr_of_truth.root[a];
         }
         dense_times(scaled->wide, n, n, scaled->columns, column, step->y + j * dense_rows(n));
     }
@@ -119,18 +119,18 @@ static void set_growth(Scaled *scaled) {
         }
     }
     for (size_t i = 0; i < N_LOADS; i++) {
-        solve_transposed(n, n_lost, step->gain.matrix, step->growth + i * n_lost);
+        solve_transposed(n, n_lost, step->qr_of_gain.matrix, step->growth + i * n_lost);
     }
 }
 
 void lost_rows_prepare(Scaled *scaled) {
     ScaledStep *step = &scaled->step;
-    decompose(scaled, step->unresolved, &step->truth);
+    decompose(scaled, step->unresolved, &step->qr_of_truth);
     if (scaled->of_gain != NULL) {
-        decompose(scaled, scaled->of_gain, &step->gain);
+        decompose(scaled, scaled->of_gain, &step->qr_of_gain);
     }
     /* The mean strain comes first: of_mean of the lost gauges is part of the derivative by q_inf. */
-    complete(scaled, step->gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
+    predict_lost(scaled, step->qr_of_gain.matrix + step->n_lost * scaled->map->n_gauges, scaled->mean_left);
     set_growth(scaled);
     set_y(scaled);
 }
@@ -138,21 +138,21 @@ void lost_rows_prepare(Scaled *scaled) {
 void lost_rows_condition(Scaled *scaled) {
     ScaledStep *step = &scaled->step;
     const size_t n = scaled->map->n_gauges, n_lost = step->n_lost;
-    double *turned = step->scratch[0], *of_gain = step->scratch[1];
-    turn(scaled, &step->truth, step->w, turned);
+    double *rotated = step->scratch[0], *of_gain = step->scratch[1];
+    rotate(scaled, &step->qr_of_truth, step->w, rotated);
     if (scaled->of_gain != NULL) {
-        turn(scaled, &step->gain, step->w, of_gain);
+        rotate(scaled, &step->qr_of_gain, step->w, of_gain);
     } else {
-        memcpy(of_gain, turned, n_lost * sizeof *of_gain);
+        memcpy(of_gain, rotated, n_lost * sizeof *of_gain);
     }
-    /* The tail is D^-1/2 (w - V_L e) in turned coordinates: its square is chi-square, and turned back it is D^1/2 x. */
-    step->chi_square = dot(n - n_lost, turned + n_lost, turned + n_lost);
-    memset(turned, 0, n_lost * sizeof *turned);
-    householder_back(n, n_lost, step->truth.matrix, step->truth.head, turned);
+    /* The tail is D^-1/2 (w - V_L e) in rotated coordinates: its square is chi-square, and rotated back it is D^1/2 x. */
+    step->chi_square = dot(n - n_lost, rotated + n_lost, rotated + n_lost);
+    memset(rotated, 0, n_lost * sizeof *rotated);
+    householder_back(n, n_lost, step->qr_of_truth.matrix, step->qr_of_truth.head, rotated);
     for (size_t a = 0; a < n; a++) {
-        step->x[a] = step->truth.root[a] * turned[a];
+        step->x[a] = step->qr_of_truth.root[a] * rotated[a];
     }
-    complete(scaled, of_gain, step->w);
+    predict_lost(scaled, of_gain, step->w);
 }
 
 void add_products(const double *first, const double *second, double products[N_VALUES]) {
@@ -175,12 +175,12 @@ void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
         shift[i] = scaled->shift + i * n;
         memset(shift[i], 0, n * sizeof *shift[i]);
         memcpy(shift[i], step->growth + i * step->n_lost, step->n_lost * sizeof *shift[i]);
-        householder_back(n, step->n_lost, step->gain.matrix, step->gain.head, shift[i]);
+        householder_back(n, step->n_lost, step->qr_of_gain.matrix, step->qr_of_gain.head, shift[i]);
     }
     memset(products, 0, N_VALUES * sizeof *products);
     for (size_t a = 0; a < n; a++) {
         for (size_t i = 0; i < N_LOADS; i++) {
-            const double taken_off = step->gain.root[a] * shift[i][a];
+            const double taken_off = step->qr_of_gain.root[a] * shift[i][a];
             left[0][i] = form->noise_left[N_LOADS * a + i] - taken_off;
             left[1][i] = form->prior_left[N_LOADS * a + i] + taken_off * form->singular[a];
         }

@@ -9,11 +9,11 @@
 size_t lost_rows_doubles(size_t n);
 void lost_rows_arrays(size_t n, LostRows *rows, double **doubles);
 
-/* Of step->lost at step->unresolved, and at the u of the gain: step->truth, step->gain, Y and growth; of_mean is
-   completed. */
+/* Of step->lost at step->unresolved, and at the u of the gain: step->qr_of_truth, step->qr_of_gain, Y and growth; of_mean is
+   predicted. */
 void lost_rows_prepare(Scaled *scaled);
 
-/* Then, of a sample: chi-square and x; w is completed. */
+/* Then, of a sample: chi-square and x; w of the lost gauges is predicted. */
 void lost_rows_condition(Scaled *scaled);
 
 /* The products of set_products, summed over the directions, by the gain that the lost gauges leave. */

@@ -79,14 +79,14 @@ void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices) {
     scaled->own_mean = taken(doubles, whole);
     scaled->residual = taken(doubles, whole);
     step->y = taken(doubles, n * whole);
-    lost_rows_arrays(n, &step->truth, doubles);
-    lost_rows_arrays(n, &step->gain, doubles);
+    lost_rows_arrays(n, &step->qr_of_truth, doubles);
+    lost_rows_arrays(n, &step->qr_of_gain, doubles);
     step->growth = taken(doubles, N_LOADS * n);
     scaled->shift = taken(doubles, N_LOADS * n);
     scaled->of_gain = taken(doubles, n);
     if (!gain_differs(scaled->map)) {
         scaled->of_gain = NULL;
-        step->gain = step->truth;
+        step->qr_of_gain = step->qr_of_truth;
     }
     current_errors_arrays(scaled, doubles);
     step->lost = *indices;
@@ -372,7 +372,7 @@ static void set_growth(const Scaled *scaled, size_t j) {
             growth[k] += step->weight[a] * scaled->other_loads->load[a * m + j] * column[a];
         }
     }
-    solve_transposed(n, step->n_lost, step->gain.matrix, growth);
+    solve_transposed(n, step->n_lost, step->qr_of_gain.matrix, growth);
 }
 
 void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *variance, double *per_pressure) {

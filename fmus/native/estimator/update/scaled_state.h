@@ -71,7 +71,7 @@ typedef struct {
     const double *of_mean;             /* (n_gauges) V (m - d_0), lost gauges' predicted from the others */
     size_t n_lost;
     size_t *lost;                      /* (n_lost) */
-    LostRows truth, gain;              /* the same arrays where the gain is the prior's */
+    LostRows qr_of_truth, qr_of_gain;  /* the same arrays where the gain is the prior's */
     double *y;                         /* (n_lost, dense_rows(n_gauges)) Y, P = P_all - Y Y' */
     double *growth;                    /* (5, n_lost) B, then X: what the lost gauges add to the covariance is X X' */
     double per_pressure[N_LOADS];      /* about the map's moment point, as all loads */

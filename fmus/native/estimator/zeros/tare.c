@@ -57,12 +57,12 @@ static int allocate(size_t n_gauges, size_t n_patterns, double largest_zero, Tar
     tare->zero = tare->memory;
     window_arrays(&tare->window, n, tare->zero + zeros);
     tare->judged = tare->zero + zeros + window_doubles(n);
-    tare->found.mean = tare->judged + zeros;
-    tare->found.scatter = tare->found.mean + n;
-    tare->found.stretch = tare->found.scatter + n;
-    tare->reading = tare->found.stretch + stretches;
+    tare->statistics.mean = tare->judged + zeros;
+    tare->statistics.scatter = tare->statistics.mean + n;
+    tare->statistics.stretch = tare->statistics.scatter + n;
+    tare->reading = tare->statistics.stretch + stretches;
     tare->scratch = tare->reading + n;
-    tare->found.reads = (unsigned char *)(tare->zero + count);
+    tare->statistics.reads = (unsigned char *)(tare->zero + count);
     tare->n_gauges = n;
     tare->largest_zero = largest_zero;
     tare->present = 1;
@@ -111,7 +111,7 @@ static int judge_window(Tare *tare) {
     if (tare->window.counts.samples < tare->limits.least_samples) {
         tare->verdict.faults = TARE_SHORT;
     } else {
-        window_statistics(&tare->window, tare->limits.least_part, &tare->found);
+        window_statistics(&tare->window, tare->limits.least_part, &tare->statistics);
         tare_judge(tare);
     }
     return tare->verdict.faults == 0.0;

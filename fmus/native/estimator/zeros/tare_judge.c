@@ -57,12 +57,12 @@ static double median(double *values, size_t count) {
 
 /* A straight line through the means of stretches of a gauge, `join` (1 or 2) stretches taken together: its slope per
    stretch, and the sum of squares about it. */
-static double about_line(const WindowStatistics *found, size_t n, size_t gauge, size_t join, double *slope) {
-    const size_t count = found->n_stretches / join;
+static double about_line(const WindowStatistics *statistics, size_t n, size_t gauge, size_t join, double *slope) {
+    const size_t count = statistics->n_stretches / join;
     double mean = 0.0, of_place = 0.0, square = 0.0, means[MAX_STRETCHES];
     *slope = 0.0;
     for (size_t k = 0; k < count; k++) {
-        const double *row = found->stretch + k * join * n + gauge;
+        const double *row = statistics->stretch + k * join * n + gauge;
         means[k] = join == 1 ? row[0] : 0.5 * (row[0] + row[n]);
         mean += means[k];
     }
@@ -83,8 +83,8 @@ static double about_line(const WindowStatistics *found, size_t n, size_t gauge, 
 
 /* k, and standard deviations and rises of the zeros. */
 static void set_deviations(Tare *tare, const Judgement *j) {
-    const WindowStatistics *found = &tare->found;
-    const size_t n = tare->n_gauges, b = found->n_stretches;
+    const WindowStatistics *statistics = &tare->statistics;
+    const size_t n = tare->n_gauges, b = statistics->n_stretches;
     const double samples = tare->window.counts.samples, length = tare->window.counts.length;
     double places = 0.0, sum = 0.0, sum_fine = 0.0, all = 1.0; /* of all gauges, on the variance */
     size_t moving = 0, alike = 0;
@@ -94,8 +94,8 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     }
     for (size_t i = 0; i < n; i++) {
         double slope, coarse_slope;
-        const double square = about_line(found, n, i, 1, &slope), coarse = about_line(found, n, i, 2, &coarse_slope);
-        const double variance = found->scatter[i] * found->scatter[i];
+        const double square = about_line(statistics, n, i, 1, &slope), coarse = about_line(statistics, n, i, 2, &coarse_slope);
+        const double variance = statistics->scatter[i] * statistics->scatter[i];
         const double rise = slope * samples / length, rise_std = sqrt(square / (double)(b - 2) / places);
         j->rise[i] = fabs(rise) > tare->limits.moved * rise_std ? rise : 0.0;
         if (variance > 0.0) {
@@ -108,7 +108,7 @@ static void set_deviations(Tare *tare, const Judgement *j) {
     const double times = tare->limits.own_factor * tare->limits.own_factor;
     const double limit = moving > 0 ? times * median(j->sorted, moving) : 0.0;
     for (size_t i = 0; i < n; i++) {
-        if (found->scatter[i] * found->scatter[i] > 0.0 && j->fine[i] <= limit) {
+        if (statistics->scatter[i] * statistics->scatter[i] > 0.0 && j->fine[i] <= limit) {
             sum += 2.0 * j->coarse[i] - j->fine[i];
             sum_fine += j->fine[i];
             alike++;
@@ -120,27 +120,27 @@ static void set_deviations(Tare *tare, const Judgement *j) {
         all = all > 1.0 ? all : 1.0;
     }
     for (size_t i = 0; i < n; i++) {
-        const double variance = found->scatter[i] * found->scatter[i];
+        const double variance = statistics->scatter[i] * statistics->scatter[i];
         const double own = variance > 0.0 && j->fine[i] > limit && j->fine[i] > all ? j->fine[i] : all;
         const double of_known = tare->limits.known_std[i] * tare->limits.known_std[i];
         j->std[i] =
-            sqrt(own * found->scatter[i] * found->scatter[i] / samples + j->rise[i] * j->rise[i] / 12.0 + of_known);
+            sqrt(own * statistics->scatter[i] * statistics->scatter[i] / samples + j->rise[i] * j->rise[i] / 12.0 + of_known);
     }
     tare->verdict.memory = sqrt(all);
 }
 
 /* The standard deviation of what all gauges that read have in common, of the mean over the window. */
-static double common_std(const WindowStatistics *found, size_t n, size_t n_reading) {
-    const size_t b = found->n_stretches;
+static double common_std(const WindowStatistics *statistics, size_t n, size_t n_reading) {
+    const size_t b = statistics->n_stretches;
     const double freedom = (double)(b - 2), count = (double)n_reading;
     double of_sums = 0.0, of_each = 0.0, sums[MAX_STRETCHES] = {0.0}, mean = 0.0, slope = 0.0, places = 0.0;
     if (n_reading < 2) {
         return 0.0;
     }
     for (size_t i = 0; i < n; i++) { /* those that do not read are 0 */
-        of_each += about_line(found, n, i, 1, &slope);
+        of_each += about_line(statistics, n, i, 1, &slope);
         for (size_t k = 0; k < b; k++) {
-            sums[k] += found->stretch[k * n + i];
+            sums[k] += statistics->stretch[k * n + i];
         }
     }
     slope = 0.0;
@@ -180,7 +180,7 @@ static void judge_drift(Tare *tare, const double *rise) {
 }
 
 static void judge_scatter(Tare *tare) {
-    const double *scatter = tare->found.scatter, *noise = tare->limits.noise_std;
+    const double *scatter = tare->statistics.scatter, *noise = tare->limits.noise_std;
     TareVerdict *v = &tare->verdict;
     size_t worst = 0;
     for (size_t i = 1; i < tare->n_gauges; i++) {
@@ -193,9 +193,9 @@ static void judge_scatter(Tare *tare) {
 
 static void judge_size(Tare *tare) {
     TareVerdict *v = &tare->verdict;
-    const size_t worst = largest_of(tare->found.mean, tare->n_gauges);
+    const size_t worst = largest_of(tare->statistics.mean, tare->n_gauges);
     v->largest_gauge = (double)(worst + 1);
-    v->largest = tare->found.mean[worst];
+    v->largest = tare->statistics.mean[worst];
     add_fault(v, TARE_TOO_LARGE, fabs(v->largest) > tare->limits.zero);
 }
 
@@ -207,7 +207,7 @@ static size_t load_directions(const Tare *tare, size_t wanted, double *direction
     for (size_t p = 0; p < wanted; p++) {
         double *row = direction + count * n, whole = 0.0, left = 0.0;
         for (size_t i = 0; i < n; i++) {
-            row[i] = tare->found.reads[i] ? tare->limits.pattern[p * n + i] : 0.0;
+            row[i] = tare->statistics.reads[i] ? tare->limits.pattern[p * n + i] : 0.0;
             whole += row[i] * row[i];
         }
         for (size_t k = 0; k < count; k++) {
@@ -233,7 +233,7 @@ static void judge_pattern(Tare *tare, size_t n_reading, Judgement *j) {
     const size_t n = tare->n_gauges, most = n_reading / GAUGES_PER_PATTERN;
     const size_t wanted = tare->limits.n_patterns < most ? tare->limits.n_patterns : most;
     const size_t count = load_directions(tare, wanted, j->direction);
-    const double *value = tare->found.mean; /* 0 of gauges that do not read */
+    const double *value = tare->statistics.mean; /* 0 of gauges that do not read */
     double along = 0.0;
     if (count == 0) {
         return;
@@ -253,12 +253,12 @@ static void judge_pattern(Tare *tare, size_t n_reading, Judgement *j) {
 /* Zeros and standard deviations of the window, and their size. */
 static void set_zeros(Tare *tare, const double *std, size_t n_reading) {
     const size_t n = tare->n_gauges;
-    const double largest = tare->largest_zero, common = common_std(&tare->found, n, n_reading);
+    const double largest = tare->largest_zero, common = common_std(&tare->statistics, n, n_reading);
     TareVerdict *v = &tare->verdict;
     double square = 0.0;
     for (size_t i = 0; i < n; i++) {
-        const double value = tare->found.mean[i]; /* 0 without reading */
-        const int is_known = tare->found.reads[i] && std[i] < largest;
+        const double value = tare->statistics.mean[i]; /* 0 without reading */
+        const int is_known = tare->statistics.reads[i] && std[i] < largest;
         tare->judged[i] = fabs(value) <= largest ? value : 0.0;
         tare->judged[n + i] = is_known ? std[i] : largest;
         if (is_known) {
@@ -279,8 +279,8 @@ void tare_judge(Tare *tare) {
     size_t n_reading = 0;
     set_deviations(tare, &j);
     for (size_t i = 0; i < n; i++) {
-        n_reading += tare->found.reads[i];
-        tare->found.mean[i] -= tare->found.reads[i] ? tare->limits.known[i] : 0.0;
+        n_reading += tare->statistics.reads[i];
+        tare->statistics.mean[i] -= tare->statistics.reads[i] ? tare->limits.known[i] : 0.0;
     }
     judge_drift(tare, j.rise);
     judge_scatter(tare);

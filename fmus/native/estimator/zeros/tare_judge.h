@@ -15,7 +15,7 @@
 /* Number of doubles of its scratch. */
 size_t judge_doubles(size_t n_gauges, size_t n_patterns);
 
-/* Set tare->judged and tare->verdict from tare->found; all that speaks against the zeros is in the verdict. A gauge
+/* Set tare->judged and tare->verdict from tare->statistics; all that speaks against the zeros is in the verdict. A gauge
    that does not read gets 0 with the largest standard deviation there is. */
 void tare_judge(Tare *tare);
 

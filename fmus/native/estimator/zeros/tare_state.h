@@ -63,7 +63,7 @@ typedef struct {
     TareFlags flags;
     double *zero; /* (2 n_gauges + 1) of a tare: zeros, standard deviations, the common one [1]; the window follows */
     TareWindow window;
-    WindowStatistics found;
+    WindowStatistics statistics;
     double *judged; /* (2 n_gauges + 1) zeros of the last window, also of one that is refused */
     TareVerdict verdict;
     double *reading, *scratch;

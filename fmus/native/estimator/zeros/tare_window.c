@@ -96,21 +96,21 @@ int window_counts_fit(const WindowCounts *counts) {
 
 /* Statistics of the gauges that read in a large enough part of the window; an even number of stretches, as
    tare_judge.c joins them in pairs. */
-void window_statistics(const TareWindow *window, double least_part, WindowStatistics *found) {
+void window_statistics(const TareWindow *window, double least_part, WindowStatistics *statistics) {
     const size_t n = window->n_gauges;
     const double samples = window->counts.samples, length = window->counts.length;
-    found->n_stretches = (size_t)window->counts.stretches & ~(size_t)1;
+    statistics->n_stretches = (size_t)window->counts.stretches & ~(size_t)1;
     for (size_t i = 0; i < n; i++) {
         const double count = sum_of(window->count, MAX_STRETCHES, n, i);
         const double total = sum_of(window->total, MAX_STRETCHES, n, i);
-        found->reads[i] = count >= least_part * samples;
-        const double mean = found->reads[i] ? total / count : 0.0, square = window->square[i] - mean * total;
-        found->mean[i] = found->reads[i] ? window->first[i] + mean : 0.0;
-        found->scatter[i] = found->reads[i] && square > 0.0 ? sqrt(square / (samples - 1.0)) : 0.0;
-        for (size_t k = 0; k < found->n_stretches; k++) {
+        statistics->reads[i] = count >= least_part * samples;
+        const double mean = statistics->reads[i] ? total / count : 0.0, square = window->square[i] - mean * total;
+        statistics->mean[i] = statistics->reads[i] ? window->first[i] + mean : 0.0;
+        statistics->scatter[i] = statistics->reads[i] && square > 0.0 ? sqrt(square / (samples - 1.0)) : 0.0;
+        for (size_t k = 0; k < statistics->n_stretches; k++) {
             const double missing = length - window->count[k * n + i];
             const double stretch = (window->total[k * n + i] + missing * mean) / length;
-            found->stretch[k * n + i] = found->reads[i] ? stretch : 0.0;
+            statistics->stretch[k * n + i] = statistics->reads[i] ? stretch : 0.0;
         }
     }
 }

@@ -54,6 +54,6 @@ void window_add(TareWindow *window, const double *strain);
 /* Whether counts can be of a window. */
 int window_counts_fit(const WindowCounts *counts);
 
-void window_statistics(const TareWindow *window, double least_part, WindowStatistics *found);
+void window_statistics(const TareWindow *window, double least_part, WindowStatistics *statistics);
 
 #endif
