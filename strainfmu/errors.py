@@ -5,6 +5,9 @@ Only :class:`FaultsError` carries several, one for each wrong entry of a file.
 The command line prints them and ends with :attr:`StrainfmuError.exit_code`.
 """
 
+from importlib import import_module
+from typing import Any
+
 
 class StrainfmuError(Exception):
     """Something failed that is not the user's input: exit code 1."""
@@ -33,3 +36,17 @@ class FaultsError(InputError):
 
 class FlowReachError(InputError):
     """A flight condition is outside what the marching flow solver can compute."""
+
+
+def library(module: str, package: str, extra: str) -> Any:
+    """Return a module of a ``package`` that is installed with an ``extra`` of this one.
+
+    Raises
+    ------
+    StrainfmuError
+        It is not installed.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise StrainfmuError(f"{package} is not installed: pip install 'strainfmu[{extra}]'") from error

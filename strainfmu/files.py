@@ -1,21 +1,23 @@
-"""Files that are either whole or not there: atomic writes, HDF5 images, content hashes.
+"""Files that are either whole or not there: atomic writes, HDF5 images, content hashes, files written in parts.
 
 HDF5 is composed in memory and written as one block of bytes, so that a full disk or a kill leaves
-the previous file untouched and never a half-written one.
+the previous file untouched and never a half-written one. What is too long for that is written to a temporary file.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import h5py
 import numpy as np
@@ -263,3 +265,168 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (np.floating, np.integer)):
         return value.item()
     return str(value)
+
+
+class PartWriter(Protocol):
+    """An open file that is written in parts."""
+
+    def finish(self) -> None:
+        """Write what is missing and bring all to the disk; raises OSError if it cannot."""
+        ...
+
+    def close(self) -> None:
+        """Close the file, in order or not."""
+        ...
+
+
+Writer = TypeVar("Writer", bound=PartWriter)
+
+
+@contextmanager
+def whole_file(path: Path, opened: Callable[[Path], Writer]) -> Iterator[Writer]:
+    """Write ``path`` by what ``opened`` returns of a temporary file next to it.
+
+    The file is finished and renamed into place at the end, and removed if there was an error.
+
+    Raises
+    ------
+    StrainfmuError
+        It cannot be written; an earlier file remains unchanged.
+    """
+    temporary = path.with_name(f".{os.getpid()}.{path.name}")
+    try:
+        with writing(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            writer = opened(temporary)
+        try:
+            yield writer
+            with writing(path):
+                writer.finish()
+        finally:
+            writer.close()
+        with writing(path):
+            os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn an error of the operating system into one line that names ``path``."""
+    try:
+        yield
+    except OSError as error:
+        raise StrainfmuError(f"{path}: could not be written: {error.strerror or error}") from error
+
+
+class GuardedFile(io.RawIOBase):
+    """A new file for HDF5 to write to, which never fails towards it; :attr:`error` is the first error.
+
+    When a write fails (a full disk), HDF5 keeps what it could not write, fails again while it closes, and crashes
+    the process at the latest at its end. Here the error is kept for the caller; what could not be written is in
+    memory, so that HDF5 closes the file in order. The file is to be closed and removed then.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.error: OSError | None = None
+        self._file = path.open("w+b", buffering=0)
+        self._position = 0
+        self._end = 0
+        self._unwritten: list[tuple[int, bytes]] = []
+
+    def raise_error(self) -> None:
+        """Raise what went wrong so far, if anything did."""
+        if self.error is not None:
+            raise self.error
+
+    def write(self, data: Any) -> int:
+        """Write ``data``, any buffer, at the position; return its length in bytes, whatever happened to it."""
+        content = bytes(memoryview(data))
+        if self.error is None:
+            self._to_disk(content)
+        if self.error is not None:
+            self._unwritten.append((self._position, content))
+        self._position += len(content)
+        self._end = max(self._end, self._position)
+        return len(content)
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill ``buffer`` from the position on; return the number of bytes read."""
+        view = memoryview(buffer).cast("B")
+        first = self._position
+        n = max(min(len(view), self._end - first), 0)
+        content = bytearray(n)
+        self._from_disk(content)
+        for start, part in self._unwritten:
+            low, high = max(start, first), min(start + len(part), first + n)
+            if low < high:
+                content[low - first : high - first] = part[low - start : high - start]
+        view[:n] = content
+        self._position += n
+        return n
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move to ``offset`` [bytes] and return the position."""
+        origin = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._end}[whence]
+        self._position = origin + offset
+        return self._position
+
+    def tell(self) -> int:
+        """Return the position [bytes]."""
+        return self._position
+
+    def truncate(self, size: int | None = None) -> int:
+        """Set the length of the file [bytes]."""
+        self._end = self._position if size is None else size
+        if self.error is None:
+            try:
+                self._file.truncate(self._end)
+            except OSError as error:
+                self.error = error
+        return self._end
+
+    def sync(self) -> None:
+        """Bring all to the disk itself, which may be where a lack of space shows; raises OSError if it cannot."""
+        self.raise_error()
+        os.fsync(self._file.fileno())
+
+    def readable(self) -> bool:
+        """Return true."""
+        return True
+
+    def writable(self) -> bool:
+        """Return true."""
+        return True
+
+    def seekable(self) -> bool:
+        """Return true."""
+        return True
+
+    def close(self) -> None:
+        """Close the file; an error of this is kept too."""
+        if not self.closed:
+            try:
+                self._file.close()
+            except OSError as error:
+                self.error = self.error or error
+            super().close()
+
+    def _to_disk(self, content: bytes) -> None:
+        rest = memoryview(content)
+        try:
+            self._file.seek(self._position)
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            self.error = error
+
+    def _from_disk(self, content: bytearray) -> None:
+        """Fill ``content`` from the position on, as far as the file reaches."""
+        view = memoryview(content)
+        try:
+            self._file.seek(self._position)
+            while view and (read := self._file.readinto(view)):
+                view = view[read:]
+        except OSError as error:
+            self.error = self.error or error

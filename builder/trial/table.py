@@ -15,7 +15,7 @@ from typing import Any
 from builder.trial.cases import ALL_STATED
 from builder.trial.rules import MISSED, NONE, OK, OPEN
 from builder.trial.score import ALL, PARTS, Row
-from strainfmu.errors import StrainfmuError
+from strainfmu.errors import library
 from strainfmu.files import write_bytes_atomically
 
 TITLES: dict[str, str] = {
@@ -81,13 +81,9 @@ def text_of(value: Any) -> str:
 
 
 def _parquet(rows: list[Row]) -> bytes:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise StrainfmuError("Parquet needs pyarrow: pip install 'strainfmu[parquet]'") from error
+    parquet, arrow = (library(name, "pyarrow", "parquet") for name in ("pyarrow.parquet", "pyarrow"))
     content = io.BytesIO()
-    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), content)
+    parquet.write_table(arrow.Table.from_pylist(rows), content)
     return content.getvalue()
 
 

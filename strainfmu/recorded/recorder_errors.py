@@ -17,8 +17,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded.columns.columns import StrainBlock
-from strainfmu.recorded.estimates.block_estimates import BlockEstimator
+from strainfmu.recorded.estimators import BlockEstimator, MapBlocks
+from strainfmu.recorded.samples import Samples
 
 SAMPLES = 4096
 """Of a recording that are looked at, at most."""
@@ -116,9 +116,7 @@ def disagreements(errors: ReadingErrors | None, inverse_map: InverseMap) -> list
     return lines
 
 
-def late_or_warm(
-    block: StrainBlock, inverse_map: InverseMap, residuals: Callable[[StrainBlock], FloatArray]
-) -> list[str]:
+def late_or_warm(block: Samples, inverse_map: InverseMap, residuals: Callable[[Samples], FloatArray]) -> list[str]:
     """Return the line that names a scanner's delay or a gradient where it takes off most of the residuals.
 
     ``residuals`` returns the standardised ones (n, n_d) of a block.
@@ -159,10 +157,10 @@ class RecorderWatch:
         self._path, self._estimator = path, estimator
         self._time: list[FloatArray] = []
         self._strain: list[FloatArray] = []
-        self._looked_at: StrainBlock | None = None
+        self._looked_at: Samples | None = None
         self._flagged = 0
 
-    def add(self, block: StrainBlock, health: FloatArray) -> None:
+    def add(self, block: Samples, health: FloatArray) -> None:
         """Look at a block, of which (n,) states of ``health`` are estimated."""
         if sum(map(len, self._time)) < SAMPLES:
             self._time.append(block.time)
@@ -183,13 +181,12 @@ class RecorderWatch:
         because = "INCONSISTENT by its readings alone: " if self._flagged > TAKEN * FLAGGED else ""
         return [f"{self._path}: {because}{line}" for line in lines]
 
-    def _residuals(self, block: StrainBlock) -> FloatArray:
-        made = self._estimator.estimate(block, np.nan).make_residual
-        assert made is not None  # of a map
-        return made()[0]
+    def _residuals(self, block: Samples) -> FloatArray:
+        assert isinstance(self._estimator, MapBlocks)
+        return self._estimator.residuals(block)
 
 
-def rows_of(block: StrainBlock, rows: slice) -> StrainBlock:
+def rows_of(block: Samples, rows: slice) -> Samples:
     """Return some samples of a block."""
     parts: dict[str, Any] = {
         one.name: value[rows]

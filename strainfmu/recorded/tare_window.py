@@ -10,15 +10,17 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.interface.sensor_variables import reading_units
-from strainfmu.recorded.columns.column_names import QUANTITIES, STD, DateOrder, Wanted
-from strainfmu.recorded.columns.sensor_readings import recorded_readings
+from strainfmu.recorded.estimators import recorded_readings
+from strainfmu.recorded.names import QUANTITIES, Wanted
 from strainfmu.recorded.recorder_errors import disagreements, reading_errors
-from strainfmu.recorded.strains.strain_files import open_strains
+from strainfmu.recorded.samples import open_recording
+from strainfmu.text_cells import DateOrder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,11 +65,10 @@ def tare_file(
         inverse_map, path, window, None if channels is None else Path(channels), date_order
     )
     try:
-        found = Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
+        tare = Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    of_recorder = disagreements(reading_errors(time, strain), inverse_map)
-    return replace(found, notes=(*found.notes, *of_recorder))
+    return replace(tare, notes=(*tare.notes, *disagreements(reading_errors(time, strain), inverse_map)))
 
 
 def _read(
@@ -87,8 +88,8 @@ def _read(
         date_order=date_order,
     )
     strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
-    with open_strains(path, wanted, channels) as opened:
-        for block, _ in opened.blocks:
+    with open_recording(path, wanted, channels) as recording:
+        for block, _ in recording.blocks:
             times.append(block.time)
             inside = (block.time >= window.begin) & (block.time <= window.end)
             strains.append(block.strain[inside])
@@ -96,22 +97,12 @@ def _read(
             if block.time[-1] > window.end:
                 break
     time = np.concatenate(times)
-    _check_within(window, time, path)
+    # Within a sample's time, which is the median: a recording that paused for long does not reach further.
+    reach = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if len(time) and (window.begin < time[0] - reach or window.end > time[-1] + reach):
+        raise InputError(
+            f"{path}: window: expected within the recording, {time[0]:g} to {time[-1]:g} s, got "
+            f"{window.begin:g} to {window.end:g} s"
+        )
     inside = (time >= window.begin) & (time <= window.end)
     return time[inside], np.concatenate(strains), np.concatenate(pressures)
-
-
-def _check_within(window: Window, time: FloatArray, path: Path) -> None:
-    """Refuse a window that leaves the recording, ``time`` (n,) [s] up to its end, by more than a sample's time.
-
-    That is the median: a recording that paused for long does not reach further.
-    """
-    if not len(time):
-        return
-    first, last = float(time[0]), float(time[-1])
-    reach = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if window.begin < first - reach or window.end > last + reach:
-        raise InputError(
-            f"{path}: window: expected within the recording, {first:g} to {last:g} s, "
-            f"got {window.begin:g} to {window.end:g} s"
-        )

@@ -10,9 +10,8 @@ from recorded_case import NAMES
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.channel_draft import channel_draft, write_draft
-from strainfmu.recorded.channels.channel_entries import load_channels
-from strainfmu.recorded.channels.likely_channels import likely_pairs, similarity
+from strainfmu.recorded.channel_draft import channel_draft, likely_pairs, similarity, write_draft
+from strainfmu.recorded.channel_map import load_channels
 
 pytestmark = pytest.mark.fast
 
@@ -44,17 +43,20 @@ def test_a_recording_of_other_names_is_read_by_its_draft(
 ) -> None:
     """Time by its unit, gauges by name, the unit of the row of units, Mach number by its usual short name."""
     names = [name.upper().replace("_", "-") for name in NAMES]
-    data = recording(tmp_path / "r.csv", ["Zeit", *names, "Ma"], ["s", *["um/m"] * len(NAMES), "-"], "latin-1")
+    data = recording(tmp_path / "r.csv", ["Uhr", *names, "Ma"], ["s", *["um/m"] * len(NAMES), "-"], "latin-1")
     output = tmp_path / "channels.toml"
     code, out, errors = run("channels", synthetic.map_1, data, "-o", output)
     assert (code, errors) == (0, "")
-    assert f"{len(NAMES)} of {len(NAMES)} gauges have a channel: {len(NAMES)} by name, 0 by order" in out
+    assert (
+        f"{len(NAMES)} of {len(NAMES)} gauges have a channel: {len(NAMES)} by name, 0 by roll angle and "
+        "station number, 0 by order, a guess" in out
+    )
     assert f"strainfmu estimate {synthetic.map_1} {data} -o loads.csv --channels {output}" in out
     found = load_channels(output)
     assert {entry.gauge: (entry.name, entry.unit) for entry in found.channels} == {
         gauge: (name, "um/m") for gauge, name in zip(NAMES, names, strict=True)
     }
-    assert (found.time, found.flow[0].name, found.flow[0].quantity) == ("Zeit", "Ma", "mach_number")
+    assert (found.time, found.flow[0].name, found.flow[0].quantity) == ("Uhr", "Ma", "mach_number")
     code, out, _ = run(
         *("estimate", synthetic.map_1, data, "-o", tmp_path / "loads.csv", "--channels", output),
         *("--dynamic-pressure", "9e4", "--accept-held", "--accept-strain-level"),
@@ -87,7 +89,7 @@ def test_ports_are_taken_in_their_order_and_said_to_be(synthetic: SyntheticFiles
     data = recording(tmp_path / "r.csv", ["t", *ports], ["s", *["mV/V"] * len(NAMES)])
     draft = channel_draft(synthetic.map_1, data)
     assert draft.channel == dict(zip(NAMES, ports, strict=True))
-    assert draft.text().count("# by the order of the channels") == len(NAMES)
+    assert draft.text().count("# by order, a guess") == len(NAMES)
     assert "# gauge_factor = 2.0" in draft.text()
     fewer = channel_draft(synthetic.map_1, recording(tmp_path / "s.csv", ["t", *ports[:-1]]))
     assert (fewer.channel, fewer.missing, fewer.free) == ({}, tuple(NAMES), tuple(ports[:-1]))

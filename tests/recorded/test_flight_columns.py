@@ -104,7 +104,7 @@ def write_flights(path: Path, strain: np.ndarray, condition: FlightCondition) ->
 def test_filtered_and_smoothed_estimates_say_so(
     map_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("strainfmu.recorded.strains.hdf5_strains.BLOCK_ROWS", 30)
+    monkeypatch.setattr("strainfmu.recorded.samples.BLOCK_ROWS", 30)
     one, rng = flights()[5], np.random.default_rng(0)
     u, w = (one.total_incidence * f(one.leeward_roll_angle) for f in (np.cos, np.sin))
     exact = exact_response(one.mach_number, u, w, one.ambient_pressure)[:N_D]

@@ -213,7 +213,7 @@ def test_hdf5_arrays(folder: Path, tmp_path: Path, own_name: bool) -> None:
     check(tmp_path / "o.csv", expected_of(rows))
     with h5py.File(tmp_path / "d.h5", "a") as file:
         file["sensor.port_0deg"] = readings[:, N - N_S]
-    with pytest.raises(InputError, match=r"one data set for port_0deg, got 2: 'port_0deg' and 'sensor.port_0deg'"):
+    with pytest.raises(InputError, match=r"one column for port_0deg, got 2: 'port_0deg' and 'sensor.port_0deg'"):
         estimate_file(folder / "map.h5", tmp_path / "d.h5", tmp_path / "o.csv", NOMINAL)
 
 

@@ -15,8 +15,8 @@ from builder.calibration.ground_test.load_test_file import CaseEntry, LoadTestFi
 from builder.calibration.ground_test.reading_noise import window_variances
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FaultsError, InputError
-from strainfmu.recorded.columns.column_names import Wanted
-from strainfmu.recorded.strains.strain_files import open_strains
+from strainfmu.recorded.names import Wanted
+from strainfmu.recorded.samples import open_recording
 
 Source = tuple[Path, Path | None]
 """A recording, and its channels file."""
@@ -305,7 +305,7 @@ def _samples(
     """Return times (n,) [s] and strains (n, n_d) [m/m] of a whole recording."""
     # Columns of load cells and the like are not read; a gauge's that is misspelt is missed, and said.
     wanted = Wanted(gauge_names=gauge_names, fixed_pressure=0.0, ignored=("*",))
-    with open_strains(recording, wanted, channels) as opened:
+    with open_recording(recording, wanted, channels) as opened:
         blocks = [block for block, _ in opened.blocks]
         notes += [*opened.notes, *opened.remarks]
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])

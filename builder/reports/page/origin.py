@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from hashlib import sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +59,8 @@ def input_files(paths: Mapping[str, Path]) -> tuple[InputFile, ...]:
     found = []
     for content, path in paths.items():
         try:
-            digest = sha256(path.read_bytes()).hexdigest()
+            with path.open("rb") as stream:
+                digest = file_digest(stream, "sha256").hexdigest()
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
         found.append(InputFile(content=content, name=path.name, sha256=digest))

@@ -21,7 +21,7 @@ from strainfmu.can.wire.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.signal_names import STRAIN, TARE
-from strainfmu.recorded.formats.name_match import suggestion
+from strainfmu.recorded.names import suggestion
 from strainfmu.text_files import read_toml
 
 LARGEST_STANDARD, LARGEST_EXTENDED = 0x7FF, 0x1FFF_FFFF

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +11,14 @@ from strainfmu.can.bridge.options import BridgeOptions
 from strainfmu.can.cycle.estimate.result import CycleResult
 from strainfmu.can.tools.log_description import load_description
 from strainfmu.can.tools.replay import ReplaySummary, replay_log
-from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.source import LOAD_OUTPUTS, open_step
 from strainfmu.cosim.estimators.step import load_groups_of
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, FLOW_QUANTITIES
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE, USABLE
-from strainfmu.recorded.estimates.fmu_columns import other_outputs_of
-from strainfmu.recorded.output.estimate_files import (
+from strainfmu.recorded.estimators import other_outputs_of
+from strainfmu.recorded.outputs import (
     ESTIMATE_COLUMNS,
     EstimateWriter,
     check_output,
@@ -66,11 +66,11 @@ def estimate_log(
     recorded = load_description(log)
     if zeros is None and recorded is not None:
         zeros = recorded["options"].zeros
-    with open_step(source, zeros) as ready:
+    with open_step(source, zeros, with_loads=True) as ready:
         others = other_outputs_of(output_units(load_groups_of(ready.step)).items())
-        columns = (*LOG_COLUMNS, *((one.column, one.unit) for one in others))
+        columns = (*LOG_COLUMNS, *others.values())
         with estimate_writer(output, columns) as writer:
-            rows = _Rows(writer, [one.output for one in others])
+            rows = _Rows(writer, [*others])
             summary = replay_log(
                 log,
                 source,
@@ -93,8 +93,8 @@ class _Rows:
 
     def add(self, result: CycleResult) -> None:
         # As coefficients, those of a result that has none are not known.
-        held = result.other_outputs if result.quality.has_coefficients else {}
-        self._rows.append([*_row(result), *(held.get(name, float("nan")) for name in self._others)])
+        known = result.other_outputs if result.quality.has_coefficients else {}
+        self._rows.append([*_row(result, known), *(known.get(name, float("nan")) for name in self._others)])
         if len(self._rows) == _BLOCK:
             self.flush()
 
@@ -104,10 +104,11 @@ class _Rows:
             self._rows.clear()
 
 
-def _row(result: CycleResult) -> list[float]:
-    """Return the values of :data:`LOG_COLUMNS`, NaN where there is none."""
+def _row(result: CycleResult, outputs: Mapping[str, float]) -> list[float]:
+    """Return the values of :data:`LOG_COLUMNS`, NaN where there is none; loads are among the ``outputs``."""
     values: dict[str, float | None] = {
         "time": result.time,
+        **{name: outputs.get(name) for name in LOAD_OUTPUTS},
         **dict(zip(COEFFICIENT_NAMES, result.coefficients.tolist(), strict=True)),
         **dict(zip(_SIGMAS, result.coefficients_std.tolist(), strict=True)),
         **{name: getattr(result, name) for name in FLOW_QUANTITIES},

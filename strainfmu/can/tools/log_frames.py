@@ -15,8 +15,9 @@ from strainfmu.can.tools.recording import LOG_SUFFIXES, check_log, whole_microse
 from strainfmu.can.wire.frame import Frame, from_message
 from strainfmu.can.wire.libraries import error_line, import_can
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.first_look import read_apart
-from strainfmu.recorded.formats.mdf_file import opened_mdf
+from strainfmu.first_look import read_apart
+from strainfmu.recorded.formats.mdf import opened_mdf
+from strainfmu.recorded.formats.text import is_table
 
 MF4 = ".mf4"
 
@@ -34,7 +35,8 @@ FRAME_CHANNEL = "CAN_DataFrame"
 
 
 def is_bus_log(path: Path) -> bool:
-    """Return whether a file is a log of a bus: by its name, of MF4 if it holds frames and no other channels.
+    """Return whether a file is a log of a bus: by its name, unless it is a table of numbers, of MF4 if it holds
+    frames and no other channels.
 
     Raises
     ------
@@ -44,7 +46,7 @@ def is_bus_log(path: Path) -> bool:
         asammdf is not installed.
     """
     if path.suffix.lower() != MF4:
-        return path.suffix.lower() in LOG_SUFFIXES
+        return path.suffix.lower() in LOG_SUFFIXES and not (path.is_file() and is_table(path))
     with opened_mdf(path) as file:
         groups = [group for group in file.groups if group.channel_group.cycles_nr]
         held = [any(channel.name.startswith("CAN_") for channel in group.channels) for group in groups]

@@ -166,11 +166,11 @@ def recorded_samples(
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`~strainfmu.recorded.strains.strain_files.open_strains`.
+        As :func:`~strainfmu.recorded.samples.open_recording`.
     """
-    from strainfmu.recorded.columns.column_names import Wanted
-    from strainfmu.recorded.columns.sensor_readings import recorded_readings
-    from strainfmu.recorded.strains.strain_files import open_strains
+    from strainfmu.recorded.estimators import recorded_readings
+    from strainfmu.recorded.names import Wanted
+    from strainfmu.recorded.samples import open_recording
 
     unknown = np.full(5, np.nan)
     columns = recorded_readings(readings or {})
@@ -183,7 +183,7 @@ def recorded_samples(
         readings=columns,
         ignored=("*",),
     )
-    with open_strains(path, wanted) as opened:
+    with open_recording(path, wanted) as opened:
         yield (
             FlownSample(
                 d,

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-from importlib import import_module
 from typing import Any
 
-from strainfmu.errors import StrainfmuError
+from strainfmu.errors import library
 
 
 def import_can() -> Any:
@@ -39,12 +38,11 @@ def import_cmac() -> tuple[Any, Any]:
     StrainfmuError
         It is not installed.
     """
-    try:
-        from cryptography.hazmat.primitives import cmac
-        from cryptography.hazmat.primitives.ciphers import algorithms
-    except ImportError as error:
-        raise StrainfmuError("cryptography is not installed: pip install 'strainfmu[auth]'") from error
-    return cmac, algorithms
+    primitives = "cryptography.hazmat.primitives"
+    cmac, ciphers = (
+        library(f"{primitives}.{name}", "cryptography", "auth") for name in ("cmac", "ciphers.algorithms")
+    )
+    return cmac, ciphers
 
 
 def error_line(error: BaseException) -> str:
@@ -54,10 +52,7 @@ def error_line(error: BaseException) -> str:
 
 def _imported(package: str, name: str) -> Any:
     """Return ``package``, which is installed by the ``name``."""
-    try:
-        module = import_module(package)
-    except ImportError as error:
-        raise StrainfmuError(f"{name} is not installed: pip install 'strainfmu[can]'") from error
+    module = library(package, name, "can")
     # Without a handler, logging writes to standard error, where each failure is to be one line of this program.
     logger = logging.getLogger(package)
     if not logger.handlers:

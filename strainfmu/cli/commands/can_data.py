@@ -91,7 +91,7 @@ def estimate(
             metavar="DATA", help="CSV, HDF5, MF4, TDMS, MAT, Parquet, or a CAN log: BLF, ASC, log, MF4."
         ),
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV or HDF5.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Estimates to write: CSV, HDF5, Parquet or MF4.")],
     dynamic_pressure: Annotated[
         float | None,
         typer.Option(
@@ -103,7 +103,7 @@ def estimate(
     columns: Annotated[
         Literal["plain", "all"] | None,
         typer.Option(
-            help="plain: time, loads, angles in degrees, health in words. Default: plain for CSV, all for HDF5."
+            help="plain: time, loads, angles in degrees, health in words. Default: plain for CSV, all for others."
         ),
     ] = None,
     residuals: Annotated[
@@ -123,7 +123,15 @@ def estimate(
         typer.Option("--accept-held", help="Estimate rows in which no gauge changes; they are INVALID otherwise."),
     ] = False,
     exclude: Annotated[
-        str | None, typer.Option(metavar="CHANNEL,..", help="Gauges to leave out, by name, number or column.")
+        str | None,
+        typer.Option(
+            metavar="CHANNEL,..",
+            help="Gauges to leave out, by name, number or column; auto: those that stand still.",
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(metavar="X.html", help="Write a page of the flight, HTML or PDF: usable or not, figures."),
     ] = None,
     field: Annotated[
         Path | None,
@@ -178,6 +186,8 @@ def estimate(
 
         strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
 
+        strainfmu estimate map.h5 flight.csv -o loads.parquet --report flight.html
+
         strainfmu estimate map.h5 flight.csv -o loads.h5 --filter 10 --smooth
 
         strainfmu estimate estimator.fmu run.blf -o loads.h5
@@ -200,6 +210,7 @@ def estimate(
             "--accept-strain-level": accept_strain_level,
             "--accept-held": accept_held,
             "--exclude": exclude,
+            "--report": report,
             "--date-order": date_order,
             "--field": field,
         }
@@ -213,6 +224,10 @@ def estimate(
         return
     if bus is not None:
         raise InputError(f"{data}: --bus: expected with a CAN log, got it with columns")
+    if report is not None:
+        from strainfmu.cli.flight_page import check_report, write_flight_page
+
+        check_report(report)
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
         summary = estimate_file(
             source,
@@ -239,6 +254,10 @@ def estimate(
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
     if field is not None:
         console.print(f"{field}: written, {summary.fields} fields", highlight=False, markup=False, soft_wrap=True)
+    if report is not None:
+        read = {"recording": data, "estimator": source, "channels": channels, "zero offsets": zeros}
+        write_flight_page(summary, report, {content: path for content, path in read.items() if path is not None})
+        console.print(f"{report}: written", highlight=False, markup=False, soft_wrap=True)
     if not summary.results:
         states = ", ".join(f"{name} {number}" for name, number in summary.health.most_common())
         raise StrainfmuError(f"{data}: none of {summary.samples} samples has a result: {states or 'all refused'}")

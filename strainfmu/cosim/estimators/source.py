@@ -20,9 +20,10 @@ from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.offers import groups_of_outputs
-from strainfmu.estimator.other_loads import output_units
+from strainfmu.estimator.other_loads import SIGMA, output_units
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
+from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust, other_air_data
 from strainfmu.interface.other_load_variables import other_load_values
 from strainfmu.interface.parameter_variables import (
@@ -34,6 +35,9 @@ from strainfmu.interface.parameter_variables import (
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units, sensor_names
 from strainfmu.interface.temperature_variables import temperature_names
+
+LOAD_OUTPUTS = (*LOADS, *(f"{SIGMA}{name}" for name in LOADS))
+"""Outputs of the five loads and of their standard deviations."""
 
 NAVIGATION = (MACH_NUMBER, ALTITUDE)
 """Navigation that the bus has in addition to q_inf: for health alone, or for the nonlinear estimator."""
@@ -62,8 +66,10 @@ def is_fmu(source: Path) -> bool:
 
 
 @contextmanager
-def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
+def open_step(source: Path, zeros: Path | None = None, *, with_loads: bool = False) -> Iterator[ReadyStep]:
     """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
+
+    ``with_loads`` asks for :data:`LOAD_OUTPUTS` among the other outputs.
 
     Raises
     ------
@@ -74,21 +80,25 @@ def open_step(source: Path, zeros: Path | None = None) -> Iterator[ReadyStep]:
     """
     if is_fmu(source):
         inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
-        with FmuStep(source, inputs, (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS)) as fmu:
+        loads = LOAD_OUTPUTS if with_loads else ()
+        with FmuStep(source, inputs, (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *loads)) as fmu:
             if zeros is not None:
                 fmu.set_zeros(load_zeros(zeros, fmu.gauge_names))
             yield ReadyStep(fmu, fmu.gauge_names)
         return
     inverse_map = load_inverse_map(source)
     names = tuple(inverse_map.gauge_names[: inverse_map.n_strain_gauges])
-    yield ReadyStep(MapStep(inverse_map, None if zeros is None else load_zeros(zeros, names)), names)
+    known = None if zeros is None else load_zeros(zeros, names)
+    yield ReadyStep(MapStep(inverse_map, known, with_loads=with_loads), names)
 
 
 class MapStep:
     """The estimator of a map as the step of a bridge; a nonlinear one starts from the state of the step before."""
 
-    def __init__(self, inverse_map: InverseMap, zeros: GaugeZeros | None = None) -> None:
-        self._map = inverse_map
+    def __init__(
+        self, inverse_map: InverseMap, zeros: GaugeZeros | None = None, *, with_loads: bool = False
+    ) -> None:
+        self._map, self._with_loads = inverse_map, with_loads
         self.needs_pressure = inverse_map.manifold is None
         self.sensor_names = inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
@@ -145,6 +155,8 @@ class MapStep:
         outputs |= {
             OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
         }
+        if self._with_loads:
+            outputs |= zip(LOAD_OUTPUTS, [*found.loads.tolist(), *found.loads_std.tolist()], strict=True)
         if self._others:
             outputs |= zip(self._others, other_load_values(found), strict=True)
         return StepResult(

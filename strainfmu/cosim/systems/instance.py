@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.archive import check_unpacked_size
-from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.errors import InputError, StrainfmuError, library
 
 # PythonFMU ends the process where the path of the unzipped FMU holds anything else.
 _SAFE_PATH = re.compile(r"[A-Za-z0-9 ._~:/\\-]*")
@@ -42,12 +42,7 @@ def import_fmpy() -> Any:
     StrainfmuError
         It is not installed.
     """
-    try:
-        import fmpy
-        import fmpy.fmi2
-        import fmpy.model_description
-    except ImportError as error:
-        raise StrainfmuError("FMPy is not installed: pip install 'strainfmu[fmu]'") from error
+    *_, fmpy = (library(name, "FMPy", "fmu") for name in ("fmpy.fmi2", "fmpy.model_description", "fmpy"))
     return fmpy
 
 

@@ -23,7 +23,7 @@ from strainfmu.can.wire.dbc_files import database_of
 from strainfmu.can.wire.frame import to_message
 from strainfmu.can.wire.profiles import Identifiers, profile_layout
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.first_look import limited_memory, read_apart, reads_well
+from strainfmu.first_look import limited_memory, read_apart, reads_well
 
 Run = Callable[..., tuple[int, str, str]]
 

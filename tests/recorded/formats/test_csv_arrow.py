@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns.column_names import Wanted
-from strainfmu.recorded.formats import csv_arrow, csv_rows
-from strainfmu.recorded.strains.strain_files import open_strains
+from strainfmu.recorded.formats import text
+from strainfmu.recorded.names import Wanted
+from strainfmu.recorded.samples import open_recording
 
 pytestmark = pytest.mark.fast
 
@@ -38,7 +38,7 @@ CELLS = (
 def outcome(path: Path) -> tuple[list[list[float]], list[int]] | str:
     """Return the numbers and the counts of rows of all blocks, or the refusal."""
     try:
-        with open_strains(path, WANTED) as opened:
+        with open_recording(path, WANTED) as opened:
             blocks = [block for block, _ in opened.blocks]
     except InputError as error:
         return str(error)
@@ -49,7 +49,7 @@ def outcome(path: Path) -> tuple[list[list[float]], list[int]] | str:
 def test_pyarrow_finds_what_csv_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows of cells drawn at random, among them wrong ones, in pieces of some lines."""
     pytest.importorskip("pyarrow")
-    monkeypatch.setattr(csv_rows, "PIECE", 120)
+    monkeypatch.setattr(text, "PIECE", 120)
     rng, path, seen = np.random.default_rng(5), tmp_path / "d.csv", set[type]()
     for number in range(40):
         plain = CELLS[: 5 if number % 3 else 12] if number % 2 else CELLS
@@ -61,7 +61,7 @@ def test_pyarrow_finds_what_csv_finds(tmp_path: Path, monkeypatch: pytest.Monkey
         head = between.join(["time", "G0", "G1"]) + f"{end}0{between}1e-3{between}1e-3{end}"
         path.write_bytes((head + end.join(rows) + end * (number % 2)).encode())
         with monkeypatch.context() as without:
-            without.setattr(csv_arrow, "_library", lambda: None)
+            without.setattr(text, "_arrow", lambda: None)
             expected = outcome(path)
         assert outcome(path) == expected, rows
         seen.add(type(expected))
@@ -75,14 +75,14 @@ def test_memory_does_not_grow_with_the_file(
     if is_installed:
         pytest.importorskip("pyarrow")
     else:
-        monkeypatch.setattr(csv_arrow, "_library", lambda: None)
-    monkeypatch.setattr(csv_rows, "PIECE", 1 << 14)
+        monkeypatch.setattr(text, "_arrow", lambda: None)
+    monkeypatch.setattr(text, "PIECE", 1 << 14)
     most = []
     for n in (3_000, 8_000):
         path = tmp_path / f"{n}.csv"
         path.write_text("time,G0,G1\n" + "".join(f"{k},{1e-3:.40f},{2e-3:.40f}\n" for k in range(n)))
         tracemalloc.start()
-        with open_strains(path, WANTED) as opened:
+        with open_recording(path, WANTED) as opened:
             assert sum(len(block.time) for block, _ in opened.blocks) == n
         most.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()

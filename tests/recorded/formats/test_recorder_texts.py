@@ -9,10 +9,9 @@ import pytest
 
 import strainfmu
 from strainfmu.errors import InputError
-from strainfmu.recorded.columns.column_names import DateOrder, Wanted
-from strainfmu.recorded.columns.columns import StrainBlock
-from strainfmu.recorded.formats.cells import NO_READING, OVERLOAD
-from strainfmu.recorded.strains.strain_files import open_strains
+from strainfmu.recorded.names import Wanted
+from strainfmu.recorded.samples import Samples, open_recording
+from strainfmu.text_cells import NO_READING, OVERLOAD, DateOrder
 
 pytestmark = pytest.mark.fast
 
@@ -21,14 +20,14 @@ PLAIN = "time,G0,G1\n{},1e-6,2e-6\n{},3e-6,4e-6\n"
 
 def read(
     path: Path, content: str, encoding: str = "utf-8", channels: str = "", order: DateOrder | None = None
-) -> tuple[StrainBlock, list[str]]:
+) -> tuple[Samples, list[str]]:
     """Return the samples of a file, and all lines for the user."""
     path.write_bytes(content.encode(encoding))
     toml = None
     if channels:
         toml = path.with_name("channels.toml")
         toml.write_text(channels, encoding="utf-8")
-    with open_strains(
+    with open_recording(
         path, Wanted(gauge_names=("G0", "G1"), fixed_pressure=9e4, date_order=order), toml
     ) as opened:
         ((block, _),) = opened.blocks
@@ -76,7 +75,7 @@ def test_two_rates_of_catman_are_refused(tmp_path: Path) -> None:
     """Columns behind the second time are at its times, which a table of one time cannot state."""
     head, *rows = "Zeit  1 - schnell;DMS 1;DMS 2;Zeit  2 - langsam;q", "0,00;1;2;0,00;5", "0,01;1;2;0,04;6"
     ports = PORTS.replace("Standardmessrate", "schnell") + "[defaults]\nunit = 'um/m'\n"
-    with pytest.raises(InputError, match="'Zeit  1 - schnell' and 'Zeit  2 - langsam': expected one time"):
+    with pytest.raises(InputError, match="'Zeit 1 - schnell' and 'Zeit 2 - langsam': expected one time"):
         read(tmp_path / "two.txt", "\r\n".join([head, *rows]), channels=ports)
 
 
@@ -93,7 +92,7 @@ def test_units_in_brackets_or_a_row(name: str, tmp_path: Path) -> None:
     lead = "1," if "own" in name else ""
     wanted = Wanted(gauge_names=("G0", "G1"), fixed_pressure=9e4, ignored=("Channel",) if lead else ())
     (tmp_path / "d.csv").write_text(f"{UNITS[name]}{lead}0,1,2\n{lead}10,3,4\n", encoding="utf-8")
-    with open_strains(tmp_path / "d.csv", wanted) as opened:
+    with open_recording(tmp_path / "d.csv", wanted) as opened:
         ((block, _),) = opened.blocks
     np.testing.assert_allclose(block.time, [0.0, 0.01])
     np.testing.assert_allclose(block.strain, 1e-6 * np.array([[1, 2], [3, 4]]))

@@ -15,7 +15,7 @@ from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.recorded.formats.cells import Numerals
+from strainfmu.text_cells import Numerals
 from strainfmu.text_files import shown_columns
 
 _AXES = ("x", "y", "z")

@@ -1,0 +1,433 @@
+"""The file channels.toml: which channel of a recorder is which gauge, and how its values become strain.
+
+Strain from the output of a Wheatstone bridge: arms of resistance R, gauges of gauge factor k, output V over
+excitation V_ex, r = (V - V_0)/V_ex, positive in tension. The change x = dR/R of an active arm follows from the
+divider rule, strain = x/k. With r of the other sign these are the formulas of National Instruments, NI-DAQmx,
+"Strain Gage Configurations".
+
+    quarter               r = x/(4 + 2 x)                          x = 4 r/(1 - 2 r)
+    half-poisson          r = x (1 + nu)/(4 + 2 x (1 - nu))        x = 4 r/((1 + nu) - 2 r (1 - nu))
+    half-bending          r = x/2                                  x = 2 r
+    full-bending          r = x                                    x = r
+    full-bending-poisson  r = x (1 + nu)/2                         x = 2 r/(1 + nu)
+    full-poisson          r = x (1 + nu)/(2 + x (1 - nu))          x = 2 r/((1 + nu) - r (1 - nu))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim.toml_table import TomlTable, read_toml
+from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import ZERO
+from strainfmu.interface.parameter_variables import PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST
+from strainfmu.recorded.names import QUANTITIES, is_temperature, time_unit
+from strainfmu.text_cells import DateOrder
+from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
+
+_CHANGE: dict[str, Callable[[FloatArray, float], FloatArray]] = {
+    "quarter": lambda r, nu: 4.0 * r / (1.0 - 2.0 * r),
+    "half-poisson": lambda r, nu: 4.0 * r / ((1.0 + nu) - 2.0 * r * (1.0 - nu)),
+    "half-bending": lambda r, nu: 2.0 * r,
+    "full-bending": lambda r, nu: r,
+    "full-bending-poisson": lambda r, nu: 2.0 * r / (1.0 + nu),
+    "full-poisson": lambda r, nu: 2.0 * r / ((1.0 + nu) - r * (1.0 - nu)),
+}
+
+BENDING = ("half-bending", "full-bending", "full-bending-poisson")
+"""Bridges whose output is half the difference of the strains at two positions."""
+
+_POISSON = ("half-poisson", "full-poisson", "full-bending-poisson")
+"""Bridges that take the strain across for -nu times that along: true under uniaxial stress alone."""
+
+_WIRES = {
+    "quarter": (2, 3),
+    "half-poisson": (3,),
+    "half-bending": (3,),
+    **dict.fromkeys(("full-bending", "full-bending-poisson", "full-poisson"), (4, 6)),
+}
+"""Numbers of lead wires that a bridge may have."""
+
+_LEADS = {2: 2.0, 3: 1.0, 4: 2.0, 6: 0.0}
+"""Lead resistances in series with an arm, or with the whole bridge, of the resistance of a gauge each."""
+
+COMPENSATIONS = ("none", "self", "dummy", "bridge")
+"""No compensation; gauges made for the material; a second gauge on a piece without load; opposite arms."""
+
+SIGNAL_UNITS = {**STRAIN_UNITS, **RATIO_UNITS, **VOLTAGE_UNITS}
+
+JOINS = {"linear": "interpolated", "hold": "held", "nearest": "taken from the nearest sample"}
+"""Rules by which a channel of another raster gets its values, and the word for each."""
+
+_INHERITED = (
+    *("unit", "bridge", "gauge_factor", "recorder_gauge_factor", "poisson_ratio", "excitation_V", "gain"),
+    *("scale_um_per_m_per_V", ZERO, "sign", "temperature_compensation", "wires", "lead_resistance_ohm"),
+    *("gauge_resistance_ohm", "uniaxial_stress"),
+)
+"""Entries that ``[defaults]`` may state for all channels."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Join:
+    """A rule of JOINS, and its limit [s].
+
+    The limit applies to the gap between two samples ("linear"), to the time since the last sample ("hold"), or to
+    the time to the sample before or behind ("nearest"); None for a number of periods of the channel.
+    """
+
+    rule: str = "linear"
+    limit: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelEntry:
+    """One channel of strain.
+
+    Attributes
+    ----------
+    where : of the file, for messages.
+    name : in the recording.
+    gauge : of the map, or a leg of a rosette.
+    unit : of the values, None for the unit of the recording.
+    bridge : see above.
+    gauge_factor, recorder_gauge_factor : of the gauge, and the one that the recorder was set to; or None.
+    poisson_ratio : nu of the material, for Poisson bridges.
+    excitation : [V], of values in volts; with ``gain`` of the amplifier.
+    scale : [(um/m)/V], of values in volts; None for by the bridge.
+    sign : 1 or -1.
+    zero : value without load, in the unit of the values.
+    compensation : of temperature, of :data:`COMPENSATIONS`, None if not stated.
+    wires, lead_resistance, gauge_resistance : lead wires and the resistance of one, and of a gauge [ohm].
+    """
+
+    where: str
+    name: str
+    gauge: str
+    unit: str | None
+    bridge: str
+    gauge_factor: float | None
+    recorder_gauge_factor: float | None
+    poisson_ratio: float
+    excitation: float | None
+    gain: float
+    scale: float | None
+    sign: float
+    zero: float
+    compensation: str | None
+    wires: int
+    lead_resistance: float
+    gauge_resistance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlowEntry:
+    """One channel of the flow: one of ``QUANTITIES``, ``temperature[k]``, ``sensor.NAME``, ``thrust`` or
+    ``parameter.NAME``; its unit."""
+
+    where: str
+    name: str
+    quantity: str
+    unit: str | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rosette:
+    """Three legs, by the names of their channels, at angles [deg], and the angle of each gauge of the map."""
+
+    where: str
+    legs: tuple[str, str, str]
+    angles: tuple[float, float, float]
+    gauges: dict[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelMap:
+    """All of channels.toml.
+
+    Attributes
+    ----------
+    time : channel of the time, None for a time by its name or the times that a channel has itself.
+    time_unit : unit of the time, None for the unit of the recording.
+    rate : samples per second of a recording without times [Hz], None if it has them.
+    date_order : of day and month in dates of figures, None where it is not stated.
+    join : how channels of other rates are brought to one raster.
+    raster : channel whose samples are used for the estimates, None for the raster of most gauges.
+    """
+
+    path: Path
+    time: str | None = None
+    time_unit: str | None = None
+    rate: float | None = None
+    date_order: DateOrder | None = None
+    join: Join = field(default_factory=Join)
+    raster: str | None = None
+    channels: tuple[ChannelEntry, ...] = ()
+    rosettes: tuple[Rosette, ...] = ()
+    flow: tuple[FlowEntry, ...] = ()
+
+
+def load_channels(path: Path) -> ChannelMap:
+    """Read channels.toml.
+
+    Raises
+    ------
+    InputError
+        The file is missing or no TOML, or an entry is missing, unknown, out of range or against another one.
+    """
+    root = TomlTable(path, "", dict(read_toml(path)))
+    time, join, defaults = root.table("time"), root.table("join"), root.table("defaults")
+    for key in defaults.entries:
+        if key not in _INHERITED:
+            raise defaults.fault(key, f"unknown entry, expected one of {', '.join(_INHERITED)}")
+    items, rosettes = root.tables("channel"), root.tables("rosette")
+    if not items:
+        raise root.fault("channel", "expected at least one [[channel]]")
+    order, unit = _option(time, "date_order", get_args(DateOrder)), time.entries.pop("unit", None)
+    if unit is not None and (not isinstance(unit, str) or time_unit(unit) is None):
+        raise time.fault("unit", f"expected one of {', '.join(TIME_UNITS)}, got {unit!r}")
+    channel_map = ChannelMap(
+        path=path,
+        time=time.text("channel", "") if "channel" in time.entries else None,
+        time_unit=unit,
+        rate=_optional(time, "rate_hz", 1e-6, 1e9),
+        date_order="day" if order == "day" else "month" if order == "month" else None,
+        join=Join(rule=_option(join, "rule", JOINS) or "linear", limit=_optional(join, "limit_s", 0.0, 1e9)),
+        raster=join.text("raster", "") if "raster" in join.entries else None,
+        channels=tuple(_channel(item, defaults) for item in items),
+        rosettes=tuple(_rosette(item) for item in rosettes),
+        flow=tuple(_flow(item) for item in root.tables("flow")),
+    )
+    if channel_map.time is not None and channel_map.rate is not None:
+        raise time.fault("rate_hz", "expected 'channel' or 'rate_hz', got both")
+    for table in (time, join, root):
+        table.finish()
+    return channel_map
+
+
+def _option(table: TomlTable, key: str, allowed: Collection[str]) -> str | None:
+    """Take a text that must be one of ``allowed``; None where it is not stated."""
+    value = table.entries.pop(key, None)
+    if value is not None and value not in [*allowed]:
+        raise table.fault(key, f"expected one of {', '.join(allowed)}, got {value!r}")
+    return None if value is None else str(value)
+
+
+def _optional(table: TomlTable, key: str, low: float, high: float) -> float | None:
+    return table.number(key, None, low, high) if key in table.entries else None
+
+
+def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
+    """Read one channel; what it does not state comes from the defaults."""
+    stated = set(item.entries)
+    item.entries = {**defaults.entries, **item.entries}
+    unit, bridge = _option(item, "unit", SIGNAL_UNITS), _option(item, "bridge", _CHANGE) or "quarter"
+    entry = ChannelEntry(
+        where=item.name,
+        name=item.text("name"),
+        gauge=item.text("gauge"),
+        unit=unit,
+        bridge=bridge,
+        wires=item.whole("wires", _WIRES[bridge][-1], 6),
+        gauge_factor=_optional(item, "gauge_factor", 0.1, 500.0),
+        recorder_gauge_factor=_optional(item, "recorder_gauge_factor", 0.1, 500.0),
+        poisson_ratio=item.number("poisson_ratio", 0.0 if bridge not in _POISSON else None, -1.0, 0.5),
+        excitation=_optional(item, "excitation_V", 1e-3, 1e3),
+        gain=item.number("gain", 1.0, 1e-6, 1e6),
+        scale=_optional(item, "scale_um_per_m_per_V", -1e9, 1e9),
+        sign=item.number("sign", 1.0, -1.0, 1.0),
+        zero=item.number(ZERO, 0.0, -inf, inf),
+        compensation=_option(item, "temperature_compensation", COMPENSATIONS),
+        lead_resistance=item.number("lead_resistance_ohm", 0.0, 0.0, 1e4),
+        gauge_resistance=item.number("gauge_resistance_ohm", 0.0, 0.0, 1e6),
+    )
+    is_uniaxial = item.entries.pop("uniaxial_stress", False)
+    _check(item, entry, stated=stated, is_uniaxial=is_uniaxial)
+    item.finish()
+    return entry
+
+
+def _check(item: TomlTable, entry: ChannelEntry, stated: Collection[str], is_uniaxial: object) -> None:
+    """Refuse entries that are against each other."""
+    if entry.sign not in (1.0, -1.0):
+        raise item.fault("sign", f"expected 1 or -1, got {entry.sign:g}")
+    if entry.wires not in _WIRES[entry.bridge]:
+        allowed = " or ".join(str(n) for n in _WIRES[entry.bridge])
+        raise item.fault("wires", f"expected {allowed} with bridge '{entry.bridge}', got {entry.wires}")
+    if entry.lead_resistance > 0.0 and entry.gauge_resistance == 0.0:
+        raise item.fault("gauge_resistance_ohm", "entry is missing, lead_resistance_ohm needs it")
+    if not isinstance(is_uniaxial, bool):
+        raise item.fault("uniaxial_stress", f"expected true or false, got {is_uniaxial!r}")
+    if entry.bridge in _POISSON and entry.bridge not in BENDING and not is_uniaxial:
+        raise item.fault(
+            "bridge",
+            f"'{entry.bridge}' adds the strain across: expected uniaxial_stress = true where that is -nu times "
+            "the strain along, or a channel for each direction",
+        )
+    if entry.compensation == "bridge" and entry.bridge == "quarter":
+        raise item.fault("temperature_compensation", "'bridge': expected a half or full bridge, got 'quarter'")
+    if entry.unit in STRAIN_UNITS:
+        if "gauge_factor" in stated and entry.recorder_gauge_factor is None:
+            raise item.fault("recorder_gauge_factor", f"entry is missing, gauge_factor with {entry.unit} needs it")
+        for key in ("excitation_V", "scale_um_per_m_per_V"):
+            if key in stated:
+                raise item.fault(key, f"expected none with unit {entry.unit}")
+
+
+def _rosette(item: TomlTable) -> Rosette:
+    """Read a rosette."""
+    legs = item.entries.pop("legs", None)
+    angles = item.entries.pop("angles_deg", None)
+    gauges = item.table("gauges_deg")
+    if not isinstance(legs, list) or len(set(map(str, legs))) != 3 or not all(isinstance(n, str) for n in legs):
+        raise item.fault("legs", f"expected three names of legs, got {legs!r}")
+    is_number = isinstance(angles, list) and all(type(angle) in (int, float) for angle in angles)
+    if not is_number or len({angle % 180.0 for angle in angles}) != 3 or len(angles) != 3:
+        raise item.fault("angles_deg", f"expected three angles that differ modulo 180, got {angles!r}")
+    stated = {gauge: gauges.number(gauge, None, -360.0, 360.0) for gauge in [*gauges.entries]}
+    if not stated:
+        raise item.fault("gauges_deg", "expected at least one gauge of the map and its angle")
+    item.finish()
+    first, middle, last = (float(angle) for angle in angles)
+    return Rosette(where=item.name, legs=(legs[0], legs[1], legs[2]), angles=(first, middle, last), gauges=stated)
+
+
+def _flow(item: TomlTable) -> FlowEntry:
+    """Read a channel of the flow."""
+    stated = item.entries.get("quantity")
+    is_own = isinstance(stated, str) and (
+        is_temperature(stated) or stated.startswith((PREFIX, SENSOR_PREFIX)) or stated == THRUST
+    )
+    entry = FlowEntry(
+        where=item.name,
+        name=item.text("name"),
+        quantity=item.text("quantity") if is_own else _option(item, "quantity", QUANTITIES) or "",
+        unit=item.text("unit") if "unit" in item.entries else None,
+    )
+    if not entry.quantity:
+        raise item.fault("quantity", "entry is missing")
+    item.finish()
+    return entry
+
+
+def unit_of_channel(path: Path, entry: ChannelEntry, recorded: str | None) -> str:
+    """Return the unit of a channel's values: the stated one, else the recording's.
+
+    Raises
+    ------
+    InputError
+        Neither is there, or the recording's is unknown.
+    """
+    if entry.unit is not None:
+        return entry.unit
+    for unit in (recorded, (recorded or "").casefold()):
+        if unit in SIGNAL_UNITS:
+            return str(unit)
+    says = f"the recording says '{recorded}'" if recorded else "the recording states none"
+    raise InputError(
+        f"{path}: {entry.where}.unit: entry is missing for channel '{entry.name}', {says}; "
+        f"expected one of {', '.join(SIGNAL_UNITS)}"
+    )
+
+
+def differs(unit: str, recorded: str | None) -> bool:
+    """Return whether the recording states another known unit than the one that is used."""
+    if recorded not in SIGNAL_UNITS:
+        return False
+    same_kind = any(unit in units and recorded in units for units in (STRAIN_UNITS, RATIO_UNITS, VOLTAGE_UNITS))
+    return not same_kind or SIGNAL_UNITS[unit] != SIGNAL_UNITS[str(recorded)]
+
+
+def strain_conversion(path: Path, entry: ChannelEntry, unit: str) -> Callable[[FloatArray], FloatArray]:
+    """Return what makes strain (n,) [m/m] of the values (n,) of a channel in ``unit``.
+
+    Raises
+    ------
+    InputError
+        An entry is missing that the unit needs; ``path`` is the file of the entries.
+    """
+    factor = SIGNAL_UNITS[unit]
+    leads = 1.0
+    if entry.lead_resistance:
+        leads = lead_factor(entry.wires, entry.lead_resistance, entry.gauge_resistance)
+    if unit in STRAIN_UNITS:
+        ratio = _gauge_factor_ratio(path, entry)
+        return lambda values: entry.sign * ((values - entry.zero) * factor * ratio * leads)
+    if unit in VOLTAGE_UNITS and entry.scale is not None:
+        if entry.lead_resistance:
+            raise _missing(path, entry, "lead_resistance_ohm", "expected none with scale_um_per_m_per_V")
+        scale = entry.sign * 1e-6 * entry.scale
+        return lambda values: scale * ((values - entry.zero) * factor)
+    gauge_factor, excitation = entry.gauge_factor, 1.0
+    if gauge_factor is None:
+        raise _missing(path, entry, "gauge_factor", f"entry is missing, unit {unit} needs it")
+    if unit in VOLTAGE_UNITS:
+        if entry.excitation is None:
+            text = f"entry is missing, unit {unit} needs it or scale_um_per_m_per_V"
+            raise _missing(path, entry, "excitation_V", text)
+        excitation = entry.gain * entry.excitation
+    return lambda values: (
+        entry.sign
+        * leads
+        * bridge_strain(
+            (values - entry.zero) * factor / excitation, entry.bridge, gauge_factor, entry.poisson_ratio
+        )
+    )
+
+
+def bridge_strain(ratio: FloatArray, bridge: str, gauge_factor: float, poisson_ratio: float) -> FloatArray:
+    """Return (n,) strain [m/m] of output over excitation (n,) [V/V], positive in tension."""
+    return _CHANGE[bridge](ratio, poisson_ratio) / gauge_factor
+
+
+def lead_factor(wires: int, lead_resistance: float, gauge_resistance: float) -> float:
+    """Return the factor that makes up for the resistance of the leads [1].
+
+    Two wires: both leads stand in the arm of the gauge, 1 + 2 R_L/R_G. Three: one does, 1 + R_L/R_G. Four of a
+    full bridge: both leads of the excitation lower its voltage, 1 + 2 R_L/R_G. Six, with sense wires: 1.
+
+    Parameters
+    ----------
+    lead_resistance : R_L of one lead [ohm].
+    gauge_resistance : R_G [ohm].
+    """
+    return 1.0 + _LEADS[wires] * lead_resistance / gauge_resistance
+
+
+def _gauge_factor_ratio(path: Path, entry: ChannelEntry) -> float:
+    """Return what makes up for a recorder that was set to another gauge factor than the gauge's."""
+    if entry.recorder_gauge_factor is None:
+        return 1.0
+    if entry.gauge_factor is None:
+        raise _missing(path, entry, "gauge_factor", "entry is missing, recorder_gauge_factor needs it")
+    return entry.recorder_gauge_factor / entry.gauge_factor
+
+
+def _missing(path: Path, entry: ChannelEntry, key: str, text: str) -> InputError:
+    return InputError(f"{path}: {entry.where}.{key}: {text}, channel '{entry.name}'")
+
+
+def rosette_weights(rosette: Rosette) -> dict[str, FloatArray]:
+    """Return (3,) weights of the legs' strains for each gauge of a rosette.
+
+    Plane strain: e(t) = (e_x + e_y)/2 + (e_x - e_y)/2 cos 2t + g_xy/2 sin 2t. A gauge at
+    a leg's angle is that leg.
+    """
+    legs = _plane(np.radians(rosette.angles))
+    angles = np.radians(list(rosette.gauges.values()))
+    weights = np.linalg.solve(legs.T, _plane(angles).T).T
+    weights[np.abs(weights) < 1e-12] = 0.0
+    return dict(zip(rosette.gauges, weights, strict=True))
+
+
+def _plane(angle: FloatArray) -> FloatArray:
+    """Return (n, 3) rows 1, cos 2t, sin 2t at angles (n,) [rad]."""
+    return np.column_stack([np.ones(len(angle)), np.cos(2.0 * angle), np.sin(2.0 * angle)])

@@ -1,0 +1,343 @@
+"""What is checked of a recording while it is estimated: faults and level of its strains, gaps of the flow.
+
+Strains that no gauge has measured are taken out of the blocks ahead of the estimate: rows that the recorder held,
+rows of zeros, railed channels. The estimate cannot detect the first two: strains of another time fit the map as
+well as new ones. A row is held if no gauge changes, to the last bit, for longer than noise and resolution allow. A
+railed channel reads what no flow of the map gives any gauge. A gauge that repeats its own reading for as long,
+while others change, stands still; it is named, and on demand taken out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from enum import StrEnum, auto
+from math import ceil, exp, inf, log
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.numerics.quantisation import LARGEST_RATIO, common_step, longest_repetition
+from strainfmu.recorded.names import some_of
+from strainfmu.recorded.samples import Samples
+from strainfmu.recorded.selection import Selection, flown_pressure
+from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck, LevelReference
+
+
+class RowFault(StrEnum):
+    """Faults of a whole row, as the output names them; of single gauges it names these."""
+
+    HELD = auto()
+    ZERO = auto()
+
+
+HELD, ZERO = (fault.value for fault in RowFault)
+
+SHORTEST_HELD, SHORTEST_RAILED = 9, 24
+"""Repetitions in a row that count, of all gauges and of one: a recorder may repeat channels that are slower."""
+
+_FALSE_ALARM, _RARE = 1e-12, 1e-9
+"""Largest probability of as many repetitions, of all gauges and of one."""
+
+_UNKNOWN_NOISE = 0.5
+"""Noise in steps of the resolution where the estimator states none."""
+
+_LARGEST_OVER = 10.0
+"""Largest dynamic pressure that counts, in nominal ones of the map; taken where it is not known."""
+
+_SAMPLED = 20
+"""Rows of a block in which the resolution is looked for."""
+
+_NAMED = 3
+
+_SLOW = 0.5
+"""Part of the rows with a value of a quantity below which it is taken for a slower channel."""
+
+
+@dataclass
+class FaultRows:
+    """Rows with one fault: how many, the time of the first [s], and the largest |reading| [m/m]."""
+
+    rows: int = 0
+    begin: float = float("nan")
+    largest: float = 0.0
+
+    def add(self, time: FloatArray, has_fault: BoolArray, reading: FloatArray | None = None) -> None:
+        """Count the rows (n,) that have the fault."""
+        if not has_fault.any():
+            return
+        self.begin = self.begin if self.rows else float(time[np.argmax(has_fault)])
+        self.rows += int(has_fault.sum())
+        if reading is not None:
+            self.largest = max(self.largest, float(np.abs(reading[has_fault]).max()))
+
+
+class RunLengths:
+    """Lengths of runs of repetitions in ``n`` columns, block by block."""
+
+    def __init__(self, n: int) -> None:
+        self.carried = np.zeros(n, dtype=np.int64)
+
+    def skip(self, same: BoolArray) -> None:
+        """Go on behind a block of which no lengths are asked; ``same`` (k, n) as of :meth:`take`."""
+        since = np.argmin(same[::-1], axis=0)
+        self.carried = np.where(same.all(axis=0), self.carried + len(same), since)
+
+    def take(self, same: BoolArray, following: BoolArray) -> IntArray:
+        """Return (k, n) how many repetitions there are in the run to which each row of a block belongs.
+
+        Parameters
+        ----------
+        same : (k, n) whether the rows of the block repeat the row before.
+        following : (m, n) the same of rows of the next block, as far as runs are followed into it.
+        """
+        both, k = np.vstack([same, following]), len(same)
+        row = np.arange(len(both))[:, None]
+        begin = np.maximum.accumulate(np.where(both, -1, row), axis=0)
+        so_far = np.where(begin >= 0, row - begin, self.carried + row + 1)
+        is_end = np.vstack([~both[1:], np.ones_like(both[:1])])
+        end = np.minimum.accumulate(np.where(is_end, row, len(both))[::-1], axis=0)[::-1]
+        self.carried = so_far[k - 1]
+        return np.asarray(np.take_along_axis(so_far, end, axis=0)[:k])
+
+
+class DataChecks:
+    """Checks the blocks of one file, and takes out what no gauge has measured.
+
+    Parameters
+    ----------
+    selection : what is read of the file.
+    reference : strains that the estimator expects.
+    zero : (n_d,) or one zero that it subtracts [m/m].
+    accepts_level, accepts_held : whether strains of another level, and rows that do not change, are estimated.
+    leaves_out_dead : whether readings of gauges that repeat themselves are taken out.
+
+    Attributes
+    ----------
+    railed, dead : gauges beyond what a flow gives, and gauges that repeat their reading, by name.
+    """
+
+    def __init__(
+        self,
+        selection: Selection,
+        reference: LevelReference,
+        *,
+        zero: FloatArray | float = 0.0,
+        accepts_level: bool = False,
+        accepts_held: bool = False,
+        leaves_out_dead: bool = False,
+    ) -> None:
+        self._selection, self._names, self._reference = selection, selection.wanted.gauge_names, reference
+        self._zero, self._accepts_held, self._leaves_out_dead = zero, accepts_held, leaves_out_dead
+        self._resolution, self._longest = inf, np.full(len(self._names), 1.0)
+        self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
+        self._held, self._zeros = FaultRows(), FaultRows()
+        self.railed, self.dead = dict[str, FaultRows](), dict[str, FaultRows]()
+        self._rows, self._missing, self._known = 0, Counter[str](), Counter[str]()
+        factor, pressure = selection.strain_factor, selection.pressure_name
+        self._level = LevelCheck(selection.path, reference, factor, not accepts_level, pressure)
+
+    @property
+    def missing(self) -> Counter[str]:
+        """Number of strains without a value, by gauge, of those that are not left out."""
+        return Counter({name: k for name, k in self._missing.items() if name not in self._selection.excluded})
+
+    def without_faults(self, blocks: Iterable[tuple[Samples, int]]) -> Iterator[tuple[Samples, int]]:
+        """Yield ``blocks`` with the faults of their rows; strains with one are NaN. Looks one block ahead.
+
+        Raises
+        ------
+        InputError
+            The level of the strains is far above the map's.
+        """
+        before: tuple[Samples, int, BoolArray] | None = None
+        last = np.full(len(self._names), inf)
+        for block, position in blocks:
+            same = repeated(block.strain, last)
+            last = block.strain[-1]
+            if before is not None:
+                yield self._checked(before[0], before[2], same), before[1]
+            before = block, position, same
+        if before is not None:
+            yield self._checked(before[0], before[2], before[2][:0]), before[1]
+
+    def notes(self) -> list[str]:
+        """Return what is to be said of the whole file.
+
+        Raises
+        ------
+        InputError
+            The level of the strains is far below the map's.
+        """
+        path, excluded, held, zeros = self._selection.path, self._selection.excluded, self._held, self._zeros
+        ahead = [f"{path}: left out by --exclude: {', '.join(excluded)}"] if excluded else []
+        ahead, notes = [*ahead, *self._level.notes()], list[str]()
+        if held.rows:
+            way = "which are left out; --accept-held estimates them"
+            notes.append(
+                f"no gauge changes in {held.rows} rows, to the last bit, the first at {held.begin:g} s: the "
+                f"recorder holds its last values, {'estimated all the same' if self._accepts_held else way}"
+            )
+        if zeros.rows:
+            notes.append(
+                f"all gauges read exactly zero in {zeros.rows} rows, the first at {zeros.begin:g} s: left out"
+            )
+        railed = sorted(self.railed.items(), key=lambda item: -item[1].rows)
+        notes += [
+            f"'{name}' reads {1e6 * fault.largest:.6g} um/m, which no flow of the map gives, in {fault.rows} "
+            f"rows, the first at {fault.begin:g} s: left out there; --exclude '{name}' leaves it out everywhere"
+            for name, fault in railed[:_NAMED]
+        ]
+        if len(railed) > _NAMED:
+            notes.append(f"{len(railed) - _NAMED} other gauges do so too: the column strain_faults names them")
+        if self.dead:
+            dead = sorted(self.dead.items(), key=lambda item: -item[1].rows)
+            shown = "; ".join(
+                f"'{name}' in {fault.rows}, from {fault.begin:g} s on" for name, fault in dead[:_NAMED]
+            )
+            more = f", and {len(dead) - _NAMED} other gauges" if len(dead) > _NAMED else ""
+            way = f"--exclude {','.join(name for name, _ in dead)}, or --exclude auto, leaves them out"
+            notes.append(
+                f"gauges that stand still while others change, of {self._rows} rows: {shown}{more}: "
+                f"{'left out there by --exclude auto' if self._leaves_out_dead else way}"
+            )
+        slow = {name: known for name, known in self._known.items() if 1 < known < _SLOW * self._rows}
+        if slow and self._selection.join is None:
+            shown = some_of([f"{name} ({known})" for name, known in slow.items()])
+            notes.append(
+                f"values in few of {self._rows} rows: {shown}; the others have none. --channels channels.toml "
+                "interpolates slower channels at the times of the strains"
+            )
+        return [*ahead, *(f"{path}: {note}" for note in notes)]
+
+    def _checked(self, block: Samples, same: BoolArray, following: BoolArray) -> Samples:
+        """Return ``block`` with its faults; ``same`` of its rows, and of those ``following``, as of RunLengths."""
+        strain, known = block.strain, np.isfinite(block.strain)
+        if not known.all():
+            missing = (len(known) - np.count_nonzero(known, axis=0)).tolist()
+            self._missing.update({name: k for name, k in zip(self._names, missing, strict=True) if k})
+        self._find_resolution(strain[:_SAMPLED][known[:_SAMPLED]])
+        has_values, longest = known.any(axis=1), self._longest
+        zero = has_values & _is_zero(strain) & ~(block.dynamic_pressure <= 0.0)
+        of_rows, next_rows = _all(same), _all(following)
+        row_same = of_rows & has_values
+        runs = self._of_rows.take(row_same[:, None], next_rows[:, None])[:, 0]
+        if not self._rows:  # nothing shows that the first row of the file is new
+            row_same[0] = True
+        held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
+        flown = flown_pressure(block.dynamic_pressure, block.flow)
+        bearable = self._bearable(flown)
+        alone, next_alone = same & known & ~of_rows[:, None], following & ~next_rows[:, None]
+        railed = dead = np.zeros(same.shape, dtype=bool)
+        limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
+        may_stand_still = np.any(np.count_nonzero(alone, axis=0) + self._of_gauges.carried >= 0.5 * limit)
+        if may_stand_still or not self._is_bearable(strain, bearable):
+            is_sound = ~(zero | held)[:, None]
+            stands_still = self._of_gauges.take(alone, next_alone) >= limit
+            railed = self._is_railed(strain, bearable, stands_still) & is_sound
+            dead = stands_still & known & ~railed & is_sound
+        else:
+            self._of_gauges.skip(alone)
+        self._rows += len(block.time)
+        block = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
+        self._level.add(block.strain - self._zero, flown)
+        for name, values in {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}.items():
+            self._known[name] += int(np.isfinite(values).sum())
+        return block
+
+    def _marked(
+        self, block: Samples, *, held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
+    ) -> Samples:
+        """Return ``block`` without strains of rows (n,) and of gauges (n, n_d) with a fault; count them."""
+        time, strain = block.time, block.strain
+        for kinds, faults in ((self.railed, railed), (self.dead, dead)):
+            for gauge in np.flatnonzero(faults.any(axis=0)).tolist():
+                rows = kinds.setdefault(self._names[gauge], FaultRows())
+                rows.add(time, faults[:, gauge], strain[:, gauge])
+        if self._leaves_out_dead:
+            railed = railed | dead
+        if not (held.any() or zero.any() or railed.any()):
+            return replace(block, faults=("",) * len(time))
+        self._held.add(time, held)
+        self._zeros.add(time, zero)
+        texts = [HELD if h else ZERO if z else "" for h, z in zip(held.tolist(), zero.tolist(), strict=True)]
+        for row in np.flatnonzero(railed.any(axis=1)).tolist():
+            texts[row] = ";".join(self._names[gauge] for gauge in np.flatnonzero(railed[row]))
+        taken = railed | (zero if self._accepts_held else zero | held)[:, None]
+        return replace(block, strain=np.where(taken, np.nan, strain), faults=tuple(texts))
+
+    def _find_resolution(self, strain: FloatArray) -> None:
+        """Find the resolution of readings (n,), and how often each gauge repeats with a probability of 1/e.
+
+        Of steps that are fine against the noise of every gauge, finer ones make no difference.
+        """
+        noise = self._reference.noise_std
+        if self._resolution * LARGEST_RATIO <= noise.min():
+            return
+        step = min(self._resolution, common_step(strain))
+        if step != self._resolution:
+            self._resolution = step
+            step = step if 0.0 < step < inf else 1.0
+            ratio = np.where(noise > 0.0, np.minimum(noise / step, LARGEST_RATIO), _UNKNOWN_NOISE)
+            self._longest = np.array([longest_repetition(number, exp(-1.0)) for number in ratio.tolist()])
+
+    def _bearable(self, flown: FloatArray) -> FloatArray:
+        """Return (n,) the largest |strain| of any flow of the map [m/m] at q_inf ``flown`` (n,) [Pa]."""
+        reference = self._reference
+        nominal = flown / reference.dynamic_pressure
+        over = np.clip(np.where(np.isfinite(nominal), nominal, _LARGEST_OVER), 1.0, _LARGEST_OVER)
+        return np.asarray((float(reference.strain_range.max()) or inf) * over)
+
+    def _is_bearable(self, strain: FloatArray, bearable: FloatArray) -> bool:
+        """Return whether no reading (n, n_d) is beyond what a gauge bears, or beyond ``bearable`` (n,) [m/m]."""
+        beyond = np.abs(strain - self._zero) > bearable[:, None]
+        return not (beyond.any() or np.any(np.abs(strain) > self._reference.sensor_range))
+
+    def _is_railed(self, strain: FloatArray, bearable: FloatArray, stands_still: BoolArray) -> BoolArray:
+        """Return (n, n_d) which readings are beyond what a gauge bears, or any flow of the map gives.
+
+        The latter: far beyond ``bearable`` (n,) [m/m], or beyond it and without change. Where most gauges are
+        beyond, another flow or unit it is, and their median takes the place of the map's strains.
+        """
+        level = np.abs(strain - self._zero) / bearable[:, None]
+        has_values = np.asarray(np.isfinite(strain).any(axis=1))
+        usual = np.nanmedian(np.where(has_values[:, None], level, 0.0), axis=1)
+        level /= np.maximum(usual, 1.0)[:, None]
+        beyond = (level > TOO_HIGH) | ((level > 1.0) & stands_still)
+        return np.asarray(beyond | (np.abs(strain) > self._reference.sensor_range))
+
+
+def repeated(strain: FloatArray, last: FloatArray) -> BoolArray:
+    """Return (n, n_d) which of ``strain`` (n, n_d) repeat the row before, ``last`` (n_d,) before the first.
+
+    They are equal to the last bit, or no values both.
+    """
+    same = np.empty(strain.shape, dtype=bool)
+    np.equal(strain[1:], strain[:-1], out=same[1:])
+    np.equal(strain[0], last, out=same[0])
+    without = np.isnan(strain)
+    if without.any():
+        same[1:] |= without[1:] & without[:-1]
+        same[0] |= without[0] & np.isnan(last)
+    return same
+
+
+def _all(mask: BoolArray) -> BoolArray:
+    """Return (n,) whether all of each row of ``mask`` (n, n_d) are true."""
+    return np.asarray(mask.all(axis=1))
+
+
+def _is_zero(strain: FloatArray) -> BoolArray:
+    """Return (n,) whether all readings (n, n_d) of a row are 0 or none."""
+    is_zero = ~(np.abs(strain[:, 0]) > 0.0)
+    rows = np.flatnonzero(is_zero)
+    is_zero[rows] = ~np.any(np.abs(strain[rows]) > 0.0, axis=1)
+    return is_zero
+
+
+def _longest_of_all(longest: FloatArray) -> float:
+    """Return how many repetitions of all readings at once are too many; ``longest`` of each gauge."""
+    rate = float((1.0 / longest).sum())
+    return max(SHORTEST_HELD, ceil(-log(_FALSE_ALARM) / rate)) if rate > 0.0 else inf

@@ -1,0 +1,683 @@
+"""Estimates of blocks of recorded samples: by a map or an FMU, filtered and smoothed or not, column by column."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.cosim.estimators.description import outputs_of
+from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
+from strainfmu.cosim.estimators.source import is_fmu
+from strainfmu.cosim.estimators.step import StepRefused, health_name
+from strainfmu.cosim.estimators.zeros_file import load_zeros
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
+from strainfmu.estimator.air_inputs import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    INERTIAL_NAMES,
+    MACH_NUMBER,
+    NAVIGATION_INPUTS,
+    Q_SOURCE,
+    STATIC_PRESSURE,
+    QSource,
+)
+from strainfmu.estimator.alarm_limits import outside_score
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
+from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.map.inertia import LATERAL_FORCES, contradicted_forces
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.map.sensors import SensorRows
+from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
+from strainfmu.estimator.settings import default_settings
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
+from strainfmu.estimator.smoothing import Samples as SmoothedSamples
+from strainfmu.estimator.smoothing import Smoothed, Smoother
+from strainfmu.interface.enumerations import HEALTH_ITEMS
+from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.health_names import (
+    CHI_SQUARE,
+    CHI_SQUARE_LIMIT,
+    ENVELOPE_SCORE,
+    LINEAR_LOADS,
+    STATE,
+    SUSPECT_GAUGE,
+    SUSPECTS,
+    USABLE,
+    VALID_GAUGES,
+)
+from strainfmu.interface.input_names import given_flow
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import THRUST, reading_units
+from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES
+from strainfmu.recorded.samples import Samples
+from strainfmu.recorded.strain_level import LevelReference
+
+Column = tuple[str, str]
+"""Name and unit."""
+
+LOAD_COLUMNS: tuple[Column, ...] = (
+    *((name, load.unit.replace(".", " ")) for name, load in LOADS.items()),
+    *((f"{SIGMA}{name}", load.unit.replace(".", " ")) for name, load in LOADS.items()),
+)
+"""Forces and moments about the reference point, and their standard deviations."""
+
+COEFFICIENT_COLUMNS: tuple[Column, ...] = (
+    *((name, "1") for name in COEFFICIENT_NAMES),
+    *((f"{SIGMA}{name}", "1") for name in COEFFICIENT_NAMES),
+)
+
+HEALTH_COLUMNS: tuple[Column, ...] = (
+    (CHI_SQUARE, "1"),
+    (STATE, "1"),
+    ("gauges_used", "1"),
+    (CHI_SQUARE_LIMIT, "1"),
+    ("health.degrees_of_freedom", "1"),
+    (SUSPECTS, "1"),
+    (ENVELOPE_SCORE, "1"),
+    ("health.envelope_score_limit", "1"),
+    (USABLE, "1"),
+)
+
+RESIDUAL_LIMIT, RESIDUAL = "health.residual_limit", "residual."
+
+_USED_PREFIX = "navigation_used."
+"""Of the columns that say whether a quantity of navigation is used."""
+
+_FMU_HEALTH = (CHI_SQUARE_LIMIT, VALID_GAUGES, SUSPECT_GAUGE, SUSPECTS, ENVELOPE_SCORE)
+"""Outputs of an FMU that state health, in addition to state and chi-square."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BlockEstimates:
+    """Estimates of n samples; NaN where there is none.
+
+    Attributes
+    ----------
+    values : (n,) of each column by name: loads, coefficients, health, and ``other_columns`` of the estimator. An
+        FMU does not state degrees of freedom; health of a step that it refused is NaN.
+    valid : (n, n_d) gauges that gave a usable strain.
+    suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
+    worst, worst_residual : (n,) gauge with the largest |z| in samples whose health is not OK, and that |z|; -1 and
+        NaN where that is not known.
+    estimates : n estimates by a map, for their pressure; None of an FMU.
+    contradicted : (n,) whether an input contradicts the loads, by its name; none of an FMU.
+    outside : (n,) whether a flow parameter leaves its range, by its name.
+    """
+
+    values: Mapping[str, FloatArray]
+    valid: BoolArray
+    suspects: Sequence[tuple[int, ...]]
+    worst: IntArray
+    worst_residual: FloatArray
+    outside: Mapping[str, BoolArray] = field(default_factory=dict)
+    contradicted: Mapping[str, BoolArray] = field(default_factory=dict)
+    estimates: Estimate | None = None
+
+
+class BlockEstimator(Protocol):
+    """An estimator of blocks.
+
+    Attributes
+    ----------
+    inputs : quantities other than strain and q_inf that it takes.
+    reference : the level of strains that it expects.
+    zero : (n_d,) zero offsets that it subtracts from strain [m/m].
+    envelope_score_limit : score above which the coefficients are outside, NaN where it is not known.
+    other_columns : names and units of its own columns of the output.
+    inverse_map : the map, None of an FMU.
+    attributes : what the output says of a filter: its time constant [s], smoothed or not.
+    gauge_names, row_names : strain gauges; the same, then auxiliary sensors.
+    readings : unit of each auxiliary sensor, and of thrust, by its name.
+    sensor_names : temperature sensors that it takes.
+    parameter_names : flow parameters that it takes; ``sharpening`` are those whose standard deviation it takes.
+    """
+
+    gauge_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+    readings: Mapping[str, str]
+    sensor_names: tuple[str, ...]
+    parameter_names: tuple[str, ...]
+    sharpening: tuple[str, ...]
+    other_columns: tuple[Column, ...]
+    inputs: tuple[str, ...]
+    reference: LevelReference
+    zero: FloatArray
+    envelope_score_limit: float
+    inverse_map: InverseMap | None
+    attributes: Mapping[str, float]
+
+    def estimate(self, block: Samples, last: float) -> BlockEstimates:
+        """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
+
+
+@contextmanager
+def open_estimator(
+    source: Path,
+    zeros: Path | None = None,
+    *,
+    time_constant: float | None = None,
+    smooth: bool = False,
+    residuals: bool = False,
+) -> Iterator[BlockEstimator]:
+    """Load an estimator FMU or an inverse map, with the ``zeros`` of its gauges (zeros.toml); free it at the end.
+
+    A map may have a filter of ``time_constant`` [s], be ``smooth``, and give the ``residuals`` of all gauges.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or neither; or an FMU or a linear map cannot do what is asked for.
+    StrainfmuError
+        The FMU cannot be loaded on this machine.
+    """
+    if smooth and time_constant is None:
+        raise InputError("--smooth: expected with --filter, got it alone")
+    if time_constant == 0.0:
+        raise InputError("time_constant: expected the time constant of the filter [s], got 0")
+    if not is_fmu(source):
+        inverse_map = load_inverse_map(source)
+        names = inverse_map.gauge_names[: inverse_map.n_strain_gauges]
+        estimator = Estimator(inverse_map, zeros=None if zeros is None else load_zeros(zeros, names))
+        if time_constant is not None:
+            estimator = estimator.filter(time_constant)
+        yield SmoothedBlocks(estimator, residuals) if smooth else MapBlocks(estimator, residuals)
+        return
+    for option, value in {"--filter": time_constant, "--residuals": residuals or None}.items():
+        if value is not None:
+            raise InputError(f"{source}: {option}: expected an inverse map, got an FMU")
+    others = other_outputs_of(outputs_of(source))
+    asked = (*(name for name, _ in LOAD_COLUMNS), *_FMU_HEALTH, *others)
+    scores = [name for name in others if name.startswith(OUTSIDE_PREFIX)]
+    parameters = (name.replace(OUTSIDE_PREFIX, kind, 1) for name in scores for kind in (PREFIX, STD_PREFIX))
+    with FmuStep(source, (*QUANTITIES[1:], TEMPERATURE, SENSORS, *parameters), asked) as step:
+        if zeros is not None:
+            step.set_zeros(load_zeros(zeros, step.gauge_names))
+        yield FmuBlocks(step, others)
+
+
+class MapBlocks:
+    """An inverse map: a linear one estimates each sample by itself, a nonlinear or filtered one along time."""
+
+    def __init__(self, estimator: Estimator, residuals: bool = False) -> None:
+        inverse_map, self.estimator = estimator.inverse_map, estimator
+        self.inverse_map: InverseMap | None = inverse_map
+        manifold = inverse_map.manifold
+        self.inputs: tuple[str, ...] = (
+            *FLOW_NAMES[1:],
+            *(NAVIGATION_INPUTS if estimator.is_nonlinear else ()),
+            *(INERTIAL_NAMES if inverse_map.has_masses else ()),
+        )
+        self.envelope_score_limit = (
+            inverse_map.envelope_score_limit if manifold is None else outside_score(manifold)
+        )
+        self.parameter_names = estimator.parameters.names
+        sharpens = manifold is not None and manifold.parameters is not None
+        self.sharpening: tuple[str, ...] = self.parameter_names if sharpens else ()
+        self._series = _other_series(estimator, residuals)
+        self.other_columns = tuple(column for columns, _ in self._series for column in columns)
+        self.row_names = inverse_map.gauge_names
+        self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
+        self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
+        self.sensor_names = inverse_map.thermal.sensor_names
+        self.reference = _level_reference(inverse_map)
+        self.zero = estimator.zeros.value
+        self.attributes: Mapping[str, float] = {}
+        if estimator.filter_time_constant:
+            is_smoothed = isinstance(self, SmoothedBlocks)
+            self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": is_smoothed}
+
+    def estimate(self, block: Samples, last: float) -> BlockEstimates:
+        estimates = self.estimates(block)
+        unknown = np.full(len(block.time), np.nan)
+        contradicted = contradicted_forces(
+            self.estimator.inverse_map.inertia,
+            {name: block.flow.get(name, unknown) for name in LATERAL_FORCES},
+            estimates.loads,
+            estimates.loads_std,
+            self.estimator.settings.alarm_scale * chi_square_limit(1),
+        )
+        return replace(self.block_estimates(estimates), contradicted=contradicted)
+
+    def block_estimates(self, estimate: Estimate, smoothed: Smoothed | None = None) -> BlockEstimates:
+        """Return the estimates of a block as such, loads and air data ``smoothed`` or as they are."""
+        health = estimate.health.astype(float)
+        of_health = {
+            CHI_SQUARE: estimate.chi_square,
+            STATE: health,
+            "gauges_used": estimate.valid_gauges,
+            CHI_SQUARE_LIMIT: estimate.chi_square_limit,
+            "health.degrees_of_freedom": estimate.degrees_of_freedom,
+            SUSPECTS: estimate.suspect_count,
+            ENVELOPE_SCORE: estimate.envelope_score,
+            "health.envelope_score_limit": np.full(len(estimate), self.envelope_score_limit),
+            USABLE: np.isin(health, USABLE_STATES),
+        }
+        valid, suspects, worst, worst_residual = self._questioned(estimate)
+        scores = dict(zip(self.parameter_names, estimate.parameter_score.T, strict=True))
+        return BlockEstimates(
+            values={
+                **_load_values(smoothed or estimate),
+                **{name: np.asarray(values, dtype=float) for name, values in of_health.items()},
+                **{
+                    name: np.asarray(values, dtype=float)
+                    for columns, values_of in self._series
+                    for (name, _), values in zip(columns, values_of(estimate, smoothed).T, strict=True)
+                },
+            },
+            valid=valid,
+            suspects=suspects,
+            worst=worst,
+            worst_residual=worst_residual,
+            outside=_outside(scores),
+            estimates=None if smoothed is not None else estimate,
+        )
+
+    def _questioned(self, estimate: Estimate) -> tuple[BoolArray, list[tuple[int, ...]], IntArray, FloatArray]:
+        """Return valid gauges (n, n_d), n tuples of suspects, worst gauges (n,) and their |z| of a block.
+
+        They are made of the samples alone whose health is not OK, with which they take twice the time.
+        """
+        rows = np.flatnonzero(estimate.health != HealthState.OK)
+        valid = np.ones((len(estimate), len(self.row_names)), dtype=bool)
+        suspects: list[tuple[int, ...]] = [()] * len(estimate)
+        worst, size = np.full(len(estimate), -1), np.full(len(estimate), np.nan)
+        if len(rows):
+            part = estimate[rows]
+            valid[rows] = part.valid
+            for row, of_row in zip(rows.tolist(), part.suspects, strict=True):
+                suspects[row] = of_row
+            residual = np.abs(part.standardised_residual)
+            worst[rows], size[rows] = np.argmax(residual, axis=1), np.max(residual, axis=1)
+        return valid, suspects, worst, size
+
+    def residuals(self, block: Samples) -> FloatArray:
+        """Return the standardised residuals (n, n_d) of a block without a filter."""
+        return MapBlocks(self.estimator.filter(0.0)).estimates(block).standardised_residual
+
+    def estimates(self, block: Samples) -> Estimate:
+        """Return the estimates of a block."""
+        readings = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
+        arguments: dict[str, Any] = {
+            DYNAMIC_PRESSURE: block.dynamic_pressure,
+            TEMPERATURE: block.temperature,
+            "parameters": dict(block.parameters),
+            "parameters_std": given_flow(block.parameters_std) if self.sharpening else None,
+            **given_flow(block.flow),
+        }
+        if self.estimator.filter_time_constant > 0.0:
+            return self.estimator.track(readings, time=block.time, **arguments)
+        if self.estimator.is_nonlinear:
+            return self.estimator.track(readings, **arguments)
+        return self.estimator.estimate(readings, **arguments)
+
+
+class SmoothedBlocks(MapBlocks):
+    """A map that filters over time, smoothed: the filter goes over the samples from both ends, one block ahead."""
+
+    def __init__(self, estimator: Estimator, residuals: bool = False) -> None:
+        super().__init__(estimator, residuals)
+        self._smoother = Smoother(self.estimator)
+
+    def samples(self, block: Samples) -> SmoothedSamples:
+        """Return the samples of a block, filtered."""
+        return self._smoother.samples(self.estimates(block), block.time)
+
+    def smoothed(self, samples: SmoothedSamples, later: SmoothedSamples | None) -> BlockEstimates:
+        """Return the estimates of a block, by the ``later`` samples of the next too; all else is the filter's."""
+        return self.block_estimates(samples.filtered, self._smoother.smoothed(samples, later))
+
+
+class FmuBlocks:
+    """An estimator FMU, step by step."""
+
+    envelope_score_limit = float("nan")
+    inverse_map: InverseMap | None = None
+    attributes: Mapping[str, float] = MappingProxyType({})
+
+    def __init__(self, step: FmuStep, others: Mapping[str, Column]) -> None:
+        self._step, self._others = step, others
+        self.other_columns = tuple(others.values())
+        self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
+        self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
+        self._inputs = dict(zip(self.readings, step.reading_units, strict=True))
+        self.row_names = (*step.gauge_names, *(name for name in self.readings if name != THRUST))
+        self.inputs = step.other_inputs
+        given = (name for name in step.other_inputs if name.startswith(PREFIX))
+        self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
+        self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
+        self.reference = LevelReference(
+            strain_range=step.strain_nominal,
+            noise_std=np.zeros(step.n_gauges) if step.noise_std is None else step.noise_std,
+            dynamic_pressure=step.pressure_nominal,
+            sensor_range=step.sensor_range,
+        )
+        self.zero = step.zero_offset
+
+    def estimate(self, block: Samples, last: float) -> BlockEstimates:
+        own = (*(name for name, _ in COEFFICIENT_COLUMNS), CHI_SQUARE, STATE)
+        loads = tuple(name for name, _ in LOAD_COLUMNS)
+        asked, n = (*loads, *_FMU_HEALTH, *self._others), len(block.time)
+        table, unknown = np.full((n, len(own) + len(asked)), np.nan), np.full(n, np.nan)
+        given = self._given(block)
+        step_sizes = np.diff(block.time, prepend=last if np.isfinite(last) else block.time[0] - _first_step(block))
+        for i, step_size in enumerate(step_sizes.tolist()):
+            inputs = {name: values[i] for name, values in given.items()}
+            try:
+                result = self._step(block.strain[i], float(block.dynamic_pressure[i]), step_size, **inputs)
+            except StepRefused:
+                continue
+            of_loads = *result.coefficients, *result.coefficients_std, result.chi_square, result.health
+            table[i] = *of_loads, *(result.other_outputs.get(name, np.nan) for name in asked)
+        outputs = dict(zip((*own, *asked), table.T, strict=True))
+        has_reading = np.isfinite(_all_readings(block, self.readings))
+        valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
+        used, health = outputs[VALID_GAUGES], outputs[STATE]
+        scores = {name: outputs[f"{OUTSIDE_PREFIX}{name}"] for name in self.parameter_names}
+        return BlockEstimates(
+            values={
+                **{name: outputs[name] for name in (*loads, *own, CHI_SQUARE_LIMIT, SUSPECTS, ENVELOPE_SCORE)},
+                "gauges_used": np.where(np.isfinite(used), used, valid.sum(axis=1)),
+                "health.degrees_of_freedom": unknown,
+                "health.envelope_score_limit": unknown,
+                USABLE: np.where(np.isnan(health), np.nan, np.isin(health, USABLE_STATES)),
+                **{column: outputs[name] for name, (column, _) in self._others.items()},
+            },
+            valid=valid,
+            suspects=[(int(gauge) - 1,) if gauge >= 1 else () for gauge in outputs[SUSPECT_GAUGE]],
+            worst=np.full(n, -1),
+            worst_residual=unknown,
+            outside=_outside(scores),
+        )
+
+    def _given(self, block: Samples) -> dict[str, list[float]]:
+        """Return the inputs other than strain and q_inf by name."""
+        flow = {name: values for name, values in block.flow.items() if name in self.inputs}
+        flow |= {f"{PREFIX}{name}": values for name, values in block.parameters.items()}
+        flow |= {f"{STD_PREFIX}{name}": values for name, values in block.parameters_std.items()}
+        flow |= {self._inputs[name]: values for name, values in block.readings.items()}
+        if block.temperature is not None:
+            flow |= {f"{TEMPERATURE}[{i}]": values for i, values in enumerate(block.temperature.T, start=1)}
+        return {name: values.tolist() for name, values in flow.items()}
+
+
+def _first_step(block: Samples) -> float:
+    """Return a step size for the first sample [s], which has no predecessor."""
+    return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3
+
+
+# --- columns -----------------------------------------------------------------------------------------------------
+
+
+_OTHER_PREFIXES = (
+    *("air_data.", f"{SIGMA}air_data.", "identified.air_data.", _USED_PREFIX),
+    *(LINEAR_LOADS, OUTSIDE_PREFIX),
+)
+"""What the names of such outputs begin with, but for loads behind the five."""
+
+
+def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
+    """Return the columns of the others among ``outputs``, names and units, in the order of the columns of a map.
+
+    Loads stand ahead of their standard deviations; air data have that order already.
+    """
+    others = {
+        name: (
+            column_of(name) or ("linear_loads" if name == LINEAR_LOADS else name),
+            unit.replace(".", " "),
+        )
+        for name, unit in outputs
+        if column_of(name) or name.startswith(_OTHER_PREFIXES)
+    }
+    if any(map(column_of, others)):
+        return dict(sorted(others.items(), key=lambda item: item[0].startswith(SIGMA)))
+    return others
+
+
+Series = tuple[list[Column], Callable[[Estimate, Smoothed | None], FloatArray | BoolArray]]
+"""Columns, and what returns their values (n, k) of estimates, smoothed or not."""
+
+
+def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
+    """Return air data, loads behind the five and, between them and their sigma, scores of flow parameters.
+
+    The ``residuals`` of all gauges, behind the alarm level of the largest, come last.
+    """
+    inverse_map, air = estimator.inverse_map, list[Series]()
+    if estimator.is_nonlinear:
+        units = [*zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)]
+        air = [
+            ([(f"air_data.{name}", unit) for name, unit in units], lambda e, s: s.air if s else e.air_data.value),
+            (
+                [(f"{SIGMA}air_data.{name}", unit) for name, unit in units],
+                lambda e, s: s.air_std if s else e.air_data.std,
+            ),
+            (
+                [(f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES],
+                lambda e, _: e.air_data.is_identified,
+            ),
+            ([(f"{_USED_PREFIX}{name}", "1") for name in NAVIGATION], lambda e, _: e.air_data_used),
+            ([("linear_loads", "1")], lambda e, _: e.is_linear[:, None]),
+        ]
+    arrays = load_arrays(inverse_map.load_groups) if inverse_map.has_other_loads else ()
+    scores = [(f"{OUTSIDE_PREFIX}{name}", "1") for name in estimator.parameters.names]
+    series = [
+        *air,
+        *(_load_series(array) for array in arrays if not array.is_std),
+        (scores, lambda e, _: e.parameter_score),
+        *(_load_series(array) for array in arrays if array.is_std),
+    ]
+    if residuals:
+        of_gauges = [(f"{RESIDUAL}{name}", "1") for name in inverse_map.gauge_names]
+        series.append(([(RESIDUAL_LIMIT, "1")], lambda e, _: e.residual_limit[:, None]))
+        series.append((of_gauges, lambda e, _: e.standardised_residual))
+    return series
+
+
+def _load_series(array: LoadArray) -> Series:
+    """Return the columns of an array of loads behind the five."""
+
+    def values(estimate: Estimate, smoothed: Smoothed | None) -> FloatArray:
+        loads = smoothed or estimate
+        table = loads.other_coefficients_std if array.is_std else loads.other_coefficients
+        if not array.is_coefficient:
+            table = loads.other_loads_std if array.is_std else loads.other_loads
+        return table[..., array.group.rows]
+
+    return [(name, array.unit.replace(".", " ")) for name in array.columns], values
+
+
+def _load_values(estimate: Estimate | Smoothed) -> dict[str, FloatArray]:
+    """Return the values of loads and coefficients."""
+    table = np.hstack([estimate.loads, estimate.loads_std, estimate.coefficients, estimate.coefficients_std])
+    return dict(zip((name for name, _ in (*LOAD_COLUMNS, *COEFFICIENT_COLUMNS)), table.T, strict=True))
+
+
+def _outside(scores: Mapping[str, FloatArray]) -> dict[str, BoolArray]:
+    """Return (n,) whether each parameter leaves its range, by the ``scores``."""
+    return {name: score > PARAMETER_TOLERANCE for name, score in scores.items()}
+
+
+def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:
+    """Return the units of auxiliary sensors and of thrust by the names of columns, inputs less the prefix."""
+    return {name.removeprefix(SENSOR_PREFIX): unit for name, unit in units.items()}
+
+
+def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:
+    """Return (n, n_s) what the auxiliary sensors read, NaN of one that the recording does not hold."""
+    nothing = np.full(len(block.time), np.nan)
+    columns = [block.readings.get(name, nothing) for name in readings if name != THRUST]
+    return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
+
+
+def rows_of_map(block: Samples, sensors: SensorRows, readings: Mapping[str, str]) -> FloatArray:
+    """Return (n, n_d) readings of a map: strains, then auxiliary sensors less what thrust makes of them.
+
+    Thrust that the recording does not hold is 0.
+    """
+    thrust = block.readings.get(THRUST, np.zeros(len(block.time)))
+    return sensors.without_thrust(np.hstack([block.strain, _all_readings(block, readings)]), thrust)
+
+
+def _level_reference(inverse_map: InverseMap) -> LevelReference:
+    low, high = inverse_map.dynamic_pressure_range.tolist()
+    return LevelReference(
+        strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
+        noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
+        dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+        sensor_range=default_settings(inverse_map).sensor_range,
+        pressure_range=(low, high) if isfinite(high) else None,
+    )
+
+
+# --- along the blocks --------------------------------------------------------------------------------------------
+
+
+def estimated_blocks(
+    blocks: Iterable[tuple[Samples, int]], estimator: BlockEstimator
+) -> Iterator[tuple[Samples, int, BlockEstimates]]:
+    """Return each block with its position and its estimates.
+
+    A block is estimated in another thread while the next one is read and the one before is written. Files are read
+    and written by this thread alone: a caller may hold the lock of h5py, as in a loop over the items of a file.
+    """
+    if isinstance(estimator, SmoothedBlocks):
+        yield from _smoothed_blocks(blocks, estimator)
+        return
+    last = float("nan")
+    before: tuple[Samples, int, Future[BlockEstimates]] | None = None
+    with ThreadPoolExecutor(1, "strainfmu-estimator") as worker:
+        for block, position in blocks:
+            current = block, position, worker.submit(estimator.estimate, block, last)
+            last = float(block.time[-1])
+            if before is not None:
+                yield *before[:2], before[2].result()
+            before = current
+        if before is not None:
+            yield *before[:2], before[2].result()
+
+
+def _smoothed_blocks(
+    blocks: Iterable[tuple[Samples, int]], estimator: SmoothedBlocks
+) -> Iterator[tuple[Samples, int, BlockEstimates]]:
+    before: tuple[Samples, int, SmoothedSamples] | None = None
+    for block, position in blocks:
+        samples = estimator.samples(block)
+        if before is not None:
+            yield *before[:2], estimator.smoothed(before[2], samples)
+        before = block, position, samples
+    if before is not None:
+        yield *before[:2], estimator.smoothed(before[2], None)
+
+
+# --- account of health -------------------------------------------------------------------------------------------
+
+_MISSING = (HealthState.DEGRADED, HealthState.UNIDENTIFIED, HealthState.INVALID)
+_MISFIT = (HealthState.INCONSISTENT, HealthState.SUSPECT)
+
+
+@dataclass(kw_only=True)
+class HealthAccount:
+    """Numbers of samples by state of health.
+
+    Attributes
+    ----------
+    samples : number of samples by state.
+    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
+        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
+        first an input that contradicts the loads. Of OUTSIDE, a flow parameter of the flow that left its range; of
+        DEGRADED, a quantity of navigation that is left out, too.
+    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
+    """
+
+    samples: Counter[str] = field(default_factory=Counter)
+    blamed: dict[str, Counter[str]] = field(default_factory=dict)
+    beyond: int | None = None
+
+    def add(self, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator) -> None:
+        """Count the samples of a block."""
+        health, limit = estimates.values[STATE], estimator.envelope_score_limit
+        for state in np.unique(health[np.isfinite(health)]):
+            rows = np.flatnonzero(health == state)
+            name = health_name(int(state))
+            self.samples[name] += len(rows)
+            counts = np.zeros(len(estimator.row_names), dtype=int)
+            if state in _MISSING:
+                missing = ~estimates.valid[rows]
+                # Where all are missing, none of them is to blame.
+                counts += missing[~missing.all(axis=1)].sum(axis=0)
+            elif state in _MISFIT:
+                for row in rows.tolist():
+                    counts[list(_misfits(estimates, row))] += 1
+            elif state == HealthState.OUTSIDE and np.isfinite(limit):
+                self.beyond = int((estimates.values[ENVELOPE_SCORE][rows] > limit).sum()) + (self.beyond or 0)
+            blamed = {gauge: int(k) for gauge, k in zip(estimator.row_names, counts, strict=True) if k}
+            if state == HealthState.INCONSISTENT:
+                blamed = _counted(estimates.contradicted, rows) | blamed
+            if state == HealthState.DEGRADED:
+                blamed |= _counted(dropped_navigation(block, estimates), rows)
+            if state == HealthState.OUTSIDE:
+                blamed = _counted(estimates.outside, rows)
+            self.blamed.setdefault(name, Counter()).update(blamed)
+
+    def lines(self) -> list[str]:
+        """Return a line for each state other than OK, the most frequent first."""
+        total = sum(self.samples.values())
+        texts = {state.name: text for state, text in HEALTH_ITEMS}
+        lines = []
+        for name, number in self.samples.most_common():
+            if name == HealthState.OK.name:
+                continue
+            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
+            if name in texts:
+                text += f": {texts[name][0].lower()}{texts[name][1:]}"
+            if name == HealthState.OUTSIDE.name and self.beyond is not None:
+                by_flow = number - self.beyond
+                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
+            worst = next(iter(self.blamed[name].most_common(1)), None)
+            if worst is not None:
+                text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
+            lines.append(text)
+        return lines
+
+
+def _counted(inputs: Mapping[str, BoolArray], rows: IntArray) -> dict[str, int]:
+    """Return in how many of the ``rows`` each input is to blame, where in any."""
+    return {name: int(k) for name, blamed in inputs.items() if (k := blamed[rows].sum())}
+
+
+def _misfits(estimates: BlockEstimates, row: int) -> tuple[int, ...]:
+    """Return the gauges that do not fit in a sample, by index; none if nothing shows them."""
+    worst = int(estimates.worst[row])
+    return estimates.suspects[row] or ((worst,) if worst >= 0 else ())
+
+
+def dropped_navigation(block: Samples, estimates: BlockEstimates) -> dict[str, BoolArray]:
+    """Return (n,) whether each quantity of navigation is given and not used, by its name; {} of a linear map.
+
+    A computed dynamic pressure is none.
+    """
+    used = {name: estimates.values.get(f"{_USED_PREFIX}{name}") for name in NAVIGATION}
+    if used[NAVIGATION[0]] is None:
+        return {}
+    unknown = np.full(len(block.time), np.nan)
+    flow = {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}
+    given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
+    given[STATIC_PRESSURE] |= ~np.isnan(flow.get(ALTITUDE, unknown))
+    source = np.nan_to_num(flow.get(Q_SOURCE, unknown))
+    is_measured = np.round(source) == QSource.INDEPENDENT
+    given[DYNAMIC_PRESSURE] &= np.where(source < 0.5, ~given[MACH_NUMBER], is_measured)
+    return {name: given[name] & ~(values > 0.0) for name, values in used.items() if values is not None}

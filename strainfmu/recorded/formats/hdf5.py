@@ -1,0 +1,181 @@
+"""HDF5 files of anybody: arrays, columns of matrices, fields of tables, MATLAB's matrices turned.
+
+HDF5 reads some damaged heaps for ever, and crashes on others. So everything but the numbers is read once in a
+child process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import lru_cache, partial
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.first_look import reads_well
+from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, of_format, table_of
+
+_LARGEST_TEXT = 1_000_000
+"""Entries of a data set of texts beyond which they are not looked at."""
+
+_SIMULATION = ("signals",)
+"""Group of a recorded system simulation, whose columns are as the others of the file."""
+
+_NO_COLUMNS = ("step_cost",)
+"""What such a file holds besides."""
+
+_GAUGE_NAMES = "gauge_names"
+
+
+@contextmanager
+def hdf5_table(
+    path: Path, reading: Reading, kind: str = "an HDF5 file", is_matlab: bool = False
+) -> Iterator[Table]:
+    """Open an HDF5 file: arrays (n,), matrices as columns 'name[1]' .., fields of tables as 'table/field'.
+
+    The columns of ``strain`` have the names in ``gauge_names``, where that is there. One number counts for all
+    rows, if its name is known.
+    """
+    with opened_hdf5(path, kind) as file:
+        with of_format(path, kind):
+            stored = _named(path, file, [*_columns_of(path, file, (), reading, is_matlab)])
+        yield table_of(path, stored, reading)
+
+
+def _columns_of(
+    path: Path, group: h5py.Group, around: tuple[str, ...], reading: Reading, is_matlab: bool
+) -> Iterator[Stored]:
+    """Yield the columns of a group and of the groups in it, in their order."""
+    # By names: a loop over items that a damaged file ends keeps the lock of h5py while its traceback lives.
+    for key in list(group):
+        item, name = group.get(key), key.replace("%2F", "/")
+        if isinstance(item, h5py.Group) and key not in _NO_COLUMNS and not key.startswith("#"):
+            inner = around if (*around, key) == _SIMULATION else (*around, key)
+            yield from _columns_of(path, item, inner, reading, is_matlab)
+        elif not isinstance(item, h5py.Dataset) or (key == _GAUGE_NAMES and not around):
+            continue
+        elif item.dtype.names:
+            for field in item.dtype.names:
+                yield _stored(Column(name=field, group=(*around, name)), item.shape, _field(item, field))
+        elif item.ndim == 0 and reading.is_known(name):
+            column = Column(name=name, unit=_unit(path, item), group=around)
+            yield Stored(column=column, rows=None, read=constant(item[()]))
+        elif _text(item.attrs.get("MATLAB_class", "")) != "char":  # what are no numbers is refused if read
+            turned = is_matlab and item.ndim == 2
+            shape = item.shape[::-1] if turned else item.shape
+            names = matrix_columns(name, shape)
+            for of_column, read in zip(names, _columns(item, len(names), turned), strict=True):
+                yield _stored(Column(name=of_column, unit=_unit(path, item), group=around), shape, read)
+
+
+def _named(path: Path, file: h5py.File, stored: list[Stored]) -> list[Stored]:
+    """Return the columns, of ``strain`` with the names of gauges that the file states."""
+    item = file.get(_GAUGE_NAMES)
+    if item is None or STRAIN not in file:
+        return stored
+    names = [_text(name) for name in np.ravel(item[()])] if isinstance(item, h5py.Dataset) else []
+    places = [i for i, one in enumerate(stored) if one.column.name.partition("[")[0] == STRAIN]
+    if len(names) != len(places):
+        raise InputError(
+            f"{path}: '{_GAUGE_NAMES}': expected a name of each of {len(places)} columns of '{STRAIN}', got "
+            f"{len(names)}"
+        )
+    for i, name in zip(places, names, strict=True):
+        column = Column(name=name, unit=stored[i].column.unit, heading=f"{STRAIN}, {name}")
+        stored[i] = replace(stored[i], column=column)
+    return stored
+
+
+def _unit(path: Path, item: h5py.Dataset) -> str | None:
+    """Return the attribute ``unit`` or ``units`` of a data set, None if it has none."""
+    for key in ("unit", "units"):
+        if key in item.attrs:
+            unit, name = item.attrs[key], str(item.name).strip("/")
+            if not isinstance(unit, (str, bytes)):
+                raise InputError(f"{path}: '{name}': attribute {key}: expected a text, got {str(unit)[:40]}")
+            return _text(unit) or None
+    return None
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+def _stored(column: Column, shape: tuple[int, ...], read: Callable[[slice], Any]) -> Stored:
+    return Stored(column=column, rows=int(np.prod(shape)) if 1 in shape else shape[0], read=read)
+
+
+def _field(item: h5py.Dataset, name: str) -> Callable[[slice], Any]:
+    """Return what reads a field of a table."""
+    return lambda rows: item[rows][name]
+
+
+def _columns(item: h5py.Dataset, n: int, is_turned: bool) -> list[Callable[[slice], Any]]:
+    """Return what reads each of the n columns of an array; columns of a matrix are read together."""
+    if n == 1 and item.ndim == 1:
+        return [lambda rows: item[rows]]
+    if n == 1:
+        return [lambda rows: np.ravel(item[:, rows] if item.shape[0] == 1 else item[rows])]
+
+    @lru_cache(maxsize=1)
+    def block(first: int, stop: int) -> Any:
+        return item[:, first:stop].T if is_turned else item[first:stop]
+
+    def column(k: int, rows: slice) -> Any:
+        return block(rows.start, rows.stop)[:, k]
+
+    return [partial(column, k) for k in range(n)]
+
+
+@contextmanager
+def opened_hdf5(path: Path, kind: str = "an HDF5 file") -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading, which is to be done within :func:`~strainfmu.recorded.table.of_format`.
+
+    Raises
+    ------
+    InputError
+        It is damaged, or not ``kind``.
+    """
+    with of_format(path, kind):
+        if not reads_well(path, lambda: _read_structure(path)):
+            raise InputError(f"{path}: damaged, or not {kind}")
+        with h5py.File(path, "r") as file:
+            sizes = [0]
+            file.visititems(lambda _, item: sizes.append(_row_size(item)))
+        file = h5py.File(path, "r", rdcc_nbytes=max(sizes))
+    with file:
+        yield file
+
+
+def _read_structure(path: Path) -> None:
+    """Read all of a file but its numbers."""
+    with h5py.File(path, "r") as file:
+        _read(file)
+        file.visititems(lambda _, item: _read(item))
+
+
+def _row_size(item: Any) -> int:
+    """Return the bytes of the chunks that hold a row of a data set in chunks, 0 of another.
+
+    A file that is read from row to row needs no larger cache of chunks. By default HDF5 retains 1 to 8 MiB of each
+    data set, so that memory grows with the length of the file up to there.
+    """
+    if not isinstance(item, h5py.Dataset) or not item.chunks:
+        return 0
+    across = [-(-n // chunk) * chunk for n, chunk in zip(item.shape[1:], item.chunks[1:], strict=True)]
+    return int(item.dtype.itemsize * item.chunks[0] * prod(across))
+
+
+def _read(item: Any) -> None:
+    """Read the attributes of an item, and its values if they are texts."""
+    for name in item.attrs:
+        item.attrs[name]
+    if isinstance(item, h5py.Dataset) and item.dtype.kind not in "fiub" and item.size <= _LARGEST_TEXT:
+        item[()]

@@ -1,0 +1,58 @@
+"""MAT files: version 7.3 through h5py, older ones through scipy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from strainfmu.errors import InputError, library
+from strainfmu.first_look import reads_well
+from strainfmu.recorded.formats.hdf5 import hdf5_table
+from strainfmu.recorded.table import Column, Reading, Stored, Table, constant, matrix_columns, of_format, table_of
+
+_KIND = "a MAT file"
+
+
+@contextmanager
+def mat_table(path: Path, reading: Reading) -> Iterator[Table]:
+    """Open a MAT file: version 7.3 through h5py, older ones through scipy; fields of structures 'name.field'."""
+    if h5py.is_hdf5(path):
+        with path.open("rb") as stream:
+            is_matlab = stream.read(6) == b"MATLAB"
+        with hdf5_table(path, reading, _KIND, is_matlab=is_matlab) as table:
+            yield table
+        return
+    loadmat = library("scipy.io", "scipy", "mat").loadmat
+    with of_format(path, _KIND):
+        # scipy's parser, compiled, ends the process by some damaged files.
+        if not reads_well(path, lambda: loadmat(path, simplify_cells=True)):
+            raise InputError(f"{path}: damaged, or not {_KIND}")
+        entries = loadmat(path, simplify_cells=True)
+    variables = {name: value for name, value in entries.items() if not name.startswith("__")}
+    yield table_of(path, list(_columns(variables, (), reading)), reading)
+
+
+def _columns(entries: Mapping[str, Any], group: tuple[str, ...], reading: Reading) -> Iterator[Stored]:
+    """Yield the columns of the variables of a file, or of the fields of a structure."""
+    for name, value in entries.items():
+        if isinstance(value, dict):
+            yield from _columns(value, (*group, name), reading)
+            continue
+        array = np.asarray(value)
+        if array.size == 1 and array.dtype.kind in "fiub":
+            if reading.is_known(name):
+                number = array.ravel()
+                yield Stored(column=_column(group, name), rows=None, read=constant(number))
+        elif array.ndim and array.size != 1:  # what are no numbers is refused where it is read
+            names = matrix_columns(name, array.shape)
+            for i, values in enumerate([np.ravel(array)] if len(names) == 1 else array.T[: len(names)]):
+                yield Stored(column=_column(group, names[i]), rows=len(values), read=values.__getitem__)
+
+
+def _column(group: tuple[str, ...], name: str) -> Column:
+    return Column(name=name, group=group, full=".".join((*group, name)))

@@ -1,0 +1,144 @@
+"""MDF files read with asammdf: a frame for each channel group; a damaged file is one line and no more."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.errors import InputError, library
+from strainfmu.first_look import limited_memory, reads_well
+from strainfmu.recorded.table import Column, Reading, Stored, Table, of_format, table_of
+
+MAGIC = (b"MDF ", b"UnFinMF ")
+
+
+@contextmanager
+def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
+    """Open an MDF file. A name that several groups have gets the group ahead: 'group[2]/name'.
+
+    Of a file that ends early the whole rows are read.
+
+    Raises
+    ------
+    InputError
+        As :func:`opened_mdf`, or the file holds frames of a bus alone.
+    """
+    with opened_mdf(path) as file:
+        places = file.channels_db
+        if "CAN_DataFrame" in places and all(name.startswith(("CAN_", "t", "T")) for name in places):
+            raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
+        remarks: list[str] = []
+        with of_format(path, _kind(path)):
+            rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
+            stored = []
+            for name, at in places.items():
+                at = [(group, i) for group, i in at if i != file.masters_db.get(group)]
+                for group, i in at:
+                    column = Column(
+                        name=name,
+                        unit=_unit(file, name, group, i) if reading.is_known(name.rpartition("/")[2]) else None,
+                        group=(_group(file, group),) if len(at) > 1 else (),
+                    )
+                    read = partial(_samples, file, group, i)
+                    clock = ("group", group), partial(_times, file, group)
+                    stored.append(Stored(column=column, rows=rows[group], read=read, clock=clock))
+        yield table_of(path, stored, reading, remarks)
+
+
+def _group(file: Any, group: int) -> str:
+    """Return the name of a channel group, its number from 1 where it has none of its own."""
+    names = [str(getattr(one.channel_group, "acq_name", "") or "").strip() for one in file.groups]
+    return names[group] if names[group] and names.count(names[group]) == 1 else f"group[{group + 1}]"
+
+
+def _unit(file: Any, name: str, group: int, channel: int) -> str | None:
+    return str(file.get_channel_unit(name, group=group, index=channel) or "") or None
+
+
+def _rows(file: Any, group: int, path: Path, remarks: list[str]) -> int:
+    """Return the number of whole rows of a channel group; a remark says how many are missing."""
+    stated = int(file.groups[group].channel_group.cycles_nr)
+    if not stated:
+        return 0
+    try:
+        if len(_times(file, group, slice(stated - 1, stated))) == 1:
+            return stated
+    except ValueError:
+        pass
+    rows = len(file.get_master(group))
+    if rows < stated:
+        remarks.append(f"{path}: ends early: {rows} of {stated} rows of {_group(file, group)} are read")
+    return rows
+
+
+def _times(file: Any, group: int, rows: slice) -> Any:
+    return file.get_master(group, record_offset=rows.start, record_count=rows.stop - rows.start)
+
+
+def _samples(file: Any, group: int, channel: int, rows: slice) -> Any:
+    """Return the samples of a channel, NaN for those that the file calls invalid."""
+    values, invalid = file.get(
+        group=group,
+        index=channel,
+        samples_only=True,
+        record_offset=rows.start,
+        record_count=rows.stop - rows.start,
+    )
+    if invalid is not None and values.dtype.kind in "fiub" and np.any(invalid):
+        return np.where(np.asarray(invalid, dtype=bool), np.nan, values)
+    return values
+
+
+def _kind(path: Path) -> str:
+    return f"an {'MF4' if path.suffix.lower() == '.mf4' else 'MDF'} file"
+
+
+@contextmanager
+def opened_mdf(path: Path) -> Iterator[Any]:
+    """Open an MDF file; yield asammdf's object.
+
+    Raises
+    ------
+    InputError
+        The file is missing or damaged.
+    StrainfmuError
+        asammdf is not installed.
+    """
+    mdf = library("asammdf", "asammdf", "mf4").MDF
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    file = None
+    if reads_well(path, lambda: mdf(str(path)).close()):
+        with limited_memory(path):
+            file = _opened(mdf, path)
+    if file is None:
+        raise InputError(f"{path}: damaged, or not {_kind(path)}")
+    with file:
+        yield file
+
+
+def _opened(mdf: Any, path: Path) -> Any:
+    """Return asammdf's object, None if it cannot read the file.
+
+    An object that was made in part fails in its destructor as well, which Python reports on standard error, as
+    asammdf's log does what is damaged.
+    """
+    hook, log = sys.unraisablehook, logging.getLogger("asammdf")
+    sys.unraisablehook, log.disabled = lambda _: None, True
+    try:
+        try:
+            return mdf(str(path))
+        except Exception:  # asammdf raises whatever its parsers do
+            pass
+        gc.collect()
+        return None
+    finally:
+        sys.unraisablehook, log.disabled = hook, False

@@ -1,0 +1,65 @@
+"""Parquet files through pyarrow: units by metadata, or in brackets behind the names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.errors import library
+from strainfmu.recorded.names import name_and_unit
+from strainfmu.recorded.table import (
+    PIECE_ROWS,
+    Column,
+    Frame,
+    Piece,
+    Reading,
+    Table,
+    as_numbers,
+    as_seconds,
+    of_format,
+)
+
+
+@contextmanager
+def parquet_table(path: Path, reading: Reading) -> Iterator[Table]:
+    """Open a Parquet file; units by the metadata 'unit' of a column, or in brackets behind its name."""
+    parquet = library("pyarrow.parquet", "pyarrow", "parquet")
+    with of_format(path, "a Parquet file"):
+        file = parquet.ParquetFile(path)
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+    with file:
+        columns = tuple(_column(schema.field(i), reading) for i in range(len(schema.names)))
+
+        def pieces(indices: Sequence[int]) -> Iterator[Piece]:
+            starts: list[np.datetime64] = []
+            end, names = 0, [schema.names[i] for i in indices]
+            batches = file.iter_batches(PIECE_ROWS, columns=list(dict.fromkeys(names)))
+            while True:
+                with of_format(path, "a Parquet file"):
+                    batch = next(batches, None)
+                if batch is None:
+                    return
+                values = [
+                    as_numbers(path, columns[i], batch.column(name).to_numpy(zero_copy_only=False), starts)
+                    for i, name in zip(indices, names, strict=True)
+                ]
+                first, end = end, end + batch.num_rows
+                yield Piece(np.arange(first + 1, end + 1), values, end)
+
+        yield Table(path, (Frame(columns=columns, pieces=pieces, rows=rows, length=rows),))
+
+
+def _column(field: Any, reading: Reading) -> Column:
+    name, unit = name_and_unit(field.name, reading.is_known)
+    stated = (field.metadata or {}).get(b"unit")
+    dated = as_seconds(name) if "timestamp" in str(field.type) else ""
+    return Column(
+        name=name,
+        unit=stated.decode("utf-8", "replace") if stated else unit,
+        heading=field.name,
+        dated=dated,
+    )

@@ -1,0 +1,62 @@
+"""TDMS files read with npTDMS, in pieces; a damaged one is one line and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.errors import library
+from strainfmu.recorded.names import time_rank
+from strainfmu.recorded.table import Column, Reading, Stored, Table, as_seconds, of_format, table_of
+
+
+@contextmanager
+def tdms_table(path: Path, reading: Reading) -> Iterator[Table]:
+    """Open a TDMS file; times of a channel are its group's column of times, or the times of its waveform."""
+    nptdms = library("nptdms", "npTDMS", "tdms")
+    with of_format(path, "a TDMS file"):
+        file = nptdms.TdmsFile.open(str(path))
+    with file:
+        with of_format(path, "a TDMS file"):
+            channels = [channel for group in file.groups() for channel in group.channels()]
+            timed = {(one.group_name, len(one)) for one in channels if time_rank(one.name) is not None}
+            starts = [one.properties["wf_start_time"] for one in channels if "wf_start_time" in one.properties]
+            stored = []
+            for channel in channels:
+                has_times = (channel.group_name, len(channel)) in timed
+                clock = None if has_times else _waveform(channel, min(starts, default=None))
+                stored.append(
+                    Stored(column=_column(channel), rows=len(channel), read=_reader(channel), clock=clock)
+                )
+        yield table_of(path, stored, reading)
+
+
+def _column(channel: Any) -> Column:
+    is_dated = channel.dtype.kind == "M"
+    name = f"{channel.group_name}/{channel.name}"
+    unit = str(channel.properties.get("unit_string") or "") or None
+    return Column(
+        name=channel.name,
+        unit="s" if is_dated else unit,
+        group=(channel.group_name,),
+        dated=as_seconds(name) if is_dated else "",
+    )
+
+
+def _reader(channel: Any) -> Any:
+    return lambda rows: channel[rows]
+
+
+def _waveform(channel: Any, first: Any) -> tuple[Hashable, Any] | None:
+    """Return the times of a channel by its waveform's start, offset and increment; None without a waveform."""
+    if "wf_increment" not in channel.properties:
+        return None
+    start = channel.properties.get("wf_start_time")
+    ahead = 0.0 if start is None else float((start - first) / np.timedelta64(1, "s"))
+    offset = ahead + float(channel.properties.get("wf_start_offset", 0.0))
+    step = float(channel.properties["wf_increment"])
+    return (offset, step), lambda rows: offset + step * np.arange(rows.start, rows.stop)

@@ -1,0 +1,84 @@
+"""Universal files (UFF, .uff, .unv, .uf58) of test halls: data sets 58 and 58b of time, read with pyuff.
+
+Source: Structural Dynamics Research Laboratory, University of Cincinnati, Universal File Formats for Modal
+Analysis Testing, data set 58, function at nodal degree of freedom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.errors import InputError, library
+from strainfmu.recorded.table import Column, Reading, Stored, Table, of_format, table_of
+
+_OF_TIME = (0, 1)
+"""Types of functions that are series over time: general or unknown, time response."""
+
+_REAL = (2, 4)
+"""Types of ordinate that are real numbers, of single and double precision."""
+
+_TIME_AXIS = (0, 17)
+"""Types of abscissa: unknown, time."""
+
+_DIRECTIONS = {1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
+
+
+@contextmanager
+def uff_table(path: Path, reading: Reading) -> Iterator[Table]:
+    """Open a universal file; a column is a data set of time, its name the first line of identification.
+
+    Where data sets have that line in common, or none, the name is the degree of freedom: entity, node, direction.
+    """
+    pyuff = library("pyuff", "pyuff", "uff")
+    with of_format(path, "a universal file"):
+        file = pyuff.UFF(str(path))
+        kinds = [int(kind) for kind in np.atleast_1d(file.get_set_types())]
+        sets = [file.read_sets(k) if kind == 58 else {} for k, kind in enumerate(kinds)]
+    if not sets:
+        raise InputError(f"{path}: damaged, or not a universal file: no data set found")
+    series = [data for data in sets if _is_series(data)]
+    if not series:
+        raise InputError(f"{path}: no series over time found, expected data sets 58 of real numbers over time")
+    stored = []
+    for name, data in zip(_names(series), series, strict=True):
+        values, time, stated = np.asarray(data["data"]), np.asarray(data["x"], dtype=float), int(data["num_pts"])
+        if len(values) != stated:
+            raise InputError(f"{path}: column '{name}': damaged, {len(values)} of {stated} values found")
+        column = Column(name=name, unit=_text(data.get("ordinate_axis_units_lab")) or None)
+        clock = time.tobytes(), time.__getitem__
+        stored.append(Stored(column=column, rows=stated, read=values.__getitem__, clock=clock))
+    more = len(sets) - len(series)
+    remarks = [f"{path}: {more} data sets that are no series over time are not read"] if more else []
+    yield table_of(path, stored, reading, remarks)
+
+
+def _is_series(data: dict[str, Any]) -> bool:
+    return (
+        data.get("func_type") in _OF_TIME
+        and data.get("ord_data_type") in _REAL
+        and data.get("abscissa_spec_data_type", 0) in _TIME_AXIS
+    )
+
+
+def _names(series: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the names of the columns: lines of identification, if each has its own, or degrees of freedom."""
+    stated = [_text(data.get("id1")) for data in series]
+    if all(stated) and len(set(stated)) == len(stated):
+        return stated
+    return [_degree_of_freedom(data) for data in series]
+
+
+def _degree_of_freedom(data: dict[str, Any]) -> str:
+    entity, node = _text(data.get("rsp_ent_name")), int(data.get("rsp_node", 0))
+    return f"{f'{entity}:' if entity else ''}{node}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
+
+
+def _text(value: Any) -> str:
+    """Return a text of the file, "" where it states none."""
+    text = str(value or "").strip()
+    return "" if text.upper() == "NONE" else text

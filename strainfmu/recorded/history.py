@@ -1,0 +1,254 @@
+"""The course of a flight in bounded memory: loads with their bands, angles, health, and when loads are not usable.
+
+Samples are collected in bins, at most :data:`MAX_BINS` of them: when there are more, two become one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.cosim.estimators.step import health_name
+from strainfmu.errors import library
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.health import USABLE_STATES, HealthState
+from strainfmu.estimator.other_loads import SIGMA
+from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.health_names import STATE
+from strainfmu.recorded.estimators import BlockEstimates
+from strainfmu.recorded.samples import Samples
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MAX_BINS = 1500
+MAX_PERIODS = 200
+"""Periods without usable loads that are listed."""
+
+REFUSED = "refused"
+"""Stands for the state of samples that an FMU refused."""
+
+_ANGLES = ("angle_of_attack", "sideslip_angle")
+_SHOWN = (*LOADS, *(f"air_data.{name}" for name in _ANGLES))
+
+COLOURS = {
+    HealthState.OK.name: "#2c7a3f",
+    HealthState.DEGRADED.name: "#7fb069",
+    HealthState.OUTSIDE.name: "#e0a100",
+    HealthState.SUSPECT.name: "#e07000",
+    HealthState.NO_COEFFICIENTS.name: "#9aa7b1",
+    HealthState.INCONSISTENT.name: "#b3202c",
+    HealthState.UNIDENTIFIED.name: "#7b3294",
+    HealthState.INVALID.name: "#3c3c3c",
+    REFUSED: "#000000",
+}
+"""Colour of each state in the band of health, which shows the last of the states in this order."""
+
+_NAMES = tuple(COLOURS)
+_RANKS = {-1 if name == REFUSED else int(HealthState[name]): float(rank) for rank, name in enumerate(_NAMES)}
+"""Place of each number of a state in that order."""
+
+
+@dataclass
+class Peak:
+    """The largest |load| among usable samples: value, standard deviation, time [s]; NaN without any."""
+
+    value: float = float("nan")
+    sigma: float = float("nan")
+    time: float = float("nan")
+
+
+@dataclass
+class Period:
+    """Successive samples in one state in which loads are not usable: times of the first and the last [s]."""
+
+    state: str
+    begin: float
+    end: float
+    samples: int
+
+
+@dataclass
+class Misfit:
+    """A gauge that does not fit the others: samples in which it fits worst, and its largest |z|."""
+
+    samples: int = 0
+    largest: float = 0.0
+
+
+@dataclass(eq=False)
+class History:
+    """The course of a flight.
+
+    Attributes
+    ----------
+    peaks : by name of the load.
+    periods : without usable loads; ``further`` counts those beyond the list.
+    misfits : by name of the gauge, where a map gives residuals.
+    """
+
+    peaks: dict[str, Peak] = field(default_factory=lambda: {name: Peak() for name in LOADS})
+    periods: list[Period] = field(default_factory=list)
+    further: int = 0
+    misfits: dict[str, Misfit] = field(default_factory=dict)
+    _per_bin: int = 1
+    _bins: list[FloatArray] = field(default_factory=list)
+    _rest: list[FloatArray] = field(default_factory=list)
+
+    def add(self, block: Samples, estimates: BlockEstimates, row_names: Sequence[str]) -> None:
+        """Take the samples of a block."""
+        unknown, values = np.full(len(block.time), np.nan), estimates.values
+        health = np.nan_to_num(values[STATE], nan=-1.0).astype(int)
+        usable = np.isin(health, USABLE_STATES)
+        pressure = values.get(f"air_data.{DYNAMIC_PRESSURE}", unknown)
+        shown_pressure = np.where(np.isnan(block.dynamic_pressure), pressure, block.dynamic_pressure)
+        columns = [
+            block.time,
+            shown_pressure,
+            np.select([health == state for state in _RANKS], [*_RANKS.values()]),
+        ]
+        columns += [values.get(f"{of}{name}", unknown) for name in _SHOWN for of in ("", SIGMA)]
+        self._collect(np.column_stack(columns))
+        for name, peak in self.peaks.items():
+            size = np.where(usable, np.abs(values[name]), np.nan)
+            if np.isfinite(size).any() and not np.nanmax(size) <= abs(peak.value):
+                row = int(np.nanargmax(size))
+                sigma = float(values[f"{SIGMA}{name}"][row])
+                self.peaks[name] = Peak(float(values[name][row]), sigma, float(block.time[row]))
+        if not usable.all():
+            self._add_periods(block.time, health)
+        for row in np.flatnonzero(estimates.worst >= 0).tolist():
+            misfit = self.misfits.setdefault(row_names[int(estimates.worst[row])], Misfit())
+            misfit.samples += 1
+            misfit.largest = max(misfit.largest, float(estimates.worst_residual[row]))
+
+    def _collect(self, rows: FloatArray) -> None:
+        """Collect rows (n, n_c) in bins: (3, n_c) smallest, mean and largest of each."""
+        rows = np.vstack([*self._rest, rows])
+        whole = len(rows) - len(rows) % self._per_bin
+        self._rest = [rows[whole:]]
+        if whole:
+            parts = rows[:whole].reshape(-1, self._per_bin, rows.shape[1])
+            self._bins.append(_reduced(parts, parts, parts))
+        if sum(map(len, self._bins)) > 2 * MAX_BINS:
+            bins = np.concatenate(self._bins)
+            even = len(bins) - len(bins) % 2
+            pairs = bins[:even].reshape(-1, 2, *bins.shape[1:])
+            self._bins = [_reduced(pairs[:, :, 0], pairs[:, :, 1], pairs[:, :, 2]), bins[even:]]
+            self._per_bin *= 2
+
+    def _add_periods(self, time: FloatArray, health: Any) -> None:
+        row = 0
+        for state, same in groupby(health.tolist()):
+            n = len(list(same))
+            name = REFUSED if state < 0 else health_name(state)
+            begin, end, row = float(time[row]), float(time[row + n - 1]), row + n
+            if state in USABLE_STATES:
+                continue
+            last = self.periods[-1] if self.periods else None
+            if row == n and last is not None and last.state == name and not self.further:
+                last.end, last.samples = end, last.samples + n
+            elif len(self.periods) < MAX_PERIODS:
+                self.periods.append(Period(name, begin, end, n))
+            else:
+                self.further += 1
+
+    @property
+    def bins(self) -> FloatArray:
+        """(n, 3, n_c) smallest, mean and largest of each quantity in each bin."""
+        rest = [_reduced(rows[None], rows[None], rows[None]) for rows in self._rest if len(rows)]
+        return np.concatenate([*self._bins, *rest])
+
+    def plot(self, which: str = "all", width: float = 9.0) -> Figure:
+        """Return a figure of the flight: five loads with 3 sigma, angles, dynamic pressure, health as a band.
+
+        Parameters
+        ----------
+        which : "loads", "state", or "all" of them.
+        width : of the figure [in].
+
+        Raises
+        ------
+        StrainfmuError
+            matplotlib is not installed.
+        """
+        bins = self.bins
+        curves = [] if which == "state" else [self._column(bins, name) for name in LOADS]
+        labels = [f"{load.label} [{load.unit.replace('.', ' ')}]" for load in LOADS.values()][: len(curves)]
+        if which != "loads":
+            angles = {name: np.degrees(self._column(bins, f"air_data.{name}")) for name in _ANGLES}
+            known = {name: curve for name, curve in angles.items() if np.isfinite(curve).any()}
+            curves += [*known.values(), 1e-3 * bins[:, [1, 1, 1], 1]]
+            labels += [f"{name.replace('_angle', '').replace('_', ' ')} [deg]" for name in known] + ["q [kPa]"]
+        n, module = len(curves) + 1, library("matplotlib.figure", "matplotlib", "report")
+        figure: Figure = module.Figure(figsize=(width, 1.45 * n + 0.6), layout="constrained")
+        axes = figure.subplots(n, 1, sharex=True, height_ratios=[*[1.0] * (n - 1), 0.35])
+        time = bins[:, 1, 0]
+        for axis, curve, label in zip(axes, curves, labels, strict=False):
+            _draw(axis, time, curve, label)
+        _draw_health(axes[-1], time, bins[:, :, 2])
+        axes[-1].set_xlabel("time [s]")
+        return figure
+
+    @staticmethod
+    def _column(bins: FloatArray, name: str) -> FloatArray:
+        """Return (n, 3) smallest less, mean, largest of a quantity, with 3 sigma at both ends."""
+        i = 3 + 2 * _SHOWN.index(name)
+        value, sigma = bins[:, :, i], bins[:, 2, i + 1]
+        return np.column_stack([value[:, 0] - 3.0 * sigma, value[:, 1], value[:, 2] + 3.0 * sigma])
+
+
+def _reduced(low: FloatArray, mean: FloatArray, high: FloatArray) -> FloatArray:
+    """Return (n, 3, n_c) smallest, mean and largest of (n, k, n_c); the first time, NaN where all are."""
+    with np.errstate(all="ignore"):
+        ends = np.fmin.reduce(low, axis=1), np.fmax.reduce(high, axis=1)
+        known = np.isfinite(mean)
+        middle = np.where(known, mean, 0.0).sum(axis=1) / known.sum(axis=1)
+    return np.stack([ends[0], middle, ends[1]], axis=1)
+
+
+def _with_breaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return times and values (n, k) with a row of NaN in each gap, in which no line is to be drawn."""
+    steps = np.diff(time)
+    gaps = np.flatnonzero(steps > 5.0 * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
+    middle = 0.5 * (time[gaps - 1] + time[gaps])
+    return np.insert(time, gaps, middle), np.insert(values, gaps, np.nan, axis=0)
+
+
+def _draw(axis: Any, time: FloatArray, values: FloatArray, label: str) -> None:
+    """Draw a quantity with its band."""
+    time, values = _with_breaks(time, values)
+    axis.fill_between(time, values[:, 0], values[:, 2], color="#9ecae1", linewidth=0.0)
+    axis.plot(time, values[:, 1], color="#08519c", linewidth=0.9)
+    axis.set_ylabel(label, fontsize="small")
+    axis.grid(alpha=0.3)
+
+
+def _draw_health(axis: Any, time: FloatArray, states: FloatArray) -> None:
+    """Draw the states as a band, by their largest rank (n, 3) in each bin."""
+    from matplotlib.patches import Patch
+
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+    first, seen = 0, dict[str, Any]()
+    for rank, same in groupby(states[:, 2].astype(int).tolist()):
+        n, name = len(list(same)), _NAMES[rank]
+        rows = time[first : first + n]
+        for part in np.split(rows, np.flatnonzero(np.diff(rows) > 5.0 * step) + 1):
+            axis.axvspan(part[0], part[-1] + step, color=COLOURS[name], linewidth=0.0)
+        seen.setdefault(name, Patch(color=COLOURS[name], label=name))
+        first += n
+    axis.set_yticks([])
+    axis.set_ylabel("health", fontsize="small")
+    axis.legend(
+        handles=list(seen.values()),
+        loc="upper center",
+        bbox_to_anchor=(0.5, -1.0),
+        ncols=3,
+        fontsize="x-small",
+        frameon=False,
+    )

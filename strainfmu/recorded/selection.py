@@ -1,0 +1,552 @@
+"""What is read of a table: the column of each gauge and quantity of the flow, and what makes SI units of it.
+
+Without a channel file the columns name what they are; with one (channels.toml) it says so, and quantities of the
+flow may have their own names besides.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
+from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, static_pressure_at
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import (
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    INERTIAL_NAMES,
+    MACH_NUMBER,
+    NAVIGATION_INPUTS,
+    STATIC_PRESSURE,
+    STD,
+)
+from strainfmu.estimator.arguments import given
+from strainfmu.estimator.signal_names import STRAIN, THRUST
+from strainfmu.interface.parameter_variables import PREFIX
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.interface.sensor_variables import identifier
+from strainfmu.recorded.channel_map import (
+    BENDING,
+    COMPENSATIONS,
+    ChannelMap,
+    FlowEntry,
+    Join,
+    Rosette,
+    differs,
+    strain_conversion,
+    unit_of_channel,
+)
+from strainfmu.recorded.names import (
+    CHANNEL_FILE_HINT,
+    FLOW_NAMES,
+    Wanted,
+    excluded_gauges,
+    is_signal,
+    is_temperature,
+    last_part,
+    matched,
+    plain_name,
+    scale_of,
+    sensor_of,
+    some_of,
+    suggestion,
+    temperature_quantities,
+    time_factor,
+    time_rank,
+    unknown_text,
+)
+from strainfmu.recorded.table import Column, Place, Table
+from strainfmu.units import STRAIN_UNITS
+
+Conversion = Callable[[FloatArray], FloatArray]
+
+_NUMBERED_TIME = re.compile(
+    r"(?:time|zeit|temps)[\s_-]*(?:\d+\b|slow|fast|langsam|schnell|low|high)", re.IGNORECASE
+)
+"""Names of columns of time of recorders with several rates, as "Time  2 - slow"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where values come from: number of the frame, of its column, and what makes SI units of them."""
+
+    frame: int
+    column: int
+    convert: Conversion
+
+
+Times = tuple[int | None, float]
+"""The times of a frame: number of its column and factor to s, or None and the rate [Hz] if there is none."""
+
+
+@dataclass(eq=False, kw_only=True)
+class Selection:
+    """What is read of a table.
+
+    Attributes
+    ----------
+    strain : source of each gauge, or leg of a rosette by its plain name.
+    flow : source of each quantity of the flow, flow parameter, auxiliary sensor, and ``temperature[k]``.
+    times : of each frame that is read.
+    excluded : gauges that are left out.
+    unused : names of the columns that are not read.
+    notes : lines for the user.
+    strain_factor : of the unit of most strains, to m/m.
+    pressure_factor : of the unit of the pressure that q_inf comes from, to Pa.
+    rosettes, join, raster : of the channel file; ``join`` None without one, ``raster`` None where none is stated.
+    """
+
+    table: Table
+    wanted: Wanted
+    strain: dict[str, Source] = field(default_factory=dict)
+    flow: dict[str, Source] = field(default_factory=dict)
+    times: dict[int, Times] = field(default_factory=dict)
+    excluded: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+    strain_factor: float = 1.0
+    pressure_factor: float = 1.0
+    rosettes: tuple[Rosette, ...] = ()
+    join: Join | None = None
+    raster: Source | None = None
+
+    @property
+    def path(self) -> Path:
+        """The recording."""
+        return self.table.path
+
+    def column(self, source: Source) -> Column:
+        """Return the column of a source."""
+        return self.table.frames[source.frame].columns[source.column]
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Quantities of flow and navigation other than q_inf that the file holds for the estimator."""
+        taken = (*FLOW_NAMES[1:], *INERTIAL_NAMES, *(NAVIGATION_INPUTS if self.wanted.navigates else ()))
+        return tuple(name for name in self.wanted.flow if name in self.flow and name in taken)
+
+    @property
+    def computed_from(self) -> tuple[str, ...]:
+        """Quantities that q_inf is computed from, nothing where it is read or fixed, or an output alone."""
+        return () if self.wanted.navigates or self._has_pressure else pressure_sources(self.flow)
+
+    @property
+    def pressure_name(self) -> tuple[str, float] | None:
+        """The quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude."""
+        if self._has_pressure:
+            is_read = DYNAMIC_PRESSURE in self.flow
+            return (DYNAMIC_PRESSURE, self.pressure_factor) if is_read else ("--dynamic-pressure", 1.0)
+        return (STATIC_PRESSURE, self.pressure_factor) if STATIC_PRESSURE in pressure_sources(self.flow) else None
+
+    @property
+    def _has_pressure(self) -> bool:
+        fixed = self.wanted.fixed_pressure
+        return DYNAMIC_PRESSURE in self.flow or (fixed is not None and bool(np.isfinite(fixed)))
+
+    def flow_notes(self) -> list[str]:
+        """Return what is to be said of the columns of the flow."""
+        wanted, notes = self.wanted, list[str]()
+        if self.computed_from:
+            notes.append(f"no dynamic_pressure found: {_COMPUTED[self.computed_from[1]]}")
+        elif wanted.navigates and not self._has_pressure:
+            pressure = next((name for name in (STATIC_PRESSURE, ALTITUDE) if name in self.flow), "")
+            known = [name for name in (MACH_NUMBER, pressure) if name in self.flow]
+            by = f"with {' and '.join(known)} as navigation" if known else "from strain alone"
+            notes.append(f"no dynamic_pressure found: estimated {by}")
+        missing = [name for name in wanted.readings if name not in self.flow]
+        if missing:
+            notes.append(f"no column for {some_of(missing)}: sensors are left out, thrust is 0")
+        quantities = zip(wanted.sensors, temperature_quantities(wanted.sensors), strict=True)
+        cold = [sensor for sensor, quantity in quantities if quantity not in self.flow]
+        if cold:
+            more = "" if len(cold) < len(wanted.sensors) else ", the map's modes stay nuisances"
+            notes.append(
+                f"no column for {len(cold)} of {len(wanted.sensors)} temperature sensors{more}: {some_of(cold)}"
+            )
+        return [f"{self.path}: {note}" for note in notes]
+
+
+_COMPUTED = {
+    STATIC_PRESSURE: "computed from mach_number and static_pressure, gamma/2 p M^2",
+    ALTITUDE: "computed from mach_number and altitude, gamma/2 p M^2 with p of the US Standard Atmosphere 1976; a "
+    "day's air differs from it by several percent: state dynamic_pressure_std",
+}
+"""How q_inf was computed with the Mach number, and what that costs."""
+
+
+def select(table: Table, wanted: Wanted, channel_map: ChannelMap | None = None) -> Selection:
+    """Return what is read of a table.
+
+    Raises
+    ------
+    InputError
+        A column is missing, unknown, appears twice (under any of its names), or has an unknown unit; or a channel,
+        a gauge or a unit of ``channel_map`` does not fit the recording or the map.
+    """
+    selection = Selection(table=table, wanted=wanted)
+    if channel_map is None:
+        _by_names(selection)
+    else:
+        _by_channels(selection, channel_map)
+    for name in wanted.parameters:
+        value = name.removesuffix(STD)
+        if name in selection.flow and value not in (name, *selection.flow):
+            raise InputError(f"{table.path}: {name}: expected {value} with its standard deviation, got none")
+    for source in (*selection.strain.values(), *selection.flow.values()):
+        if source.frame not in selection.times:
+            selection.times[source.frame] = _times(selection, source, channel_map)
+    selection.notes += selection.flow_notes()
+    return selection
+
+
+def _times(selection: Selection, source: Source, channel_map: ChannelMap | None) -> Times:
+    """Return the times of a source's frame: the stated channel, its own, by a rate, or its column of times."""
+    table, path, frame = selection.table, selection.path, selection.table.frames[source.frame]
+    times, stated = frame.times, channel_map.time if channel_map else None
+    if channel_map is not None and stated is not None:
+        name = matched(path, "channel of time", stated, table.names)
+        if name is None:
+            near = suggestion(stated, table.names)
+            raise InputError(f"{path}: no channel '{stated}' of {channel_map.path}: time.channel, {near}")
+        times = [i for i, column in enumerate(frame.columns) if column.full == name]
+        if not times:
+            raise _other_rows(selection, source, name)
+    elif channel_map is not None and channel_map.rate is not None and not frame.has_clock:
+        return None, channel_map.rate
+    if len(times) != 1:
+        if not times and (elsewhere := _named_times(table)):
+            raise _other_rows(selection, source, elsewhere[0])
+        got = " and ".join(f"'{frame.columns[i].heading}'" for i in times) or "none"
+        way = f"state [time] channel or rate_hz in {channel_map.path}" if channel_map else CHANNEL_FILE_HINT
+        raise InputError(
+            f"{path}: column of times: expected one, got {got}, it holds {some_of(table.names)}; {way}"
+        )
+    column = frame.columns[times[0]]
+    if column.dated:
+        selection.notes.append(f"{path}: {column.dated}")
+        return times[0], 1.0
+    unit = channel_map.time_unit if channel_map and (stated is not None or not frame.has_clock) else None
+    return times[0], time_factor(path, column.heading, unit or column.unit)
+
+
+def _named_times(table: Table) -> list[str]:
+    """Return the full names of the columns of times, of all frames."""
+    return [frame.columns[i].full for frame in table.frames if not frame.has_clock for i in frame.times]
+
+
+def _other_rows(selection: Selection, source: Source, time: str) -> InputError:
+    """Return the refusal of a column that has another number of rows than the column of times ``time``."""
+    frames = selection.table.frames
+    rows = next(frame.rows for frame in frames for column in frame.columns if column.full == time)
+    return InputError(
+        f"{selection.path}: column '{selection.column(source).full}': expected {rows} values, as many as times in "
+        f"'{time}', got {frames[source.frame].rows}"
+    )
+
+
+# --- columns that name what they are ---------------------------------------------------------------------------
+
+
+def _by_names(selection: Selection) -> None:
+    """Select columns by their names and units.
+
+    A gauge's column is named by the gauge, or ``strain[i]`` from 1, after an instance's name and a dot if there is
+    one. Without a unit a column is in the SI unit.
+    """
+    table, wanted, path = selection.table, selection.wanted, selection.path
+    names = [column.name for column in table.places.values()]
+    for entry in wanted.ignored:
+        if "*" not in entry and entry not in (*names, *table.names):
+            raise InputError(f"{path}: --ignore-columns: no column '{entry}' found, it holds {some_of(names)}")
+    places: dict[str, list[Place]] = {}
+    unused, unknown = [], []
+    for place, column in table.places.items():
+        name, frame = column.name, table.frames[place[0]]
+        if name in wanted.ignored or column.full in wanted.ignored:
+            unused.append(name)
+        elif name not in wanted.gauge_names and time_rank(name) is not None:
+            if frame.has_clock or place[1] not in frame.times:
+                unused.append(name)
+        elif (quantity := wanted.quantity(name)) is not None:
+            places.setdefault(quantity, []).append(place)
+        elif is_signal(name) or wanted.passes(name):
+            unused.append(name)
+        else:
+            unknown.append(name)
+    if unknown:
+        raise InputError(f"{path}: {unknown_text(unknown, names=names, wanted=wanted)}")
+    excluded = excluded_gauges(path, wanted)
+    selection.excluded = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)
+    factors = []
+    for i, gauge in enumerate(wanted.gauge_names, start=1):
+        if gauge in excluded:
+            continue
+        if gauge not in places:
+            raise InputError(
+                f"{path}: no column '{gauge}' or 'strain[{i}]' found for a gauge, it holds {some_of(names)}; "
+                f"{CHANNEL_FILE_HINT}"
+            )
+        place = _only(selection, places[gauge], gauge)
+        factor, _ = scale = scale_of(path, table.places[place].heading, STRAIN, table.places[place].unit)
+        selection.strain[gauge] = Source(*place, _conversion(*scale))
+        factors.append(factor)
+    selection.strain_factor = float(np.median(factors))
+    lacks = f"no column '{DYNAMIC_PRESSURE}' found, it holds {some_of(names)}; or state {wanted.pressure_option}"
+    passed = _select_flow(selection, places, {}, lacks)
+    selection.unused = (*unused, *(table.places[place].name for place in passed))
+
+
+def _select_flow(
+    selection: Selection, places: Mapping[str, Sequence[Place]], units: Mapping[str, str | None], lacks: str
+) -> list[Place]:
+    """Select the columns of the flow; return those that are passed over, as q_inf is known without them.
+
+    Parameters
+    ----------
+    places : columns of each quantity.
+    units : of quantities whose column states none, or another one.
+    lacks : what to say where q_inf is missing.
+    """
+    wanted, path, passed = selection.wanted, selection.path, list[Place]()
+    is_fixed = wanted.fixed_pressure is not None
+    has_other = is_fixed or DYNAMIC_PRESSURE in places or MACH_NUMBER not in places
+    for name in (*wanted.flow, *temperature_quantities(wanted.sensors)):
+        if name not in places:
+            continue
+        is_passed = name == STATIC_PRESSURE and not wanted.navigates and has_other
+        if is_passed or (name == DYNAMIC_PRESSURE and is_fixed):
+            passed += places[name]
+            continue
+        sensor = sensor_of(name, wanted.sensors) if is_temperature(name) else None
+        place = _only(selection, places[name], name if sensor is None else f"sensor {wanted.sensors[sensor]}")
+        column = selection.table.places[place]
+        scale = scale_of(path, column.heading, name, units.get(name, column.unit), wanted.readings)
+        selection.flow[name] = Source(*place, _conversion(*scale))
+        if name in (DYNAMIC_PRESSURE, STATIC_PRESSURE):
+            selection.pressure_factor = scale[0]
+    is_computed = wanted.computes_pressure and bool(pressure_sources(selection.flow))
+    if wanted.needs_pressure and not (is_fixed or DYNAMIC_PRESSURE in selection.flow or is_computed):
+        raise InputError(f"{path}: {lacks}")
+    return passed
+
+
+def _only(selection: Selection, places: Sequence[Place], what: str) -> Place:
+    """Return the only one of the columns of a quantity."""
+    if len(places) > 1:
+        headings = dict.fromkeys(selection.table.places[place].heading for place in places)
+        same = " and ".join(f"'{heading}'" for heading in headings)
+        way = "; --ignore-columns leaves columns out" if len(headings) > 1 else ""
+        raise InputError(f"{selection.path}: expected one column for {what}, got {len(places)}: {same}{way}")
+    return places[0]
+
+
+def _conversion(factor: float, offset: float) -> Conversion:
+    return lambda values: values * factor + offset if offset else values * factor
+
+
+# --- columns that a channel file names --------------------------------------------------------------------------
+
+
+def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
+    """Select the channels that a channel file states."""
+    table, wanted, path = selection.table, selection.wanted, channel_map.path
+    is_text = any(frame.counted == "line" and not frame.has_clock for frame in table.frames)
+    numbered = [name for name in table.names if _NUMBERED_TIME.match(name)]
+    if is_text and len(numbered) > 1:
+        raise InputError(
+            f"{table.path}: columns '{numbered[0]}' and '{numbered[1]}': expected one time for all columns of "
+            "a text, got two; record a file for each rate, or one rate for all"
+        )
+    gauges = _gauges(channel_map, wanted)
+    by_channel = {entry.name: gauges[entry.gauge] for entry in channel_map.channels}
+    excluded = excluded_gauges(path, wanted, by_channel)
+    selection.excluded = tuple(gauge for gauge in wanted.gauge_names if gauge in excluded)
+    selection.join, selection.rosettes = channel_map.join, channel_map.rosettes
+    _select_strains(selection, channel_map, gauges)
+    _select_stated_flow(selection, channel_map)
+    used = {selection.column(one).full: one for one in (*selection.strain.values(), *selection.flow.values())}
+    if channel_map.raster is not None:
+        name = matched(table.path, "raster", channel_map.raster, [*used])
+        if name is None:
+            near = suggestion(channel_map.raster, [*used])
+            raise InputError(f"{path}: join.raster: no channel '{channel_map.raster}' in use, {near}")
+        selection.raster = used[name]
+    without = [gauge for gauge in wanted.gauge_names if gauge not in gauges.values() and gauge not in excluded]
+    if without:
+        selection.notes.append(
+            f"{path}: no channel for {len(without)} gauges of the map, left out: {some_of(without)}"
+        )
+    time = channel_map.time and matched(table.path, "channel of time", channel_map.time, table.names)
+    times = [time] if time else _named_times(table)
+    selection.unused = tuple(name for name in table.names if name not in used and name not in times)
+
+
+def _gauges(channel_map: ChannelMap, wanted: Wanted) -> dict[str, str]:
+    """Return what each stated gauge is: a gauge of the map, or a leg of a rosette under its own plain name."""
+    path = channel_map.path
+    legs = {plain_name(leg) for rosette in channel_map.rosettes for leg in rosette.legs}
+    stated = [(f"{entry.where}.gauge", entry.gauge) for entry in channel_map.channels]
+    stated += [(f"{one.where}.gauges_deg", gauge) for one in channel_map.rosettes for gauge in one.gauges]
+    gauges, seen = dict[str, str](), dict[str, str]()
+    for where, name in stated:
+        is_leg = plain_name(name) in legs
+        gauge = plain_name(name) if is_leg else matched(path, "gauge", name, wanted.gauge_names)
+        if gauge is None:
+            near = suggestion(name, wanted.gauge_names)
+            raise InputError(f"{path}: {where}: no gauge '{name}' in the map, {near}")
+        if gauge in seen:
+            raise InputError(
+                f"{path}: {where}: expected one channel for gauge '{name}', got another in {seen[gauge]}"
+            )
+        seen[gauge], gauges[name] = where, gauge
+    for missing in sorted(legs - seen.keys()):
+        raise InputError(f"{path}: rosette: no channel whose gauge is its leg '{missing}'")
+    for entry in channel_map.channels:
+        if entry.bridge in BENDING and gauges[entry.gauge] not in wanted.combined:
+            raise InputError(
+                f"{path}: {entry.where}.bridge: '{entry.bridge}' gives half the difference of the strains at two "
+                f"positions, and gauge '{entry.gauge}' of the map is at one: expected a channel for each"
+            )
+    return gauges
+
+
+def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mapping[str, str]) -> None:
+    """Select the channels of strain."""
+    path, table, stated_in = selection.path, selection.table, channel_map.path
+    other_units, taken, units = [], dict[str, str](), list[str]()
+    for entry in channel_map.channels:
+        if gauges[entry.gauge] in selection.excluded:
+            continue
+        name = matched(path, "channel", entry.name, table.names)
+        if name is None:
+            near = suggestion(entry.name, table.names)
+            selection.notes.append(
+                f"{path}: no channel '{entry.name}' found, {near}; gauge '{entry.gauge}' is left out"
+            )
+            continue
+        if name in taken:
+            raise InputError(f"{stated_in}: {entry.where}.name: channel '{name}' belongs to {taken[name]} already")
+        taken[name] = entry.where
+        place = table.place(name)
+        recorded = table.places[place].unit
+        units.append(unit_of_channel(stated_in, entry, recorded))
+        if differs(units[-1], recorded):
+            other_units.append(f"'{name}' {units[-1]}, not {recorded}")
+        convert = strain_conversion(stated_in, entry, units[-1])
+        selection.strain[gauges[entry.gauge]] = Source(*place, convert)
+    if not selection.strain:
+        holds = some_of(table.names) or "none"
+        raise InputError(f"{path}: none of the channels of {stated_in} found, the recording holds {holds}")
+    selection.strain_factor = float(np.median([STRAIN_UNITS.get(unit, 1.0) for unit in units]))
+    if other_units:
+        shown = ", ".join(other_units[:3]) + (" .." if len(other_units) > 3 else "")
+        selection.notes.append(
+            f"{stated_in}: units other than the recording's are used in {len(other_units)} channels: {shown}"
+        )
+    counts = Counter(entry.compensation for entry in channel_map.channels)
+    kinds = ", ".join(f"{kind} {counts[kind]}" for kind in COMPENSATIONS if counts[kind])
+    if kinds:
+        rest = f", not stated {counts[None]}" if counts[None] else ""
+        selection.notes.append(
+            f"{stated_in}: temperature compensation of the channels: {kinds}{rest}; nothing else is taken off"
+        )
+
+
+def _select_stated_flow(selection: Selection, channel_map: ChannelMap) -> None:
+    """Select the channels of the flow: first ``[[flow]]``, then channels with a quantity's own name."""
+    path, wanted, table = selection.path, selection.wanted, selection.table
+    places, units = dict[str, list[Place]](), dict[str, str | None]()
+    for entry in channel_map.flow:
+        name = matched(path, "channel", entry.name, table.names)
+        if name is None:
+            near = suggestion(entry.name, table.names)
+            raise InputError(
+                f"{path}: no channel '{entry.name}' of {channel_map.path}: {entry.where} found, {near}"
+            )
+        quantity = _stated_quantity(entry, channel_map.path, wanted)
+        if quantity in places:
+            raise InputError(
+                f"{channel_map.path}: {entry.where}: expected one channel of {entry.quantity}, got two"
+            )
+        places[quantity] = [table.place(name)]
+        units[quantity] = entry.unit or table.places[table.place(name)].unit
+        needs_unit = entry.quantity != MACH_NUMBER and not entry.quantity.startswith(PREFIX)
+        is_taken = quantity in wanted.flow or is_temperature(quantity)
+        if units[quantity] is None and needs_unit and is_taken:
+            raise InputError(
+                f"{channel_map.path}: {entry.where}.unit: entry is missing, the recording states none"
+            )
+    for quantity in (*wanted.flow, *temperature_quantities(wanted.sensors)):
+        names = {plain_name(quantity)}
+        if is_temperature(quantity) and (sensor := sensor_of(quantity, wanted.sensors)) is not None:
+            names.add(plain_name(wanted.sensors[sensor]))
+        own = [
+            place
+            for place, column in table.places.items()
+            if names & {plain_name(column.name), plain_name(last_part(column.name))} and not is_signal(column.name)
+        ]
+        if len(own) == 1:
+            places.setdefault(quantity, own)
+    lacks = (
+        f"no column of {DYNAMIC_PRESSURE} found, nor of {MACH_NUMBER} with {STATIC_PRESSURE} or {ALTITUDE}; state "
+        f"one as [[flow]] in {channel_map.path}, or {wanted.pressure_option}"
+    )
+    uses = {(source.frame, source.column): "strain" for source in selection.strain.values()}
+    for quantity, (place,) in places.items():
+        is_read = quantity in wanted.flow or is_temperature(quantity)
+        if is_read and uses.setdefault(place, quantity) != quantity:
+            name = table.places[place].full
+            raise InputError(f"{path}: column '{name}': expected one use, got two, the second as {quantity}")
+    _select_flow(selection, places, units, lacks)
+
+
+def _stated_quantity(entry: FlowEntry, path: Path, wanted: Wanted) -> str:
+    """Return the name of the quantity of an entry among the flow; refuse what the map does not have."""
+    quantity, kind, known = entry.quantity, "", tuple[str, ...]()
+    if quantity.startswith(PREFIX):
+        quantity = quantity.removeprefix(PREFIX)
+        kind, known = "a parameter", wanted.parameters
+    elif quantity.startswith(SENSOR_PREFIX) or quantity == THRUST:
+        quantity = identifier(quantity.removeprefix(SENSOR_PREFIX))
+        kind, known = "a sensor", tuple(wanted.readings)
+    elif is_temperature(quantity) and sensor_of(quantity, wanted.sensors) is None:
+        kind = f"one of {len(wanted.sensors)} sensors"
+    if kind and quantity not in (*known, *wanted.passed):
+        names = f", {', '.join(known) or 'none'}" if not is_temperature(quantity) else ""
+        raise InputError(f"{path}: {entry.where}.quantity: expected {kind} of the map{names}, got '{quantity}'")
+    return quantity
+
+
+# --- dynamic pressure from the Mach number ----------------------------------------------------------------------
+
+
+def pressure_sources(names: Mapping[str, object]) -> tuple[str, ...]:
+    """Return which of the quantities ``names`` q_inf is computed from; nothing if they do not suffice."""
+    if MACH_NUMBER not in names:
+        return ()
+    return next(((MACH_NUMBER, name) for name in (STATIC_PRESSURE, ALTITUDE) if name in names), ())
+
+
+def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) q_inf = gamma/2 p M^2 [Pa] by the sources of ``flow`` [1, Pa, m]; NaN where one is not given.
+
+    p is the static pressure that was measured, or the US Standard Atmosphere's of 1976 at the altitude.
+    """
+    _, other = pressure_sources(flow)
+    mach, stated = flow[MACH_NUMBER], given(flow[other])
+    static = stated if other == STATIC_PRESSURE else static_pressure_at(stated)
+    return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
+
+
+def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) ``dynamic_pressure`` [Pa], where it is not known by the Mach number; NaN where neither is."""
+    unknown = np.isnan(dynamic_pressure)
+    if not pressure_sources(flow) or not unknown.any():
+        return dynamic_pressure
+    return np.where(unknown, computed_pressure(flow), dynamic_pressure)

@@ -1,0 +1,211 @@
+"""The level of recorded strains against the map's, and the unit that would explain a difference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log10
+from pathlib import Path
+
+import numpy as np
+
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.units import PRESSURE_UNITS
+
+TOO_HIGH = 10.0
+"""Times the level of the snapshots above which strains are refused: no flight is so far beyond a map."""
+
+TOO_LOW = 1.0 / 300.0
+"""Fraction of the level at the data's q_inf below which strains are refused: gauge noise alone gives more."""
+
+_UNITS = (("um/m", 1e-6), ("mm/m", 1e-3), ("percent", 1e-2), ("m/m", 1.0))
+_PRESSURE_UNITS = {unit: PRESSURE_UNITS[unit] for unit in ("Pa", "hPa", "kPa", "bar", "MPa", "psi", "psf")}
+_FLOWN = (0.008, 4.0)
+"""Largest strain of a recording over the snapshots' strain: 0.016 on the shipped vehicle without incidence."""
+_TYPICAL = 0.4
+
+_QUANTILE = 0.99
+"""Of a gauge's |strain| in a block: single spikes do not count."""
+
+_EXPLAINED = 5.0
+"""Largest factor between a dynamic pressure in another unit and the one that the strains suggest."""
+
+_OF_NOISE = 20.0
+"""Expected strains over the noise from which on a low level means anything."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LevelReference:
+    """What a map expects of strains.
+
+    Attributes
+    ----------
+    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
+    noise_std : (n_d,) standard deviation of the gauge noise [m/m], 0 where it is not known.
+    dynamic_pressure : q_inf at which that is so [Pa].
+    sensor_range : largest |strain| of a working gauge [m/m].
+    pressure_range : smallest and largest q_inf that the map covers [Pa], None where that is not known.
+    """
+
+    strain_range: FloatArray
+    noise_std: FloatArray
+    dynamic_pressure: float
+    sensor_range: float = SENSOR_RANGE
+    pressure_range: tuple[float, float] | None = None
+
+    @property
+    def seen(self) -> BoolArray:
+        """(n_d,) of bool, gauges whose strain is above their noise."""
+        return np.asarray((self.strain_range > 10.0 * self.noise_std) & (self.strain_range > 0.0))
+
+    def ratio(self, level: FloatArray) -> float:
+        """Return the median over the gauges of ``level`` (n_d,) [m/m] over the range; NaN if no gauge shows it."""
+        seen = self.seen & np.isfinite(level)
+        return float(np.median(level[seen] / self.strain_range[seen])) if seen.any() else float("nan")
+
+
+def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
+    """Return the units that strains may be in, likeliest first, which exceed the map's ``ratio`` times as read.
+
+    ``factor`` converts the unit stated to m/m. Two units where both leave a level that a recording may have:
+    percent and mm/m are a factor of 10 apart. Empty if no unit explains the ratio.
+    """
+    level = {name: ratio * other / factor for name, other in _UNITS if abs(other - factor) > 1e-9 * factor}
+    possible = [name for name in level if _FLOWN[0] <= level[name] <= _FLOWN[1]]
+    return tuple(sorted(possible, key=lambda name: abs(log10(level[name] / _TYPICAL))))
+
+
+def level_of(strain: FloatArray) -> FloatArray:
+    """Return (n_d,) the level of each gauge in ``strain`` (n, n_d) [m/m], NaN where it has no value."""
+    return _raised_level(np.full(strain.shape[1], np.nan), strain)
+
+
+def _raised_level(level: FloatArray, strain: FloatArray) -> FloatArray:
+    """Return (n_d,) the larger of ``level`` and the level in ``strain`` (n, n_d) [m/m], NaN where both are none.
+
+    The level in a block is made for those gauges alone of which enough strains are above ``level``.
+    """
+    size, found = np.abs(strain), level.copy()
+    known, higher = np.isfinite(size), size > np.where(np.isnan(level), -1.0, level)
+    if known.all() and np.count_nonzero(higher) + 1 <= (1.0 - _QUANTILE) * len(size):
+        return found  # of no gauge enough, as of all together not
+    count, above = np.count_nonzero(known, axis=0), np.count_nonzero(higher, axis=0)
+    some = np.flatnonzero((count > 0) & (above + 1 > (1.0 - _QUANTILE) * count))
+    if len(some):
+        quantile = np.quantile if count.min() == len(size) else np.nanquantile
+        found[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
+    return found
+
+
+class LevelCheck:
+    """Compares the strains of a file with the map's, block by block.
+
+    Parameters
+    ----------
+    factor : of the unit of the strains, to m/m.
+    refuses : whether another level is refused; else a note says so.
+    pressure : the quantity that q_inf comes from, and the factor of its unit to Pa; None of an altitude.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        reference: LevelReference,
+        factor: float,
+        refuses: bool = True,
+        pressure: tuple[str, float] | None = (DYNAMIC_PRESSURE, 1.0),
+    ) -> None:
+        self._path, self._reference, self._factor, self._refuses = path, reference, factor, refuses
+        self._stated = pressure
+        self._level = np.full(len(reference.strain_range), np.nan)
+        self._pressure = float("nan")
+
+    def add(self, strain: FloatArray, dynamic_pressure: FloatArray) -> None:
+        """Add a block: strains (n, n_d) [m/m], q_inf (n,) [Pa].
+
+        Raises
+        ------
+        InputError
+            The level is far above the level of the map.
+        """
+        self._level = _raised_level(self._level, strain)
+        with np.errstate(invalid="ignore"):
+            self._pressure = float(np.fmax(self._pressure, np.fmax.reduce(dynamic_pressure)))
+        if self._refuses and self._above() > TOO_HIGH:
+            raise InputError(self._text(self._above()))
+
+    def notes(self) -> list[str]:
+        """Return what is to be said of the level of the whole file, nothing where it may be a flight's.
+
+        Raises
+        ------
+        InputError
+            The level is far below the level of the map at the same dynamic pressure.
+        """
+        above, below = self._above(), self._below()
+        if self._reference.ratio(self._level) == 0.0:
+            return [f"{self._path}: half of the gauges or more read 0 throughout"]
+        if below < TOO_LOW and self._refuses:
+            raise InputError(self._text(below))
+        if above > TOO_HIGH:
+            return [self._text(above)]
+        return [self._text(below)] if below < TOO_LOW else self._pressure_notes()
+
+    def _pressure_notes(self) -> list[str]:
+        """Return a note on a q_inf that the map does not cover, and that would fit the strains in another unit."""
+        reference, q = self._reference, self._pressure
+        nominal = reference.dynamic_pressure
+        low, high = reference.pressure_range or (0.1 * nominal, 10.0 * nominal)
+        suggested = reference.ratio(self._level) / _TYPICAL * nominal
+        if self._stated is None or not q > 0.0 or low <= q <= high or not suggested > 0.0:
+            return []
+        name, factor = self._stated
+        in_unit = {unit: q * other / factor for unit, other in _PRESSURE_UNITS.items()}
+        likely = [unit for unit, value in in_unit.items() if 1.0 / _EXPLAINED < value / suggested < _EXPLAINED]
+        if not likely or max(q / suggested, suggested / q) < TOO_HIGH:
+            return []
+        likely.sort(key=lambda unit: abs(log10(in_unit[unit] / suggested)))
+        way = "give it in Pa" if name.startswith("-") else f"state the unit, as in '{name} [{likely[0]}]'"
+        covered = f"what the map covers, {low:.4g} to {high:.4g} Pa"
+        if reference.pressure_range is None:
+            covered = f"the nominal one, {nominal:.4g} Pa"
+        return [
+            f"{self._path}: {name}: q_inf is {q:.4g} Pa at most, {q / nominal:.1g} times {covered}, and strains "
+            f"do not fit it: likely in {' or '.join(likely)}; {way}"
+        ]
+
+    def _above(self) -> float:
+        """Return the level over the map's, at a q_inf that may be above the map's."""
+        over = self._pressure / self._reference.dynamic_pressure
+        return self._reference.ratio(self._level) / (min(over, 10.0) if over > 1.0 else 1.0)
+
+    def _below(self) -> float:
+        """Return the level over the map's at the data's largest q_inf; NaN where noise would hide the strains."""
+        reference = self._reference
+        part = min(self._pressure / reference.dynamic_pressure, 1.0)
+        if not part > 0.0:
+            return float("nan")
+        noise = reference.noise_std[reference.seen]
+        expected = part * reference.strain_range[reference.seen]
+        if part < 0.1 or not len(noise) or float(np.median(expected - _OF_NOISE * noise)) <= 0.0:
+            return float("nan")
+        return reference.ratio(self._level) / part
+
+    def _text(self, ratio: float) -> str:
+        seen, units = self._reference.seen & np.isfinite(self._level), likely_units(ratio, self._factor)
+        read, expected = (1e6 * float(np.max(of[seen])) for of in (self._level, self._reference.strain_range))
+        likely, example = "no unit explains it", ""
+        if units:
+            likely = f"likely in {' or '.join(units)}, not {_unit_name(self._factor)}"
+            example = f", as in 'strain[1] [{units[0]}]'"
+        way = f"; state the unit{example}, or give --accept-strain-level" if self._refuses else ""
+        return (
+            f"{self._path}: strains are {ratio:.2g} times the map's, {read:.3g} um/m against {expected:.3g} um/m: "
+            f"{likely}{way}"
+        )
+
+
+def _unit_name(factor: float) -> str:
+    return next((name for name, value in _UNITS if abs(value - factor) <= 1e-9 * factor), f"{factor:g} m/m")

@@ -1,1 +1,0 @@
-"""Recorded strains of a file, whatever its format, as blocks of samples."""
