@@ -102,9 +102,9 @@ def _cards(summary: EstimationSummary, not_usable: int) -> tuple[tuple[str, str,
     ]
     if degraded := summary.health["DEGRADED"]:
         answer.append(f"{degraded} of them are DEGRADED: with fewer gauges or air data, and larger sigmas.")
-    reasons = {state.name: text for state, text in HEALTH_ITEMS}
+    reasons = {state.name: f"{text[0].lower()}{text[1:]}" for state, text in HEALTH_ITEMS}
     not_ok = [(state, n) for state, n in summary.health.most_common() if state not in _USABLE]
-    why = [f"{state}, {n} samples: {_lower(reasons.get(state, state))}." for state, n in not_ok]
+    why = [f"{state}, {n} samples: {reasons.get(state, state)}." for state, n in not_ok]
     if summary.refused:
         why.append(f"{summary.refused} samples were refused by the FMU.")
     if history.periods:
@@ -131,10 +131,6 @@ def _cards(summary: EstimationSummary, not_usable: int) -> tuple[tuple[str, str,
         ("Largest loads", "blue", peaks),
         ("Gauges and recording", "amber" if known else "green", tuple(known)),
     )
-
-
-def _lower(text: str) -> str:
-    return f"{text[0].lower()}{text[1:]}"
 
 
 def _shown(value: float, unit: str) -> str:

@@ -198,14 +198,11 @@ class LevelCheck:
         read, expected = (1e6 * float(np.max(of[seen])) for of in (self._level, self._reference.strain_range))
         likely, example = "no unit explains it", ""
         if units:
-            likely = f"likely in {' or '.join(units)}, not {_unit_name(self._factor)}"
+            names = (name for name, value in _UNITS if abs(value - self._factor) <= 1e-9 * self._factor)
+            likely = f"likely in {' or '.join(units)}, not {next(names, f'{self._factor:g} m/m')}"
             example = f", as in 'strain[1] [{units[0]}]'"
         way = f"; state the unit{example}, or give --accept-strain-level" if self._refuses else ""
         return (
             f"{self._path}: strains are {ratio:.2g} times the map's, {read:.3g} um/m against {expected:.3g} um/m: "
             f"{likely}{way}"
         )
-
-
-def _unit_name(factor: float) -> str:
-    return next((name for name, value in _UNITS if abs(value - factor) <= 1e-9 * factor), f"{factor:g} m/m")

@@ -195,6 +195,12 @@ def test_a_few_damaged_files_end_in_one_line(kind: str, synthetic: SyntheticFile
     assert damages(kind, range(4), synthetic, tmp_path) == []
 
 
+def test_a_library_that_logs_what_is_damaged_adds_no_line(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    """npTDMS warns on standard error of the first and the third of these files."""
+    pytest.importorskip("nptdms")
+    assert damages("tdms", range(103, 106), synthetic, tmp_path) == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", WRITERS)
 def test_five_hundred_damaged_files_end_in_one_line(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:

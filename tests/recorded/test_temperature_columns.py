@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from flight_fmu import N_D, random_flight, whole_map
@@ -77,21 +76,6 @@ def test_csv_by_map_and_by_fmu(held: InverseMap, source: Path, tmp_path: Path) -
     export_estimator(source, tmp_path / "e.fmu", ExportOptions())
     summary = check(tmp_path / "e.fmu", data, expected, rtol=1e-8)
     assert any("no column for 1 of 4 temperature sensors: T3" in note for note in summary.notes)
-
-
-def test_hdf5_arrays(held: InverseMap, source: Path, tmp_path: Path) -> None:
-    strain, temperature = drawn(18)
-    strain = held.mean_strain + strain
-    with h5py.File(tmp_path / "d.h5", "w") as file:
-        file["time"], file["strain"], file["temperature"] = 1e-3 * np.arange(K), strain, temperature - 273.15
-        file["temperature"].attrs["unit"] = "degC"
-    summary = check(source, tmp_path / "d.h5", expected_of(held, strain, temperature))
-    assert not any("temperature" in note for note in summary.notes)
-    with h5py.File(tmp_path / "d.h5", "a") as file:
-        del file["temperature"]
-        file["temperature"] = temperature[:, :2]
-    notes = estimate_file(source, tmp_path / "d.h5", tmp_path / "o.csv", NOMINAL).notes
-    assert any("no column for 2 of 4 temperature sensors" in note for note in notes)
 
 
 def test_recorder_channels(held: InverseMap, source: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +19,7 @@ from strainfmu.recorded.table import Column, Reading, Stored, Table, as_seconds,
 def tdms_table(path: Path, reading: Reading) -> Iterator[Table]:
     """Open a TDMS file; times of a channel are its group's column of times, or the times of its waveform."""
     nptdms = library("nptdms", "npTDMS", "tdms")
+    nptdms.log.log_manager.set_level(logging.CRITICAL + 1)  # it warns of a damaged file on standard error
     with of_format(path, "a TDMS file"):
         file = nptdms.TdmsFile.open(str(path))
     with file:
