@@ -10,7 +10,10 @@ FALSE_ALARM_PROBABILITY = 1e-4
 
 
 class HealthState(IntEnum):
-    """State of an estimate. The numbers are an FMU's output and never change; states are added at the end."""
+    """State of an estimate. The numbers are an FMU's output and never change; states are added at the end.
+
+    ``policies/health.c`` of the compiled core has the order in which conditions count.
+    """
 
     OK = 0
     """Strain and dynamic pressure are valid and the residual is as expected."""

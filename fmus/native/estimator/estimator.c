@@ -5,9 +5,9 @@
 
        temperature and inertial sensors; matrices at once if one comes or goes      temperature/, renewal
        zero offsets in use, rows of strain at the reference temperature             sample/readings, temperature/thermal
-       loads, air data, health of the sample alone                                  linear/ or policies/flight
+       loads, air data, conditions of the sample alone                              linear/ or policies/flight
        averages over the samples before                                             policies/filtered_outputs
-       health by renewal, vibration and specific force                              below
+       health, by these conditions, renewal, vibration and specific force           policies/health
 
    A step marks the outputs as stepped. Only when the next step comes, or an input changes, does the sample join the
    filter and the next flight state become the base (estimator_before_change): outputs may be read before and after
@@ -26,6 +26,7 @@
 #include "numerics/arrays.h"
 #include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
+#include "policies/health.h"
 #include "sample/inertia.h"
 #include "sample/readings.h"
 
@@ -281,6 +282,13 @@ int estimator_contradicted_force(const Estimator *e) {
     return thermal_contradicted(&e->thermal, e->output + LOADS, e->output + LOADS_STD, limit);
 }
 
+/* Conditions of the sample alone, by its estimator, and of what surrounds it: bits of outputs.h. */
+static int conditions_of(const Estimator *e, int renews) {
+    return (e->flight.present ? e->flight.conditions : e->linear.conditions)
+         | (estimator_contradicted_force(e) != 0 ? FORCE_CONTRADICTS : 0) | (renews ? RENEWAL_PENDING : 0)
+         | (thermal_vibrates(&e->thermal) ? VIBRATES : 0);
+}
+
 const double *estimator_outputs(Estimator *e) {
     if (e->outdated) {
         const double *temperature = e->inputs.value + first_temperature(&e->inputs);
@@ -310,13 +318,7 @@ const double *estimator_outputs(Estimator *e) {
         if (e->filter.present) {
             filter_outputs(e);
         }
-        if ((renews || thermal_vibrates(&e->thermal)) && e->output[HEALTH_STATE] == (double)OK) {
-            e->output[HEALTH_STATE] = DEGRADED;
-        }
-        if ((is_usable(e->output[HEALTH_STATE]) || e->output[HEALTH_STATE] == (double)SUSPECT)
-            && estimator_contradicted_force(e) != 0) {
-            e->output[HEALTH_STATE] = INCONSISTENT;
-        }
+        e->output[HEALTH_STATE] = health_state(conditions_of(e, renews));
     }
     return e->output;
 }

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "../estimator_derivative.h"
+#include "../policies/health.h"
 #include "../sample/inertia.h"
 #include "../sample/readings.h"
 #include "estimator_state.h"
@@ -121,9 +122,6 @@ static int lone_angle(const Inputs *inputs, char text[MODEL_TEXT_SIZE]) {
 
 /* The end of a tare, an angle without standard deviation, or a change of health. */
 static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
-    static const char *const STATES[] = {
-        "OK", "INCONSISTENT", "NO_COEFFICIENTS", "INVALID", "DEGRADED", "UNIDENTIFIED", "SUSPECT", "OUTSIDE",
-    };
     Estimator *e = estimator_of(model);
     if (e->tare.to_report) {
         e->tare.to_report = 0;
@@ -140,8 +138,8 @@ static int event(Model *model, char text[MODEL_TEXT_SIZE]) {
         return 0;
     }
     snprintf(text, MODEL_TEXT_SIZE,
-             "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f", STATES[health],
-             model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
+             "health %s at %g s: %.0f gauges in use, chi-square %.4g (limit %.4g), suspect gauge %.0f",
+             HEALTH_NAMES[health], model->time, output[VALID_GAUGES], output[CHI_SQUARE], output[CHI_SQUARE_LIMIT], output[SUSPECT_GAUGE]);
     const size_t outside = health == OUTSIDE ? parameter_beyond(&e->inputs) : SIZE_MAX, used = strlen(text);
     if (health == INVALID) {
         snprintf(text + used, MODEL_TEXT_SIZE - used, "%s", why_invalid(e));

@@ -130,27 +130,18 @@ static int angles_contradict(const Linear *linear) {
     return apart > 0.0 && apart * apart > limit * variance;
 }
 
-static int health_state(const Linear *linear) {
+/* Bits of outputs.h. Without a dynamic pressure the other conditions mean nothing. */
+static int conditions_of(const Linear *linear) {
     const double *output = linear->output;
+    const Envelope *envelope = &linear->map->envelope;
     if (!linear->flow.known) {
-        return NO_COEFFICIENTS;
+        return PRESSURE_UNKNOWN;
     }
-    if (outside_by_navigation(&linear->map->envelope, &linear->flow) || parameter_beyond(linear->inputs) != SIZE_MAX) {
-        return OUTSIDE;
-    }
-    if (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT]) {
-        return INCONSISTENT;
-    }
-    if (angles_contradict(linear)) {
-        return INCONSISTENT;
-    }
-    if (output[SUSPECTS] > 0.0) {
-        return SUSPECT;
-    }
-    if (output[ENVELOPE_SCORE] > linear->map->envelope.score_limit) {
-        return OUTSIDE;
-    }
-    return linear->prepared.masked->n_used == linear->map->n_gauges ? OK : DEGRADED;
+    const int outside = outside_by_navigation(envelope, &linear->flow) || parameter_beyond(linear->inputs) != SIZE_MAX;
+    return (outside ? FLOW_OUTSIDE : 0) | (output[CHI_SQUARE] > output[CHI_SQUARE_LIMIT] ? STRAIN_MISFIT : 0)
+         | (angles_contradict(linear) ? ANGLES_CONTRADICT : 0) | (output[SUSPECTS] > 0.0 ? GAUGE_MISFIT : 0)
+         | (output[ENVELOPE_SCORE] > envelope->score_limit ? COEFFICIENTS_OUTSIDE : 0)
+         | (linear->prepared.masked->n_used < linear->map->n_gauges ? GAUGES_LOST : 0);
 }
 
 void linear_update(Linear *linear) {
@@ -161,7 +152,7 @@ void linear_update(Linear *linear) {
     output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
     if (!m->identified) {
         set_unknown(output);
-        output[HEALTH_STATE] = m->n_used > 0 ? UNIDENTIFIED : INVALID;
+        linear->conditions = m->n_used > 0 ? NOT_IDENTIFIED : NO_GAUGE;
         return;
     }
     linear->flow = flow_of(linear);
@@ -170,7 +161,7 @@ void linear_update(Linear *linear) {
     } else {
         set_unknown(output);
     }
-    output[HEALTH_STATE] = health_state(linear);
+    linear->conditions = conditions_of(linear);
 }
 
 /* Loads for the nonlinear estimator where the tables do not fit. Health and counts are not the linear map's then:

@@ -1,4 +1,4 @@
-/* The linear estimator: outputs of a sample, and their health. */
+/* The linear estimator: outputs of a sample, and the conditions that its health follows from. */
 
 #ifndef LINEAR_H
 #define LINEAR_H
@@ -18,7 +18,7 @@ int linear_begin(Linear *linear);
 /* After the last prepared_part: the map has other matrices, and what follows from them. */
 void linear_renewed(Linear *linear);
 
-/* Set all outputs for the present inputs. */
+/* Set all outputs but health for the present inputs, and linear->conditions. */
 void linear_update(Linear *linear);
 
 /* Write loads and coefficients at a dynamic pressure and its standard deviation to the outputs. 1; 0, and they keep

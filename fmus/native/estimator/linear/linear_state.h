@@ -15,6 +15,7 @@ typedef struct {
     OtherLoads *other_loads;      /* loads in addition to the five, of a map that has some */
     int wide;              /* wide_of_processor() */
     Flow flow;             /* of the inputs since output was computed */
+    int conditions;        /* of the sample, bits of outputs.h */
     Prepared prepared;
     HalfSpaces half_spaces;
     Scaled scaled;

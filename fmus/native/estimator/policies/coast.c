@@ -114,7 +114,7 @@ void flight_coast(Flight *flight, Filter *filter, double time) {
     flight_air_data(&flight->map, flight->prior_std, solution, flight->real, flight->flag);
     memset(flight->flag + NAVIGATION_USED, 0, N_FLIGHT_FLAGS - NAVIGATION_USED);
     if (!flight->flag[TOTAL_INCIDENCE]) {
-        flight_set_nothing_known(flight);
+        flight_set_nothing_known(flight, NO_GAUGE);
         return;
     }
     const double by_pressure[N_STATES] = {2.0 / flight->real[AIR_MACH_NUMBER], 0.0, 0.0, 1.0};
@@ -123,5 +123,6 @@ void flight_coast(Flight *flight, Filter *filter, double time) {
     coefficient_scales(flight->real[AIR_DYNAMIC], scalar[REFERENCE_AREA], scalar[REFERENCE_LENGTH], scale);
     set_loads(flight, filter, by_pressure, scale, spread);
     set_other_loads(flight, filter, outer, by_pressure, scale, spread);
+    flight->conditions = FILTER_HOLDS;
     filter->coasts = 1;
 }

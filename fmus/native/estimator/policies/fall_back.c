@@ -33,13 +33,10 @@ void flight_fall_back(Flight *flight, size_t used, int fits, double to_return) {
         fall_back(flight);
     }
     if (few && !flight->flag[LINEAR_LOADS]) {
-        flight_set_nothing_known(flight);
-        flight->output[HEALTH_STATE] = UNIDENTIFIED;
+        flight_set_nothing_known(flight, NOT_IDENTIFIED);
         flight->fits = 0;
     }
-    if (fits && flight->flag[LINEAR_LOADS] && flight->output[HEALTH_STATE] == (double)OK) {
-        flight->output[HEALTH_STATE] = DEGRADED;
-    }
+    flight->conditions |= flight->flag[LINEAR_LOADS] ? LOADS_OF_LINEAR_MAP : 0;
 }
 
 double flight_since_search(const Flight *flight, int searched) {

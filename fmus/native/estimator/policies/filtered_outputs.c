@@ -113,11 +113,10 @@ static void set_flight_noise(Filter *filter, Flight *flight) {
 /* Whether the estimate of the sample alone is one, and strain fits the map. */
 static int is_estimate(const Flight *flight) {
     const double *output = flight->output;
-    const int health = (int)output[HEALTH_STATE];
     if (flight->present) {
         return output[VALID_GAUGES] > 0.0 && flight->fits && !flight->flag[LINEAR_LOADS];
     }
-    return health != INVALID && health != UNIDENTIFIED && health != NO_COEFFICIENTS
+    return (flight->linear->conditions & (NO_GAUGE | NOT_IDENTIFIED | PRESSURE_UNKNOWN)) == 0
         && output[CHI_SQUARE] <= output[CHI_SQUARE_LIMIT];
 }
 

@@ -100,7 +100,7 @@ void flight_update(Flight *flight) {
     measured_angles(flight->inputs, &flight->solver.angles);
     known_follow(&flight->known, flight->inputs);
     if (used == 0) {
-        flight_set_nothing_known(flight);
+        flight_set_nothing_known(flight, NO_GAUGE);
     } else {
         flight_track_update(flight, used);
     }
@@ -111,7 +111,7 @@ void flight_other_loads_update(Flight *flight) {
     flight->loads->outdated = 0;
     if (!flight->present || flight->flag[LINEAR_LOADS]) {
         linear_other_loads_update(flight->linear);
-    } else if (flight->output[VALID_GAUGES] == 0.0 || flight->output[HEALTH_STATE] == (double)UNIDENTIFIED) {
+    } else if (flight->output[VALID_GAUGES] == 0.0 || (flight->conditions & NOT_IDENTIFIED)) {
         other_loads_unknown(flight->loads);
     } else {
         flight_other_loads_at(&flight->other_loads, &flight->solver, flight->inputs, flight->loads);

@@ -1,4 +1,4 @@
-/* What a solution says: loads and coefficients at the settings, the tests of strain and ranges, health.
+/* What a solution says: loads and coefficients at the settings, the tests of strain and ranges, conditions of health.
 
    Loads go to the moment point of the settings by rows t of a transfer, t = e_i for forces and e_i + shift e_(i-2)
    for moments, so that sigma^2 = t cov t'; coefficients take references of the map over references of the settings
@@ -127,40 +127,47 @@ static int angles_contradict(const Flight *flight) {
     return square > scalar_input(flight->inputs, ALARM_SCALE) * flight->map.chi_square_limit[angles->count];
 }
 
-/* Set the outputs of health; whether strain and navigation fit the tables. */
-static int judge(Flight *flight, size_t used) {
-    const FlightMap *map = &flight->map;
-    const Solution *solution = &flight->solver.solution;
-    const double alarm_scale = scalar_input(flight->inputs, ALARM_SCALE);
-    double *output = flight->output;
-    double largest = 0.0;
+/* The gauge whose leave-one-out residual is largest, from 0; *size is its |z|. */
+static size_t worst_gauge(const Flight *flight, double *size) {
+    const double *z = flight->solver.solution.standardised_residual;
     size_t worst = 0;
+    *size = 0.0;
     for (size_t g = 0; g < flight->solver.n_gauges; g++) {
-        const double size = fabs(solution->standardised_residual[g]);
-        if (size > largest) {
-            largest = size;
+        if (fabs(z[g]) > *size) {
+            *size = fabs(z[g]);
             worst = g;
         }
     }
+    return worst;
+}
+
+/* Bits of outputs.h, from the outputs of the tests. */
+static int conditions_of(const Flight *flight, size_t used) {
+    const double *output = flight->output;
+    const int outside = output[ENVELOPE_SCORE] > flight->map.outside_score || navigation_outside(flight)
+                     || parameter_beyond(flight->inputs) != SIZE_MAX;
+    return (outside ? FLOW_OUTSIDE : 0) | (flight->fits ? 0 : STRAIN_MISFIT)
+         | (angles_contradict(flight) ? ANGLES_CONTRADICT : 0) | (output[SUSPECTS] > 0.0 ? GAUGE_MISFIT : 0)
+         | (used < flight->solver.n_gauges ? GAUGES_LOST : 0) | (flight_navigation_alarms(flight) ? AIR_DATA_LOST : 0)
+         | (flight->solver.solution.rest_square > LARGEST_REST * LARGEST_REST ? STATE_MOVES : 0);
+}
+
+/* Set the outputs of the tests, and what follows from them; whether strain and navigation fit the tables. */
+static int judge(Flight *flight, size_t used) {
+    const FlightMap *map = &flight->map;
+    double *output = flight->output, largest;
+    const size_t worst = worst_gauge(flight, &largest), freedom = used + flight_navigation_used(flight);
+    const double alarm_scale = scalar_input(flight->inputs, ALARM_SCALE);
     const int suspect = largest > map->outlier_threshold * sqrt(map->outlier_scale * alarm_scale);
-    output[CHI_SQUARE] = solution->chi_square;
-    const size_t freedom = used + flight_navigation_used(flight);
+    output[CHI_SQUARE] = flight->solver.solution.chi_square;
     output[CHI_SQUARE_LIMIT] = chi_square_limit(flight, freedom);
-    flight->degrees_of_freedom = (double)freedom;
     output[SUSPECT_GAUGE] = suspect ? (double)(worst + 1) : 0.0;
     output[SUSPECTS] = suspect ? 1.0 : 0.0;
     output[ENVELOPE_SCORE] = range_score(flight);
-    const int fits = flight_solution_fits(flight, used);
-    const int outside = output[ENVELOPE_SCORE] > map->outside_score || navigation_outside(flight)
-                     || parameter_beyond(flight->inputs) != SIZE_MAX;
-    const int lacks = used < flight->solver.n_gauges || flight_navigation_alarms(flight)
-                   || solution->rest_square > LARGEST_REST * LARGEST_REST;
-    output[HEALTH_STATE] = outside ? OUTSIDE : !fits ? INCONSISTENT : suspect ? SUSPECT : lacks ? DEGRADED : OK;
-    if (!outside && fits && angles_contradict(flight)) {
-        output[HEALTH_STATE] = INCONSISTENT;
-    }
-    flight->fits = fits;
-    return fits;
+    flight->degrees_of_freedom = (double)freedom;
+    flight->fits = flight_solution_fits(flight, used);
+    flight->conditions = conditions_of(flight, used);
+    return flight->fits;
 }
 
 int flight_conclude(Flight *flight, size_t used) {
@@ -173,10 +180,10 @@ int flight_conclude(Flight *flight, size_t used) {
     return judge(flight, used);
 }
 
-void flight_set_nothing_known(Flight *flight) {
+void flight_set_nothing_known(Flight *flight, int condition) {
     set_unknown(flight->output);
     flight->output[SUSPECT_GAUGE] = flight->output[SUSPECTS] = 0.0;
-    flight->output[HEALTH_STATE] = INVALID;
+    flight->conditions = condition;
     for (size_t k = 0; k < N_FLIGHT_REALS; k++) {
         flight->real[k] = NAN;
     }

@@ -1,4 +1,4 @@
-/* What a solution says: loads, coefficients, air data, health. */
+/* What a solution says: loads, coefficients, air data, and the conditions that health follows from. */
 
 #ifndef FLIGHT_OUTPUTS_H
 #define FLIGHT_OUTPUTS_H
@@ -11,7 +11,7 @@ int flight_solution_fits(const Flight *flight, size_t used);
 /* Write the solution to the outputs; whether it fits. */
 int flight_conclude(Flight *flight, size_t used);
 
-/* Nothing is known, and the step leaves what it found. */
-void flight_set_nothing_known(Flight *flight);
+/* Nothing is known, for this condition, and the step leaves the track as it was. */
+void flight_set_nothing_known(Flight *flight, int condition);
 
 #endif

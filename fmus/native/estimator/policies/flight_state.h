@@ -42,6 +42,7 @@ typedef struct {
     Navigation navigation;   /* of the inputs */
     double real[N_FLIGHT_REALS];
     unsigned char flag[N_FLIGHT_FLAGS];
+    int conditions;            /* of the sample, bits of outputs.h */
     int fits;                  /* whether strain and navigation fit the tables, */
     double degrees_of_freedom; /* and the degrees of freedom of chi-square */
 } Flight;

@@ -25,6 +25,26 @@ enum {
 /* States of health: strainfmu/estimator/health.py. */
 enum { OK, INCONSISTENT, NO_COEFFICIENTS, INVALID, DEGRADED, UNIDENTIFIED, SUSPECT, OUTSIDE };
 
+/* What may hold of a sample, as bits. Estimators set them; policies/health.c has the state that each one means. */
+enum {
+    NO_GAUGE = 1 << 0,             /* no gauge gives a strain */
+    FILTER_HOLDS = 1 << 1,         /* the same, and the filter holds the last loads */
+    NOT_IDENTIFIED = 1 << 2,       /* the gauges in use do not identify the loads */
+    PRESSURE_UNKNOWN = 1 << 3,     /* no q_inf, or none with a standard deviation: no coefficients */
+    FLOW_OUTSIDE = 1 << 4,         /* air data, flow parameters or the flight state leave what the map covers */
+    STRAIN_MISFIT = 1 << 5,        /* chi-square or discrepancy modes are above their thresholds */
+    ANGLES_CONTRADICT = 1 << 6,    /* measured angles are others than by strain */
+    FORCE_CONTRADICTS = 1 << 7,    /* the specific force of the stated mass is another one than the load */
+    GAUGE_MISFIT = 1 << 8,         /* one gauge does not fit the others */
+    COEFFICIENTS_OUTSIDE = 1 << 9, /* the coefficients leave the envelope of a linear map */
+    GAUGES_LOST = 1 << 10,
+    AIR_DATA_LOST = 1 << 11,       /* an input is left out, with an alarm */
+    STATE_MOVES = 1 << 12,         /* the iterations have not come to rest */
+    LOADS_OF_LINEAR_MAP = 1 << 13, /* fall-back of the nonlinear estimator */
+    RENEWAL_PENDING = 1 << 14,     /* matrices for other zero offsets are being made */
+    VIBRATES = 1 << 15             /* more than the map states */
+};
+
 /* Whether loads may be used with their stated standard deviations in a state of health. */
 static inline int is_usable(double health) {
     return health == (double)OK || health == (double)DEGRADED;
