@@ -20,7 +20,7 @@ from strainfmu.fmu.native.build import NATIVE, PLATFORMS, library_file
 
 pytestmark = pytest.mark.fast
 
-HEALTH, SOUND = "estimator/linear/linear.c", "? OK : DEGRADED"
+HEALTH, SOUND = "estimator/policies/health.c", "return OK;"
 REFUSED = (
     rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native,"
     rf" got one of other sources; build it: python -m strainfmu\.fmu\.native\.build {this_platform()}$"
@@ -40,8 +40,8 @@ def native(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def edit(native: Path) -> None:
     """Change the rule of health in the sources."""
     text = (native / HEALTH).read_text()
-    assert "health_state" in text
-    (native / HEALTH).write_text(text.replace("health_state", "state_of_health"))
+    assert "ROWS" in text
+    (native / HEALTH).write_text(text.replace("ROWS", "TABLE"))
 
 
 def load() -> str:
