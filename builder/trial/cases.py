@@ -40,6 +40,7 @@ from builder.vehicle.map.model_form import model_form
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import Section
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import TEMPERATURE
 
 FILES = Path(__file__).with_name("files")
 """Trials that are shipped, by name."""
@@ -286,7 +287,7 @@ PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {
     "edges": lambda vehicle: not vehicle.is_of_revolution and bool(edges_of(vehicle)),
     "per pressure": lambda vehicle: vehicle.map.follows_pressure,
     "mass": lambda vehicle: vehicle.mass is not None,
-    "temperature": lambda vehicle: vehicle.temperature is not None,
+    TEMPERATURE: lambda vehicle: vehicle.temperature is not None,
     "density": lambda vehicle: vehicle.material.density_kg_per_m3 is not None,
     "held": lambda vehicle: vehicle.is_of_revolution and vehicle.structure.support != "free_flight",
     "sensors": lambda vehicle: vehicle.sensors is not None,

@@ -175,7 +175,7 @@ class Estimator:
     >>> strain = estimator.inverse_map.mean_strain  # a measurement
     >>> result = estimator.estimate(strain, dynamic_pressure=138e3)
     >>> print(f"{result.C_A:.3f} +- {3 * result.sigma.C_A:.3f}, {result.health.name}")
-    0.015 +- 0.006, OK
+    0.014 +- 0.005, OK
     """
 
     def __init__(
@@ -370,8 +370,9 @@ class Estimator:
             error: health states what the estimate lacks.
         """
         air, more, valid = _split(dynamic_pressure, inputs)
-        if "total_temperature" in inputs:
-            _refuse_without_altitude(inputs["total_temperature"], inputs.get("altitude", nan))
+        known: Mapping[str, Any] = inputs
+        if TOTAL_TEMPERATURE in known:
+            _refuse_without_altitude(known[TOTAL_TEMPERATURE], known.get(ALTITUDE, nan))
         if not is_series(strain):
             return self._one(strain, valid, air, more, core=self.core, how=_EACH)
         samples = self._samples(strain, valid, air, more)
@@ -406,8 +407,9 @@ class Estimator:
         if not is_series(strain):
             at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
-        if "altitude" not in inputs and "total_temperature" in inputs:  # single samples may lose it
-            _refuse_without_altitude(inputs["total_temperature"], nan)
+        known: Mapping[str, Any] = inputs
+        if ALTITUDE not in known and TOTAL_TEMPERATURE in known:  # single samples may lose it
+            _refuse_without_altitude(known[TOTAL_TEMPERATURE], nan)
         samples = self._samples(strain, valid, air, more)
         records = samples.filled(slice(None))
         times = None if self.filter_time_constant == 0.0 else self._times(time, len(records))

@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
 from strainfmu.estimator.pressure_modes import PressureModes, leading_modes, prior_of_snapshots
@@ -240,7 +241,7 @@ class LinearMap:
         for name, value in (
             ("reference_area", reference_area),
             ("reference_length", reference_length),
-            ("dynamic_pressure", dynamic_pressure),
+            (DYNAMIC_PRESSURE, dynamic_pressure),
         ):
             if not 0.0 < value < np.inf:
                 raise InputError(f"{name}: expected a positive number, got {value}")

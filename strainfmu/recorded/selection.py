@@ -497,7 +497,7 @@ def _select_stated_flow(selection: Selection, channel_map: ChannelMap) -> None:
         f"no column of {DYNAMIC_PRESSURE} found, nor of {MACH_NUMBER} with {STATIC_PRESSURE} or {ALTITUDE}; state "
         f"one as [[flow]] in {channel_map.path}, or {wanted.pressure_option}"
     )
-    uses = {(source.frame, source.column): "strain" for source in selection.strain.values()}
+    uses = {(source.frame, source.column): STRAIN for source in selection.strain.values()}
     for quantity, (place,) in places.items():
         is_read = quantity in wanted.flow or is_temperature(quantity)
         if is_read and uses.setdefault(place, quantity) != quantity:

@@ -15,7 +15,8 @@ pytestmark = pytest.mark.fast
 def rows(error: str, of: str, flagged: float, undetected: float, verdict: str = "ok") -> list[dict[str, Any]]:
     shares = {"right_ok": 100.0 - flagged - undetected, "right_flagged": flagged, "undetected": undetected}
     parts = {f"{name}_percent": shares.get(name, 0.0) for name in (*shares, "wrong_flagged", "no_estimate")}
-    row = {"case": error, "class": of, "estimator": "map", "verdict": verdict, "undetected_percent_error": 0.1}
+    row = {"case": error, "error": error}
+    row |= {"class": of, "estimator": "map", "verdict": verdict, "undetected_percent_error": 0.1}
     return [{**row, **parts, "load": "all"}, {**row, **parts, "load": "C_N", "rms": 1.0, "rms_z": 0.8}]
 
 

@@ -74,7 +74,7 @@ def linear(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -
 def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
     nonlinear: Study, nonlinear_vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
-    """Its own posterior at the same states, with hardware errors as the map's tables hold them: within 8 %."""
+    """Its own posterior at the same states, with hardware errors as the map's tables hold them: within 9 %."""
     problem = inverse_problem(nonlinear_vehicle, snapshots, structure)
     built = with_manifold(
         build_inverse_map(nonlinear_vehicle, snapshots, structure, problem=problem),
@@ -95,11 +95,12 @@ def test_the_nonlinear_model_states_the_uncertainty_of_the_estimator(
         relative = [manifold.static_pressure_error, manifold.dynamic_pressure_error]
         std = np.array([manifold.mach_number_error, *(relative * value[1:])])
         sample = Sample(rows=np.zeros(n_d), used=np.ones(n_d, dtype=bool), air=AirInputs(value=value, std=std))
-        joint = reference.posterior(state, sample, reference.strain_covariance(state)).covariance[0]
-        loads = np.asarray(reference.model(state, sample.air, reference.strain_covariance(state)).output_fixed)[4:]
+        covariance = reference.strain_covariance(state, considered=True)
+        joint = reference.posterior(state, sample, covariance, considered=True).covariance[0]
+        loads = np.asarray(reference.model(state, sample.air, covariance, considered=True).output_fixed)[4:]
         expected = flight_loads(state, loads, joint, reference.references)
         sigma = np.sqrt(np.diag(expected.coefficient_covariance))[:5]
-        np.testing.assert_allclose(found[number], sigma, rtol=0.08)
+        np.testing.assert_allclose(found[number], sigma, rtol=0.09)
 
 
 def sigma_by_bayes(problem: Problem) -> np.ndarray:

@@ -33,6 +33,7 @@ from builder.structure.as_built_kinds import IN_NOISE, Role
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import TEMPERATURE
 
 ESTIMATED_PART = 0.15
 """Part rho of the standard deviation of a split error that the gain may correct."""
@@ -131,9 +132,9 @@ ERRORS = {
         MapError(
             name=VIBRATION_MODES, acts_on=_ALL, role="estimated", entry="mass.vibration_um_per_m", unit="um/m"
         ),
-        MapError(name="temperature", acts_on=_ALL, role="estimated", entry="temperature"),
-        MapError(name="modulus with temperature", acts_on=_ALL, role="estimated", entry="temperature"),
-        MapError(name="apparent strain with temperature", acts_on=_GAUGE, role="estimated", entry="temperature"),
+        MapError(name=TEMPERATURE, acts_on=_ALL, role="estimated", entry=TEMPERATURE),
+        MapError(name="modulus with temperature", acts_on=_ALL, role="estimated", entry=TEMPERATURE),
+        MapError(name="apparent strain with temperature", acts_on=_GAUGE, role="estimated", entry=TEMPERATURE),
     )
 }
 """All errors by name. What is not listed is estimated: modes of ``noise.nuisance_file``, flow parameters, errors

@@ -67,7 +67,7 @@ def refused(fmu: Path, folder: Path, reason: str) -> None:
 
 def test_a_map_of_another_format_version_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
     fmu = rewritten(fmus["native"], tmp_path / "a.fmu", "resources/map.bin", flipped(8))
-    refused(fmu, tmp_path, "format version 6, must be 7")
+    refused(fmu, tmp_path, "format version 9, must be 8")
 
 
 def test_a_description_that_is_not_the_maps_is_refused(fmus: dict[str, Path], tmp_path: Path) -> None:
