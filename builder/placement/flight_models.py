@@ -8,7 +8,7 @@ truncated modes, errors averaged over the flows. Errors of the vehicle and its g
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -290,10 +290,14 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     others = [one for name, one in terms.items() if name != "internal pressure"]
     error, states = np.hstack([*others, nothing]), flight_states(parts)
     at = evaluate(tables, states)
+    differing = np.zeros((len(states), len(operator), 0))  # of another flow model, which the gain considers
+    if found.considered is not None:
+        other_flow = replace(tables, response=found.considered, fixed_response=np.zeros_like(fixed))
+        differing = evaluate(other_flow, states).value[:, :, None]
     typical = float(np.exp(states[:, LOG_PRESSURE].mean()))
     off, off_loads, off_fixed, off_rest = _parted(error[:n_k], error[n_k:], triangle, parts.noise_std / typical)
     states_found = []
-    for state, value, slope in zip(states, at.value, at.jacobian, strict=True):
+    for state, value, slope, apart in zip(states, at.value, at.jacobian, differing, strict=True):
         pressure = float(np.exp(state[LOG_PRESSURE]))
         dynamic = 0.5 * HEAT_CAPACITY_RATIO * state[MACH] ** 2 * pressure
         scale = coefficient_scale(dynamic, vehicle.reference_quantities())
@@ -305,9 +309,11 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         states_found.append(
             _State(
                 pressure_root=value[:n_k, None],
-                unknowns=np.hstack([slope[:n_k] @ prior, pressure * off]),
+                unknowns=np.hstack([slope[:n_k] @ prior, pressure * off, apart[:n_k]]),
                 inside=pressure * of_inside[:n_k],
-                goals=np.hstack([by_state @ prior, pressure * scale[:, None] * off_loads]),
+                goals=np.hstack(
+                    [by_state @ prior, pressure * scale[:, None] * off_loads, scale[:, None] * apart[n_k:]]
+                ),
                 fixed=(pressure * scale) ** 2 * off_fixed,
                 rest=pressure**2 * off_rest,
                 state=prior,
