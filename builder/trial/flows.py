@@ -15,14 +15,13 @@ from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.journal import Journal
-from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.leeward import other_leeward
 from builder.reporting import Reporter
 from builder.trial.conditions import stress_knots
-from builder.truth.revolution.flow_table import FlowTable, flow_table
-from builder.truth.revolution.flows import truth_engine, truth_surface
+from builder.truth.revolution.flow_table import FlowTable, cosine_series
+from builder.truth.revolution.flows import flow_table, solved_flows, truth_engine, truth_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.sections import Section
 from strainfmu.arrays import BoolArray, FloatArray
@@ -84,8 +83,7 @@ class Flow(Section):
         harmonic[..., 0] += self.raised
         if self.spot is not None:
             surface, n_m = truth_surface(vehicle), harmonic.shape[3]
-            amplitude = np.fft.rfft(self.spot.around(surface.roll_angle)).real[:n_m] / surface.n_roll
-            amplitude[1:] *= 2.0
+            amplitude = cosine_series(self.spot.around(surface.roll_angle), n_m)
             harmonic = harmonic + self.spot.size * np.outer(self.spot.along(surface.x), amplitude)
         return replace(own, harmonic=harmonic)
 
@@ -149,12 +147,11 @@ def _other_table(
 ) -> FlowTable:
     """Return ``table`` with p / p_inf of ``ratio_at`` (M, total incidence [rad]) at the nodes of the surface."""
     surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
-    weight = np.where(np.arange(n_m) == 0, 1.0, 2.0) / surface.n_roll
     harmonic = np.empty_like(table.harmonic)
     for i, mach in enumerate(table.mach_knots.tolist()):
         for j, incidence in enumerate(table.incidence_knots.tolist()):
             ratio = ratio_at(mach, incidence)
-            harmonic[i, j] = np.fft.rfft(surface.as_map(ratio), axis=1).real[:, :n_m] * weight
+            harmonic[i, j] = cosine_series(surface.as_map(ratio), n_m)
     return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": engine})
 
 
@@ -186,16 +183,8 @@ def stress_flows(
     """
     mach, incidence = stress_knots(vehicle, square)
     failed: dict[FlowKey, str] = {}
-    flows, _ = complete_flows(
-        engine=truth_engine(vehicle),
-        keys=[(m, a) for m in mach.tolist() for a in incidence.tolist()],
-        journal=journal,
-        known={},
-        scheduling=scheduling or Scheduling(),
-        reporter=reporter,
-        title="Flow: inside the envelope" if square else "Flow: beyond the envelope",
-        failed=failed,
-    )
+    title = "Flow: inside the envelope" if square else "Flow: beyond the envelope"
+    flows = solved_flows(vehicle, mach, incidence, reporter, title, journal, scheduling, failed)
     solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])
     rows, columns = solved_knots(solved)
     if rows.sum() < 2 or columns.sum() < 2:
@@ -206,15 +195,7 @@ def stress_flows(
             f"from M {mach[rows][0]:.3g} to {mach[rows][-1]:.3g}, total incidence up to "
             f"{np.degrees(incidence[columns][-1]):.3g} deg"
         )
-    return flow_table(
-        vehicle=vehicle.name,
-        mach=mach[rows],
-        incidence=incidence[columns],
-        flows=flows,
-        surface=truth_surface(vehicle),
-        max_harmonic=vehicle.resolution.truth.harmonics,
-        provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
-    )
+    return flow_table(vehicle, mach[rows], incidence[columns], flows)
 
 
 def solved_knots(solved: BoolArray) -> tuple[BoolArray, BoolArray]:

@@ -10,14 +10,14 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.vehicle import AsBuilt
-from builder.structure.as_built_kinds import IN_NOISE, KINDS
+from builder.structure.as_built_kinds import KINDS
 from builder.trial.added import AddedStrain
 from builder.trial.bound import cramer_rao_bound
 from builder.trial.cases import Built, Case
 from builder.trial.conditions import flown_conditions
 from builder.trial.faults import Gauges
 from builder.trial.flows import Flow
-from builder.truth.as_built import drawn, drawn_many
+from builder.truth.as_built import drawn
 from builder.truth.flights import Flights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at
 from builder.truth.revolution.sensors import BuiltSensors, sensor_readings
@@ -182,14 +182,8 @@ class World:
 
     def built(self, entry: Built, random: np.random.Generator, count: int | None = None) -> AsBuilt:
         """Return one vehicle, or ``count`` of them at once."""
-        counts, noise, lead = self.structure.counts, self.vehicle.noise, () if count is None else (count,)
-        if not entry.stated:
-            none = {kind.name: np.zeros((*lead, counts.in_flight(kind))) for kind in IN_NOISE}
-            vehicle = AsBuilt(counts, {} if count is None else none)
-        elif count is None:
-            vehicle = drawn(noise, counts, random, entry.stated)
-        else:
-            vehicle = drawn_many(noise, counts, count, random, entry.stated)
+        counts, lead = self.structure.counts, () if count is None else (count,)
+        vehicle = drawn(self.vehicle.noise, counts, random, entry.stated, count)
         for name, value in entry.set.items():
             size = (*lead, counts.in_flight(KINDS[name]))
             sign = random.choice([-1.0, 1.0], size=size) if entry.signs else np.ones(size)

@@ -9,26 +9,21 @@ from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.map.options import Noise
 
 
-def drawn(entry: Noise, counts: Counts | int, random: np.random.Generator, scale: float = 1.0) -> AsBuilt:
-    """Return a vehicle whose errors are drawn from normal distributions of ``scale`` times the sizes in
-    ``entry``; ``counts`` may be the number of gauges alone."""
-    return _drawn(entry, counts, (), random, scale)
-
-
-def drawn_many(
-    entry: Noise, counts: Counts | int, count: int, random: np.random.Generator, scale: float = 1.0
+def drawn(
+    entry: Noise,
+    counts: Counts | int,
+    random: np.random.Generator,
+    scale: float = 1.0,
+    count: int | None = None,
 ) -> AsBuilt:
-    """Return ``count`` vehicles at once: what is (n,) of one is (count, n) here."""
-    return _drawn(entry, counts, (count,), random, scale)
+    """Return a vehicle whose errors are drawn from normal distributions of ``scale`` times the sizes in ``entry``;
+    ``counts`` may be the number of gauges alone.
 
-
-def _drawn(
-    entry: Noise, counts: Counts | int, lead: tuple[int, ...], random: np.random.Generator, scale: float
-) -> AsBuilt:
-    of = counts if isinstance(counts, Counts) else Counts(counts)
-    found = {}
+    With ``count`` they are as many vehicles at once: what is (n,) of a single vehicle is (count, n) then.
+    """
+    of, errors = counts if isinstance(counts, Counts) else Counts(counts), {}
     for kind in IN_NOISE:
-        size, std = (*lead, of.in_flight(kind)), kind.noise_std(entry)
-        takes = std > 0.0 or kind.name in ALWAYS_DRAWN
-        found[kind.name] = scale * std * random.standard_normal(size) if takes else np.zeros(size)
-    return AsBuilt(of, found)
+        size, std = (*(() if count is None else (count,)), of.in_flight(kind)), kind.noise_std(entry)
+        takes = scale > 0.0 and (std > 0.0 or kind.name in ALWAYS_DRAWN)
+        errors[kind.name] = scale * std * random.standard_normal(size) if takes else np.zeros(size)
+    return AsBuilt(of, errors)

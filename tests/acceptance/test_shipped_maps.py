@@ -29,7 +29,7 @@ from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.structure.as_built.vehicle import exactly_built
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.trial.conditions import held_out_conditions
-from builder.truth.as_built import drawn_many
+from builder.truth.as_built import drawn
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,
@@ -133,12 +133,12 @@ def test_three_sigma_of_a_shipped_map_cover_vehicles_as_built(
     estimator, n = Estimator(inverse_map), inverse_map.n_gauges
     error, sigma, ok, noticed = [], [], [], []
     for number in range(len(conditions)):
-        flight, built = flights.rows(slice(number, number + 1)), drawn_many(vehicle.noise, n, 10, random)
-        strain = true_strain(truth[0], flight, built)
+        row, built = slice(number, number + 1), drawn(vehicle.noise, n, random, count=10)
+        strain = flights.read(built, row)
         strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
-        stated = flight.dynamic_pressure * (1.0 + np.reshape(built.dynamic_pressure, -1))
+        stated = flights.dynamic_pressure[row] * (1.0 + np.reshape(built.dynamic_pressure, -1))
         found = estimator.estimate(strain, stated)
-        error.append(found.coefficients - flight.coefficients)
+        error.append(found.coefficients - flights.coefficients[row])
         sigma.append(found.coefficients_std)
         ok.append(found.health == HealthState.OK)
         strain[np.arange(len(strain)), random.integers(n, size=len(strain))] += 50e-6

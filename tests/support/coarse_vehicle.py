@@ -19,8 +19,8 @@ from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.problem import gauge_noise_covariance
 from builder.structure.fourier.model import StructuralModel, structural_model
-from builder.truth.revolution.flow_table import FlowTable, flow_table
-from builder.truth.revolution.flows import truth_engine, truth_keys, truth_knots
+from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.flows import flow_table, truth_engine, truth_keys, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -151,15 +151,7 @@ def true_model(vehicle: Vehicle) -> TrueStructure:
 
 
 @pytest.fixture(scope="session")
-def table(vehicle: Vehicle, true_model: TrueStructure, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
+def table(vehicle: Vehicle, truth_flows: dict[FlowKey, Flow]) -> FlowTable:
     """The pressure of the independent model."""
     mach, incidence = truth_knots(vehicle)
-    return flow_table(
-        vehicle=vehicle.name,
-        mach=mach,
-        incidence=np.array(incidence[1:]),
-        flows=truth_flows,
-        surface=true_model.surface,
-        max_harmonic=vehicle.resolution.truth.harmonics,
-        provenance={},
-    )
+    return flow_table(vehicle, mach, incidence[1:], truth_flows)

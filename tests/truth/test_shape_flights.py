@@ -17,7 +17,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.displaced import refuse_others
 from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.trial.conditions import conditions_in_ranges
-from builder.truth.as_built import drawn_many
+from builder.truth.as_built import drawn
 from builder.truth.shape.flights import ShapeFlights, on_nodes
 from builder.truth.shape.structure import refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
@@ -90,7 +90,7 @@ def test_errors_that_no_displaced_gauge_shows_are_refused() -> None:
 
 def test_many_vehicles_at_once_are_each_on_its_own() -> None:
     noise = load_vehicle(VEHICLES / "elliptic_cone.toml").noise
-    many = drawn_many(noise, N_D, 4, np.random.default_rng(3))
+    many = drawn(noise, N_D, np.random.default_rng(3), count=4)
     for flight in (0, 5):
         found = flights().read(many, slice(flight, flight + 1))
         for vehicle in range(4):

@@ -22,7 +22,7 @@ from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
-from builder.truth.as_built import drawn, drawn_many
+from builder.truth.as_built import drawn
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import (
     WALL_STEP,
@@ -217,9 +217,9 @@ def test_many_vehicles_at_once_are_those_one_by_one(
 ) -> None:
     """Every flight alone with 3 vehicles of all errors: 1e-12 of the largest strain."""
     entry = Noise(std_um_per_m=0.4)
-    many = drawn_many(entry, N_GAUGES, 3, np.random.default_rng(7))
+    many = drawn(entry, N_GAUGES, np.random.default_rng(7), count=3)
     for number in range(len(CONDITIONS)):
-        found = true_strain(true_model, flights.rows(slice(number, number + 1)), many)
+        found = flights.read(many, slice(number, number + 1))
         for which in range(3):
             one = many.one_of(which)
             close(found[which], true_strain(true_model, flights, one)[number], 1e-12)
@@ -366,8 +366,8 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
     stated = noise.model_copy(update={"gauge_gain_percent": 1.0})
     one, plain = (drawn(of, structure.counts, np.random.default_rng(3)) for of in (stated, vehicle.noise))
     np.testing.assert_array_equal(one.gauge_gain, plain.gauge_gain)
-    many = drawn_many(stated, structure.counts, 3, np.random.default_rng(4))
-    read = true_strain(structure, flown.rows(slice(1, 2)), many)
+    many = drawn(stated, structure.counts, np.random.default_rng(4), count=3)
+    read = flown.read(many, slice(1, 2))
     for number in range(3):
         close(read[number], true_strain(structure, flown, many.one_of(number))[1], 1e-12)
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):

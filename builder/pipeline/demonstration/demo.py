@@ -9,7 +9,6 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,16 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
+from builder.pipeline.demonstration.common_files import (
+    ESTIMATOR,
+    FLIGHT,
+    STEP_SIZE,
+    digest_of,
+    make_coefficients,
+    make_estimator,
+    make_flight,
+    make_pictures,
+)
 from builder.pipeline.demonstration.flight_trial import (
     SCORE_VERSION,
     Flown,
@@ -33,7 +42,6 @@ from builder.pipeline.demonstration.flight_trial import (
 from builder.pipeline.demonstration.free_demo import fly_free_shape
 from builder.pipeline.demonstration.held_out_score import held_out_score
 from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
-from builder.pipeline.demonstration.pictures import make_pictures
 from builder.pipeline.map_files import (
     make_independent_flows,
     make_map,
@@ -49,11 +57,10 @@ from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.as_built_kinds import IN_NOISE
-from builder.structure.fourier.model import refuse_beyond_fourier
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
 from builder.truth.as_built import drawn
-from builder.truth.independent_model import FlownPhysics, flown_physics
+from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.revolution.flows import truth_knots
@@ -63,23 +70,19 @@ from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import check_envelope, save_flight_model
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.cosim.systems.master import matching_connections, simulate
-from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.cosim.systems.recording import Recording
 from strainfmu.cosim.systems.system import System
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
-from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
-from strainfmu.fmu.native.package import shipped_libraries
+from strainfmu.fmu.export import export_plant
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
 
 HELD_OUT_VERSION = 3
 """Raised whenever the score on held-out conditions is another of the same files."""
-
-COMMUNICATION_STEP_SIZE = 0.01
-"""Time between communication points of the demonstration flight [s]: 100 Hz."""
 
 MEASURED = {f"estimator.{Q_SOURCE}": float(QSource.INDEPENDENT)}
 """Start value of the flight, in which the dynamic pressure is a measurement of its own."""
@@ -133,8 +136,7 @@ def refuse_without_demo(vehicle: Vehicle) -> None:
             f"structure.{vehicle.structure.external}: no demonstration flies it, the vehicle that flies needs a "
             "wall of the vehicle file; `strainfmu build` makes its map"
         )
-    if vehicle.is_of_revolution:  # the Fourier model flies, whatever model the map is built on
-        refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
+    refuse_without_independent_model(vehicle)
 
 
 def run_demo(
@@ -225,12 +227,12 @@ def _result(
         values = {**score, **{name: entry for name, entry in more.items() if entry}}
         write_bytes_atomically(path, json.dumps(values, indent=1, allow_nan=False).encode())
 
-    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from("flight.h5"), **more}
+    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from(FLIGHT), **more}
     pipeline.make("summary.json", "accuracy of the flown FMU, as numbers", inputs, make)
     return DemoResult(
         vehicle=pipeline.vehicle.name,
         folder=pipeline.path("summary.json").parent,
-        flight=f"{recording.time[-1]:.6g} s at {1.0 / COMMUNICATION_STEP_SIZE:g} Hz",
+        flight=f"{recording.time[-1]:.6g} s at {1.0 / STEP_SIZE:g} Hz",
         files=pipeline.files,
         reused=tuple(pipeline.reused),
         physics=physics,
@@ -297,21 +299,9 @@ def vehicle_as_built(vehicle: Vehicle, seed: int | None) -> AsBuilt:
 
 def _fmus(pipeline: Pipeline, map_name: str, takes_zeros: bool) -> None:
     """Package the map ``map_name``, with inputs for zero offsets where a ground test gives some, and the plant."""
-    workspace, vehicle = pipeline.workspace, pipeline.vehicle
-    options = ExportOptions(zero_inputs=takes_zeros)
-    trajectory = vehicle.manoeuvre()
+    trajectory = pipeline.vehicle.manoeuvre()
     with pipeline.reporter.stage("FMUs") as progress:
-        pipeline.make(
-            "estimator.fmu",
-            "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
-            {
-                "map": pipeline.made_from(map_name),
-                "kind": "native",
-                "library": _digest("estimator"),
-                **({"zero_inputs": True} if takes_zeros else {}),
-            },
-            lambda path: export_estimator(workspace.path(map_name), path, options),
-        )
+        make_estimator(pipeline, map_name, takes_zeros)
         progress(1, 2)
         pipeline.make(
             "plant.fmu",
@@ -319,50 +309,30 @@ def _fmus(pipeline: Pipeline, map_name: str, takes_zeros: bool) -> None:
             {
                 "flight_model": pipeline.made_from("flight_model.h5"),
                 "trajectory": trajectory.read_bytes().hex(),
-                "library": _digest("plant"),
+                "library": digest_of("plant"),
             },
-            lambda path: export_plant(workspace.path("flight_model.h5"), trajectory, path),
+            lambda path: export_plant(pipeline.path("flight_model.h5"), trajectory, path),
         )
         progress(2, 2)
 
 
-def _digest(library: str) -> str:
-    """Return what identifies the compiled code of ``library`` on all platforms."""
-    found = shipped_libraries(library)
-    return sha256(b"".join(content for _, (_, content) in sorted(found.items()))).hexdigest()
-
-
 def _flight(pipeline: Pipeline, start_values: dict[str, float]) -> Recording:
-    workspace, vehicle = pipeline.workspace, pipeline.vehicle
-    trajectory = load_trajectory(vehicle.manoeuvre())
-    fmus = {name: workspace.path(f"{name}.fmu") for name in ("plant", "estimator")}
+    stop_time = load_trajectory(pipeline.vehicle.manoeuvre()).stop_time
+    fmus = {name: pipeline.path(f"{name}.fmu") for name in ("plant", "estimator")}
 
-    def make(path: Path) -> None:
+    def fly() -> Recording:
         system = System(fmus, matching_connections("plant", "estimator", fmus), start_values)
-        stop_time = trajectory.stop_time
         with pipeline.reporter.stage("System simulation: plant -> estimator") as progress:
-            recording = simulate(
-                system,
-                stop_time,
-                COMMUNICATION_STEP_SIZE,
-                progress=lambda time: progress(round(100 * time / stop_time), 100),
+            return simulate(
+                system, stop_time, STEP_SIZE, progress=lambda time: progress(round(100 * time / stop_time), 100)
             )
-        save_hdf5(recording, path)
 
     inputs = {
-        "fmus": pipeline.made_from("plant.fmu", "estimator.fmu"),
-        "step": COMMUNICATION_STEP_SIZE,
+        "fmus": pipeline.made_from("plant.fmu", ESTIMATOR),
+        "step": STEP_SIZE,
         "start": start_values,
     }
-    pipeline.make("flight.h5", "every signal of the system simulation", inputs, make)
-    recording = load_recording(workspace.path("flight.h5"))
-    pipeline.make(
-        "flight.csv",
-        "the same as CSV",
-        {"flight": pipeline.made_from("flight.h5")},
-        lambda path: save_csv(recording, path),
-    )
-    return recording
+    return make_flight(pipeline, "every signal of the system simulation", inputs, fly)
 
 
 def _held_out(pipeline: Pipeline) -> dict[str, Any]:
@@ -398,15 +368,15 @@ def _figures(pipeline: Pipeline, recording: Recording, physics: FlownPhysics) ->
     vehicle, settings = pipeline.vehicle, pipeline.vehicle.resolution.map
     surface = surface_grid(vehicle.body(), settings.surface_stations, settings.surface_roll_angles)
     snapshots = snapshots_on(load_snapshots(pipeline.path(SNAPSHOTS)), surface)
-    inverse_map = load_inverse_map(pipeline.workspace.path("map.h5"))
+    inverse_map = load_inverse_map(pipeline.path(MAP))
     title = vehicle.name
     of_flight = _title(pipeline, physics)
-    of_pressure = {"snapshots": pipeline.made_from("snapshots.h5"), "title": title}
+    of_pressure = {"snapshots": pipeline.made_from(SNAPSHOTS), "title": title}
     of_all = {
         **of_pressure,
         "title": of_flight,
-        "map": pipeline.made_from("map.h5"),
-        "flight": pipeline.made_from("flight.h5"),
+        "map": pipeline.made_from(MAP),
+        "flight": pipeline.made_from(FLIGHT),
     }
     drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
         (
@@ -430,20 +400,15 @@ def _figures(pipeline: Pipeline, recording: Recording, physics: FlownPhysics) ->
         (
             "gauges.png",
             "figure: gauge layout",
-            {"map": pipeline.made_from("map.h5")},
+            {"map": pipeline.made_from(MAP)},
             lambda: figures.gauges(inverse_map, surface),
-        ),
-        (
-            "coefficients.png",
-            "figure: estimated against true coefficients, 3 sigma bands",
-            {"flight": pipeline.made_from("flight.h5"), "title": of_flight},
-            lambda: figures.coefficients(recording, of_flight),
         ),
     ]
     with pipeline.reporter.stage("Figures") as progress:
         for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
             pipeline.make(name, holds, inputs, partial(_save, draw))
             progress(done, len(drawings))
+        make_coefficients(pipeline, recording, of_flight)
         make_pictures(pipeline)
 
 
@@ -462,7 +427,7 @@ def _estimators(pipeline: Pipeline, recording: Recording, physics: FlownPhysics)
 
     inputs = {
         "map": pipeline.made_from(MAP),
-        "flight": pipeline.made_from("flight.h5"),
+        "flight": pipeline.made_from(FLIGHT),
         "version": SCORE_VERSION,
     }
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"

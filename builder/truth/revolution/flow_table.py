@@ -8,7 +8,7 @@ there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.engine import Flow, FlowKey
+from builder.aero.engine import Flow
 from builder.aero.engines.euler import pieces
 from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -64,12 +64,7 @@ def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> F
     local inclination holds pressures at the nodes, with the leeward meridian at +z.
     """
     if "pressure_ratio" in flow.arrays:
-        spectrum = np.fft.rfft(surface.as_map(flow.arrays["pressure_ratio"]), axis=1).real / surface.n_roll
-        held = np.zeros((len(surface.x), max_harmonic + 1))
-        count = min(max_harmonic + 1, spectrum.shape[1])
-        held[:, :count] = spectrum[:, :count]
-        held[:, 1:] *= 2.0
-        return held
+        return cosine_series(surface.as_map(flow.arrays["pressure_ratio"]), max_harmonic + 1)
     ratio = pressure_at_stations(pieces(flow), surface)
     n_phi = ratio.shape[1]
     m = np.arange(max_harmonic + 1)
@@ -77,28 +72,12 @@ def pressure_harmonics(flow: Flow, surface: SurfaceGrid, max_harmonic: int) -> F
     return ratio @ np.cos(np.outer(flow.arrays["roll_angle"], m)) * weight / n_phi
 
 
-def flow_table(
-    vehicle: str,
-    mach: FloatArray,
-    incidence: FloatArray,
-    flows: Mapping[FlowKey, Flow],
-    surface: SurfaceGrid,
-    max_harmonic: int,
-    provenance: dict[str, Any],
-) -> FlowTable:
-    """Return the table of ``flows``, one for each pair of ``mach`` (n_M,) and positive ``incidence`` (n_a,)
-    [rad]."""
-    rows = [
-        [pressure_harmonics(flows[round(float(m), 9), float(a)], surface, max_harmonic) for a in incidence]
-        for m in mach
-    ]
-    return FlowTable(
-        vehicle=vehicle,
-        mach_knots=mach,
-        incidence_knots=incidence,
-        harmonic=np.array(rows),
-        provenance=provenance,
-    )
+def cosine_series(values: FloatArray, count: int) -> FloatArray:
+    """Return the amplitudes (.., count) of cos(m phi) in ``values`` (.., n_phi) at even angles from 0; harmonics
+    beyond these are zero."""
+    spectrum = np.fft.rfft(values, axis=-1).real[..., :count] / values.shape[-1]
+    spectrum[..., 1:] *= 2.0
+    return np.pad(spectrum, [(0, 0)] * (values.ndim - 1) + [(0, count - spectrum.shape[-1])])
 
 
 def flow_states(conditions: Sequence[FlightCondition]) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from builder.aero.engine import FlowKey
+from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.planes.marching_grid import marching_grid_of
@@ -17,7 +18,7 @@ from builder.campaign.journal import Journal
 from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
-from builder.truth.revolution.flow_table import FlowTable, flow_table, load_flow_table
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table, pressure_harmonics
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import KNOTS
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -54,7 +55,12 @@ def truth_knots(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
 def truth_keys(vehicle: Vehicle) -> list[FlowKey]:
     """Return the (M, a_T [rad]) at which the independent model's flows are solved."""
     mach, incidence = truth_knots(vehicle)
-    return [(round(m, 9), a) for m in mach.tolist() for a in incidence[1:].tolist()]
+    return flow_keys(mach, incidence[1:])
+
+
+def flow_keys(mach: FloatArray, incidence: FloatArray) -> list[FlowKey]:
+    """Return the keys of flows at each pair of ``mach`` (n_M,) and ``incidence`` (n_a,) [rad]."""
+    return [(round(m, 9), a) for m in mach.tolist() for a in incidence.tolist()]
 
 
 def truth_surface(vehicle: Vehicle) -> SurfaceGrid:
@@ -114,22 +120,56 @@ def independent_flows(
     InputError
         A condition is outside the solver's reach.
     """
-    mach, knots = truth_knots(vehicle)
-    flows, _ = complete_flows(
+    mach, incidence = truth_knots(vehicle)
+    flows = solved_flows(
+        vehicle, mach, incidence[1:], reporter, "Flow: the vehicle that flies", journal, scheduling
+    )
+    return flow_table(vehicle, mach, incidence[1:], flows)
+
+
+def solved_flows(
+    vehicle: Vehicle,
+    mach: FloatArray,
+    incidence: FloatArray,
+    reporter: Reporter,
+    title: str,
+    journal: Journal | None = None,
+    scheduling: Scheduling | None = None,
+    failed: dict[FlowKey, str] | None = None,
+) -> dict[FlowKey, Flow]:
+    """Solve the flows at each pair of ``mach`` (n_M,) and ``incidence`` (n_a,) [rad]; why some are beyond the
+    solver's reach goes to ``failed``, or is raised.
+
+    Raises
+    ------
+    InputError
+        A condition is outside the solver's reach.
+    """
+    return complete_flows(
         engine=truth_engine(vehicle),
-        keys=truth_keys(vehicle),
+        keys=flow_keys(mach, incidence),
         journal=journal,
         known={},
         scheduling=scheduling or Scheduling(),
         reporter=reporter,
-        title="Flow: the vehicle that flies",
-    )
-    return flow_table(
+        title=title,
+        failed=failed,
+    )[0]
+
+
+def flow_table(
+    vehicle: Vehicle, mach: FloatArray, incidence: FloatArray, flows: Mapping[FlowKey, Flow]
+) -> FlowTable:
+    """Return the table of ``flows``, a flow for each pair of ``mach`` (n_M,) and positive ``incidence`` (n_a,)
+    [rad]."""
+    surface, resolution = truth_surface(vehicle), vehicle.resolution.truth
+    harmonic = [
+        pressure_harmonics(flows[key], surface, resolution.harmonics) for key in flow_keys(mach, incidence)
+    ]
+    return FlowTable(
         vehicle=vehicle.name,
-        mach=mach,
-        incidence=knots[1:],
-        flows=flows,
-        surface=truth_surface(vehicle),
-        max_harmonic=vehicle.resolution.truth.harmonics,
-        provenance={"resolution": vehicle.resolution.truth.model_dump(), "flows": len(flows)},
+        mach_knots=mach,
+        incidence_knots=incidence,
+        harmonic=np.reshape(harmonic, (len(mach), len(incidence), *harmonic[0].shape)),
+        provenance={"resolution": resolution.model_dump(), "flows": len(flows)},
     )

@@ -12,18 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scale, load_operator
+from builder.aero.loads.operator import coefficient_scales_at, load_operator
 from builder.reporting import Progress
 from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
-from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.wall import wall_of
+from builder.truth.flights import Flights, pressures_at
 from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
@@ -76,53 +77,28 @@ def true_structure(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TrueFlights:
-    """Flights at k conditions, ready for any vehicle as built.
+class TrueFlights(Flights):
+    """Flights of a body of revolution.
 
     Attributes
     ----------
     structure : of the vehicle.
-    conditions : k flight conditions.
     table, uniform : amplitudes of the k flows per p_inf, and of one uniform outer pressure; they lead [1/Pa].
-    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
-    ambient_pressure, dynamic_pressure : (k,) p_inf and q_inf [Pa].
-    internal_pressure : (k,) stated pressure inside [Pa].
     """
 
     structure: TrueStructure
-    conditions: tuple[FlightCondition, ...]
     table: ResponseTable
     uniform: ResponseTable
-    coefficients: FloatArray
-    ambient_pressure: FloatArray
-    dynamic_pressure: FloatArray
-    internal_pressure: FloatArray
-
-    @property
-    def counts(self) -> Counts:
-        return self.structure.counts
-
-    @property
-    def rolling(self) -> None:
-        return None
-
-    def rows(self, rows: slice) -> TrueFlights:
-        """Return the flights ``rows``."""
-        return TrueFlights(
-            structure=self.structure,
-            conditions=self.conditions[rows],
-            table=each(self.table, lambda one: one[..., rows, :, :, :]),
-            uniform=self.uniform,
-            coefficients=self.coefficients[rows],
-            ambient_pressure=self.ambient_pressure[rows],
-            dynamic_pressure=self.dynamic_pressure[rows],
-            internal_pressure=self.internal_pressure[rows],
-        )
 
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
-        return true_strain(self.structure, self.rows(rows), built)
+        of_flights = {
+            name: getattr(self, name)[rows]
+            for name in ("conditions", "coefficients", "ambient_pressure", "dynamic_pressure", "internal_pressure")
+        }
+        table = each(self.table, lambda one: one[..., rows, :, :, :])
+        return true_strain(self.structure, replace(self, table=table, **of_flights), built)
 
 
 def true_flights(
@@ -187,27 +163,24 @@ def _flights(
 ) -> TrueFlights:
     """Return the flights of flows that strain as in ``table``; ``loads`` (k, 3) are theirs per p_inf, as by
     :func:`_loads_per_pressure`."""
-    ambient = np.array([condition.ambient_pressure for condition in conditions])
-    inside = np.array([vehicle.internal_pressure(condition) for condition in conditions])
+    pressures = pressures_at(vehicle, conditions)
     # An uneven wall turns the uniform pressure into strain of higher harmonics.
     uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
     everywhere = np.broadcast_to(uniform, (1, len(structure.surface.x), len(uniform)))
-    axial, across, turning = (ambient[:, None] * loads).T
-    axial = axial - inside * _loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
+    axial, across, turning = (pressures["ambient_pressure"][:, None] * loads).T
+    of_uniform = _loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
+    axial = axial - pressures["internal_pressure"] * of_uniform
     roll = np.array([condition.leeward_roll_angle for condition in conditions])
     cosine, sine = np.cos(roll), np.sin(roll)
     five = np.column_stack([axial, across * cosine, across * sine, turning * cosine, turning * sine])
     reference = vehicle.reference_quantities()
-    scale = np.array([coefficient_scale(condition.dynamic_pressure, reference) for condition in conditions])
     return TrueFlights(
         structure=structure,
-        conditions=tuple(conditions),
+        counts=structure.counts,
         table=table,
         uniform=_under(structure, everywhere),
-        coefficients=five * scale,
-        ambient_pressure=ambient,
-        dynamic_pressure=np.array([condition.dynamic_pressure for condition in conditions]),
-        internal_pressure=inside,
+        coefficients=five * coefficient_scales_at(conditions, reference),
+        **pressures,
     )
 
 
@@ -225,7 +198,7 @@ def _loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatA
 def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
     """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads.
 
-    For v vehicles (:func:`builder.truth.as_built.drawn_many`) there must be one flight, and the strain is (v,
+    For v vehicles (:func:`builder.truth.as_built.drawn`) there must be one flight, and the strain is (v,
     n_d).
     """
     ambient, inside = flights.ambient_pressure[:, None], flights.internal_pressure[:, None]

@@ -23,7 +23,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
 from builder.structure.as_built.displaced import DisplacedGauges
-from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.truth.flights import Flights, pressures_at
 from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
@@ -32,37 +33,23 @@ from strainfmu.flight_condition import FlightCondition
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ShapeFlights:
-    """k flights, ready for any vehicle as built.
+class ShapeFlights(Flights):
+    """Flights of a vehicle of any shape.
 
     Attributes
     ----------
-    conditions : k flight conditions.
     strain : (n_w, k, n_d) by the outer pressure, see :class:`ShapeStructure` [m/m].
     unit_strain : (n_w, n_d) per uniform outer pressure [1/Pa].
     gauges : as displaced.
-    counts : numbers of what has errors of its own.
-    coefficients : (k, 5) C_A, C_N, C_Y, M_P, M_Y [1].
-    rolling : (k,) M_R [1].
-    ambient_pressure, dynamic_pressure, internal_pressure : (k,) p_inf, q_inf and that stated inside [Pa].
     """
 
-    conditions: tuple[FlightCondition, ...]
     strain: FloatArray
     unit_strain: FloatArray
     gauges: DisplacedGauges
-    counts: Counts
-    coefficients: FloatArray
-    rolling: FloatArray
-    ambient_pressure: FloatArray
-    dynamic_pressure: FloatArray
-    internal_pressure: FloatArray
 
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
-        """Return (k, n_d) strain [m/m], without noise, that a vehicle as ``built`` reads in the flights ``rows``;
-        (v, n_d) of v vehicles in one flight."""
         ambient = self.ambient_pressure[rows, None]
         inside = self.internal_pressure[rows, None] + built.internal_pressure * ambient
         flown = self.gauges.as_built(self.strain[:, rows], built)
@@ -85,24 +72,19 @@ def shape_flights(
     InputError
         The surfaces of flow and structure do not coincide.
     """
-    conditions = tuple(flows.conditions())
+    pressures = pressures_at(vehicle, flows.conditions())
     operator = on_nodes_of(structure, flows) if operator is None else operator
-    inside = np.array([vehicle.internal_pressure(one) for one in conditions])
     reference = vehicle.reference_quantities()
     loads = six_loads(flows.surface, reference.moment_station)
-    net = flows.pressure - inside[:, None]
-    dynamic = np.array([one.dynamic_pressure for one in conditions])
+    net = flows.pressure - pressures["internal_pressure"][:, None]
     return ShapeFlights(
-        conditions=conditions,
         strain=np.stack([flows.pressure @ way.T for way in operator]),
         unit_strain=operator.sum(axis=2),
         gauges=structure.gauges,
         counts=structure.counts,
-        coefficients=coefficients_of(net, loads[:5], conditions, reference),
-        rolling=net @ loads[5] / (dynamic * reference.area * reference.length),
-        ambient_pressure=np.array([one.ambient_pressure for one in conditions]),
-        dynamic_pressure=dynamic,
-        internal_pressure=inside,
+        coefficients=coefficients_of(net, loads[:5], pressures["conditions"], reference),
+        rolling=net @ loads[5] / (pressures["dynamic_pressure"] * reference.area * reference.length),
+        **pressures,
     )
 
 
@@ -143,12 +125,21 @@ def at_conditions(flows: Snapshots, conditions: Sequence[FlightCondition]) -> Sn
     if not known:
         return None
     rows = np.array([row[_flow_of(one)] for one in known])
-    before = np.array([one.ambient_pressure for one in flows.conditions()])
-    ambient = np.array([one.ambient_pressure for one in known])
+    return flown_at(flows.chosen(rows), known, ratio_of(flows)[rows])
+
+
+def ratio_of(flows: Snapshots) -> FloatArray:
+    """Return p / p_inf (N, n_p) of ``flows``."""
+    return np.asarray(flows.pressure / np.array([[one.ambient_pressure] for one in flows.conditions()]))
+
+
+def flown_at(flows: Snapshots, conditions: Sequence[FlightCondition], ratio: FloatArray) -> Snapshots:
+    """Return ``flows`` at as many other ``conditions``, where p / p_inf is ``ratio`` (N, n_p)."""
+    ambient = np.array([one.ambient_pressure for one in conditions])
     return replace(
-        flows.chosen(rows),
-        condition=np.array([one.as_row() for one in known]),
-        pressure=flows.pressure[rows] * (ambient / before[rows])[:, None],
+        flows,
+        condition=np.array([one.as_row() for one in conditions]),
+        pressure=ambient[:, None] * ratio,
         internal_pressure=ambient,
     )
 
