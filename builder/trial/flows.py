@@ -184,7 +184,8 @@ def stress_flows(
     mach, incidence = stress_knots(vehicle, square)
     failed: dict[FlowKey, str] = {}
     title = "Flow: inside the envelope" if square else "Flow: beyond the envelope"
-    flows = solved_flows(vehicle, mach, incidence, reporter, title, journal, scheduling, failed)
+    how: dict[str, Any] = {"title": title, "journal": journal, "scheduling": scheduling, "failed": failed}
+    flows = solved_flows(vehicle, mach, incidence, reporter, **how)
     solved = np.array([[(m, a) not in failed for a in incidence.tolist()] for m in mach.tolist()])
     rows, columns = solved_knots(solved)
     if rows.sum() < 2 or columns.sum() < 2:

@@ -121,9 +121,8 @@ def independent_flows(
         A condition is outside the solver's reach.
     """
     mach, incidence = truth_knots(vehicle)
-    flows = solved_flows(
-        vehicle, mach, incidence[1:], reporter, "Flow: the vehicle that flies", journal, scheduling
-    )
+    how: dict[str, Any] = {"title": "Flow: the vehicle that flies", "journal": journal, "scheduling": scheduling}
+    flows = solved_flows(vehicle, mach, incidence[1:], reporter, **how)
     return flow_table(vehicle, mach, incidence[1:], flows)
 
 
@@ -132,6 +131,7 @@ def solved_flows(
     mach: FloatArray,
     incidence: FloatArray,
     reporter: Reporter,
+    *,
     title: str,
     journal: Journal | None = None,
     scheduling: Scheduling | None = None,
