@@ -11,8 +11,6 @@ from builder.campaign.snapshots import load_snapshots
 from builder.manifold.mirror_images import with_mirror_images
 from builder.manifold.snapshot_grid import snapshot_grid
 from builder.pipeline.map_files import load_map_parts, make_map_parts
-from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.trial_run import (
     FLOWS,
     TrialOptions,
@@ -20,17 +18,17 @@ from builder.pipeline.trial_run import (
     finished,
     make_trial_flows,
     once,
-    refuse_vehicle,
+    opened,
     true_world,
 )
-from builder.pipeline.used_files import SNAPSHOTS, STRUCTURE, open_pipeline
+from builder.pipeline.used_files import SNAPSHOTS, STRUCTURE
 from builder.reporting import Reporter, Silent
 from builder.trial.cases import cases_for, load_trial
 from builder.trial.compared import NONLINEAR, ComparedWorld, compared_estimators, knowing, maps_for, refuse_unknown
 from builder.trial.regressions import REGRESSIONS
 from builder.trial.run import scored
 from builder.truth.independent_model import other_physics
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
 
@@ -50,18 +48,12 @@ def run_comparison(
     """
     trial = load_trial(file).changed(options.changes)
     assert trial.compare is not None
-    if options.map_path is not None:
-        raise InputError("--map: expected none, this trial builds maps for the errors of its cases; leave it out")
-    plan = trial.trial
-    refuse_unknown(plan.estimators)
-    plan = plan.model_copy(update={"estimators": _installed(plan.estimators, reporter)})
-    pipeline, conditions = open_pipeline(
-        load_vehicle(vehicle_path), folder, reporter, options.given or FilesGiven()
-    )
-    refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
-    check_before_long_work(pipeline.vehicle, conditions)
+    refuse_unknown(trial.trial.estimators)
+    names = _installed(trial.trial.estimators, reporter)
+    plan = trial.trial.model_copy(update={"estimators": names})
+    pipeline, flown = opened(trial, vehicle_path, folder, reporter, options)
     make_map_parts(pipeline)
-    vehicle = knowing(pipeline.flown or pipeline.vehicle, is_exact=False, case=1)
+    vehicle = knowing(flown, is_exact=False, case=1)
     for line in other_physics(vehicle):
         reporter.note(line)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
@@ -74,11 +66,10 @@ def run_comparison(
     files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
     cases = cases_for(vehicle, trial, options.only)
     return finished(
+        pipeline,
         vehicle,
         cases,
         plan,
-        folder,
-        reporter,
         options,
         make_world=compared_world,
         world=(vehicle, *files, plan.conditions, plan.seed, trial.compare.training),

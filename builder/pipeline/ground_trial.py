@@ -8,10 +8,8 @@ from builder.calibration.score.ground_rows import CALIBRATION, ground_rows, refu
 from builder.calibration.score.ground_world import GroundWorld, ground_world
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.map_files import make_independent_flows, make_snapshots
-from builder.pipeline.pipeline import FilesGiven
-from builder.pipeline.stages import check_before_long_work
-from builder.pipeline.trial_run import TrialOptions, TrialResult, finished, once, refuse_vehicle
-from builder.pipeline.used_files import FLOWS, SNAPSHOTS, open_pipeline
+from builder.pipeline.trial_run import TrialOptions, TrialResult, finished, once, opened
+from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.trial.cases import cases_for, load_trial
@@ -19,8 +17,7 @@ from builder.trial.ground import GroundTests
 from builder.trial.score import Row
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flows import load_truth_flows
-from builder.vehicle.file import Vehicle, load_vehicle
-from strainfmu.errors import InputError
+from builder.vehicle.file import Vehicle
 from strainfmu.files import content_hash_of
 
 
@@ -39,17 +36,11 @@ def run_ground_tests(
     """
     trial = load_trial(file).changed(options.changes)
     assert trial.ground is not None
-    if options.map_path is not None:
-        raise InputError("--map: expected none, this trial makes a map for every vehicle; leave it out")
     plan = trial.trial
     refuse_unknown(plan.estimators)
-    pipeline, conditions = open_pipeline(
-        load_vehicle(vehicle_path), folder, reporter, options.given or FilesGiven()
-    )
+    pipeline, _ = opened(trial, vehicle_path, folder, reporter, options)
     vehicle = pipeline.vehicle
-    refuse_vehicle(vehicle, trial)
     refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
-    check_before_long_work(vehicle, conditions)
     make_snapshots(pipeline)
     if options.flows is not None:
         schema = flow_table_file.SCHEMA, flow_table_file.SCHEMA_VERSION
@@ -57,11 +48,10 @@ def run_ground_tests(
     make_independent_flows(pipeline)
     cases = cases_for(vehicle, trial, options.only)
     result = finished(
+        pipeline,
         vehicle,
         cases,
         plan,
-        folder,
-        reporter,
         options,
         make_world=tested_world,
         world=(vehicle, pipeline.path(SNAPSHOTS), pipeline.path(FLOWS), plan.conditions, trial.ground),

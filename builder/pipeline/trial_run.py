@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
@@ -91,7 +91,7 @@ class TrialOptions:
     changes: dict[str, object]
     map_path: Path | None = None
     flows: Path | None = None
-    given: FilesGiven | None = None
+    given: FilesGiven = field(default_factory=FilesGiven)
     estimator: Estimators | None = None
     formats: tuple[str, ...] = (".csv",)
     workers: int = 1
@@ -120,7 +120,7 @@ def run_trial(
     if any(case.heating for case in trial.cases):
         entry = entry.model_copy(update={TEMPERATURE: temperature_of(entry)})
     if options.map_path is None:
-        pipeline, conditions = open_pipeline(entry, folder, reporter, options.given or FilesGiven())
+        pipeline, conditions = open_pipeline(entry, folder, reporter, options.given)
         refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
         check_before_long_work(pipeline.vehicle, conditions)
         if options.flows is not None and pipeline.vehicle.is_of_revolution:
@@ -143,11 +143,10 @@ def run_trial(
     make_trial_flows(pipeline, vehicle, cases_for(vehicle, trial), plan, options.flows)
     structure = pipeline.path(STRUCTURE)
     return finished(
+        pipeline,
         vehicle,
         cases,
         plan,
-        folder,
-        reporter,
         options,
         make_world=world_of,
         world=(
@@ -165,12 +164,30 @@ def run_trial(
     )
 
 
+def opened(
+    trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
+) -> tuple[Pipeline, Vehicle]:
+    """Open the folder of a trial that makes its own maps; return the vehicle, as it flies.
+
+    Raises
+    ------
+    InputError
+        A map is given, or the trial cannot be flown with the vehicle.
+    """
+    if options.map_path is not None:
+        raise InputError("--map: expected none, this trial makes maps for its vehicles and errors; leave it out")
+    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, options.given)
+    vehicle = pipeline.flown or pipeline.vehicle
+    refuse_vehicle(vehicle, trial)
+    check_before_long_work(pipeline.vehicle, conditions)
+    return pipeline, vehicle
+
+
 def finished(
+    pipeline: Pipeline,
     vehicle: Vehicle,
     cases: list[Case],
     plan: Plan,
-    folder: Path,
-    reporter: Reporter,
     options: TrialOptions,
     *,
     make_world: Callable[..., Any],
@@ -178,12 +195,13 @@ def finished(
     inputs: dict[str, Any],
     score: Score = scored,
 ) -> TrialResult:
-    """Run ``cases`` as :func:`~builder.trial.run.run_cases` and write the table to ``folder``."""
+    """Run ``cases`` as :func:`~builder.trial.run.run_cases` and write the table."""
+    folder = pipeline.workspace.folder
     rows = run_cases(
         cases,
         plan,
         folder / CASES,
-        reporter,
+        pipeline.reporter,
         make_world=make_world,
         world=world,
         inputs={**inputs, "vehicle": vehicle.model_dump(exclude={"description", "truth"})},

@@ -8,7 +8,7 @@ the stated rate of false alarms is met on such data, drawn over conditions, vehi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -122,23 +122,15 @@ def with_alarm_levels(inverse_map: InverseMap, flights: Readings) -> InverseMap:
     incidence = np.array([one.total_incidence for one in flights.conditions])
     levels = alarm_levels(chi_square, outlier, expected, incidence[flights.flight])
     agrees = max(levels.chi_square_scale, levels.outlier_scale) <= LARGEST_SCALE
-    facts = {
-        "samples": levels.samples,
-        "stated_rate": FALSE_ALARM_PROBABILITY,
-        "rate_before": levels.rate_before,
-        "chi_square_scale": levels.chi_square_scale,
-        "outlier_scale": levels.outlier_scale,
-        "slope": levels.slope,
-        "used": agrees,
-    }
+    facts = {**asdict(levels), "stated_rate": FALSE_ALARM_PROBABILITY, "used": agrees}
+    noted = replace(inverse_map, provenance={**inverse_map.provenance, "alarm_levels": facts})
     if not agrees:
-        return replace(inverse_map, provenance={**inverse_map.provenance, "alarm_levels": facts})
+        return noted
     return replace(
-        inverse_map,
+        noted,
         chi_square_scale=inverse_map.chi_square_scale * levels.chi_square_scale,
         outlier_scale=inverse_map.outlier_scale * levels.outlier_scale,
         level_slope=levels.slope,
-        provenance={**inverse_map.provenance, "alarm_levels": facts},
     )
 
 
@@ -229,12 +221,11 @@ def with_flight_alarm_levels(inverse_map: InverseMap, flights: Readings) -> Inve
         "used": agrees,
     }
     if agrees:
-        tested = len(scales) > 2
         manifold = replace(
             manifold,
             chi_square_scale=float(scales[0]),
             outlier_scale=float(scales[1]),
-            shape_scale=float(scales[2]) if tested else 1.0,
+            shape_scale=float(scales[2]) if len(scales) > 2 else 1.0,
         )
     provenance = {**inverse_map.provenance, "flight_alarm_levels": facts}
     return replace(inverse_map, manifold=manifold, provenance=provenance)

@@ -123,7 +123,7 @@ def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, rat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--map", "map.h5"), "--map: expected none, this trial makes a map for every vehicle"),
+        (("--map", "map.h5"), "--map: expected none, this trial makes maps for its vehicles"),
         (("--estimators", "map"), "estimators: expected linear Case 1, linear Case 2, nonlinear, "),
     ],
 )

@@ -94,7 +94,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
         (("compare", OGIVE, "--conditions", 0), "--conditions: expected 1 .. 1000000, got 0"),
         (("compare", OGIVE, "--training", 10), "--training: expected 1200 .. 10000000, got 10"),
         (("compare", OGIVE, "--snapshots", "none.h5"), "none.h5: no such file"),
-        (("trial", "compare", OGIVE, "--map", "map.h5"), "--map: expected none, this trial builds maps"),
+        (("trial", "compare", OGIVE, "--map", "map.h5"), "--map: expected none, this trial makes maps"),
         (("trial", "compare", OGIVE, "--estimators", "map"), "estimators: expected linear Case 1"),
     ],
 )

@@ -25,33 +25,17 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Verdict:
-    """What a calibration says of a test.
-
-    Attributes
-    ----------
-    estimate : of the vehicle; None where the test is refused before.
-    faults : gauges and load cases left out.
-    lines : all that is printed of the vehicle and the test.
-    refused : why no map is made; empty where one is.
-    """
-
-    estimate: Estimate | None
-    faults: tuple[Fault, ...]
-    lines: tuple[str, ...]
-    refused: str
-
-
-def verdict_of(model: ReadingsModel) -> Verdict:
-    """Return what `strainfmu calibrate` says of the readings of ``model``."""
+def verdict_of(model: ReadingsModel) -> tuple[Estimate | None, tuple[Fault, ...], tuple[str, ...], str]:
+    """Return what `strainfmu calibrate` says of the readings of ``model``: the estimate of the vehicle, None where
+    the test is refused before; gauges and load cases left out; all lines; and why no map is made, empty where a
+    map is."""
     try:
         estimate, faults = calibrate_with_faults(model)
     except InputError as error:
-        return Verdict(estimate=None, faults=(), lines=(), refused=str(error))
+        return None, (), (), str(error)
     outside = outside_model(estimate)
     lines = (*(fault.line for fault in faults), *outside.lines, *remarks(estimate))
-    return Verdict(estimate=estimate, faults=faults, lines=lines, refused=unexplained(estimate, outside, faults))
+    return estimate, faults, lines, unexplained(estimate, outside, faults)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,21 +104,20 @@ def tested(world: GroundWorld, entry: GroundTest, number: int) -> Tested:
     wanted = spoil_of(entry, model.test)(reading, random, applied)
     noise = MICRO * entry.reading_std_um_per_m * entry.noise_times
     reading = reading + noise * random.standard_normal(reading.shape)
-    verdict = verdict_of(model.with_readings(reading))
-    gauges, blamed = set(world.structure.gauges.names), {one.where: one.kind for one in verdict.faults}
+    made, faults, lines, refused = verdict_of(model.with_readings(reading))
+    gauges, blamed = set(world.structure.gauges.names), {one.where: one.kind for one in faults}
     sound = set(blamed) & gauges - set(wanted)
     named = {where: kind for where, kind in blamed.items() if where not in sound}
-    said = bool(entry.said) and any(entry.said in line for line in verdict.lines)
-    made = verdict.estimate
+    said = bool(entry.said) and any(entry.said in line for line in lines)
     return Tested(
         number=number,
         built=built,
         said=Said(
-            refused=bool(verdict.refused),
+            refused=bool(refused),
             named=named == wanted if wanted else said,
             gauges_blamed=len(sound) / len(gauges),
             cases_blamed=len(set(named) - set(wanted)) / len(model.test.cases),
             per_reading=float("nan") if made is None else made.per_reading,
         ),
-        estimate=None if verdict.refused else made,
+        estimate=None if refused else made,
     )

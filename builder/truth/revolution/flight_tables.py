@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.loads.operator import load_operator
 from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.sensors import BuiltSensors
-from builder.truth.revolution.strain import TrueStructure
+from builder.truth.revolution.strain import TrueStructure, loads_per_pressure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
@@ -108,23 +107,14 @@ def plant_flight_model(
     response = response[first]
     max_harmonic = response.shape[1] - 1
     reference = vehicle.reference_quantities()
-    loads = load_operator(surface, reference.moment_station).reshape(5, len(surface.x), -1)
-    cosine = np.cos(surface.roll_angle)
-
     harmonic = table.harmonic
     strain = np.einsum("cmxp,ijxm->ijcmp", response, harmonic, optimize=True)
     # An error of the internal pressure is in proportion to p_inf, as the outer pressure is; friction to q_inf.
     strain[:, :, :, 0, 0] += per_ambient[first] + 0.7 * mach[:, None, None] ** 2 * per_dynamic[first]
     area = reference.area * np.array([1.0, 1.0, reference.length])
-    of_load = np.stack(
-        [
-            harmonic[:, :, :, 0] @ loads[0].sum(axis=1),
-            harmonic[:, :, :, 1] @ (loads[1] @ cosine),
-            harmonic[:, :, :, 1] @ (loads[3] @ cosine),
-        ],
-        axis=-1,
-    )
-    coefficient = of_load / (0.7 * mach[:, None, None] ** 2 * area)
+    of_load = loads_per_pressure(vehicle, surface, harmonic.reshape(-1, *harmonic.shape[2:]))
+    of_uniform = loads_per_pressure(vehicle, surface, np.broadcast_to([1.0, 0.0], (1, len(surface.x), 2)))
+    coefficient = of_load.reshape(*harmonic.shape[:2], 3) / (0.7 * mach[:, None, None] ** 2 * area)
     inside = vehicle.structure.internal_pressure_Pa
     parity = np.where(np.arange(max_harmonic + 1) % 2, -1.0, 1.0)[None, :, None]
     return FlightModel(
@@ -138,7 +128,7 @@ def plant_flight_model(
         coefficient_table=_spline_table(mach, incidence, coefficient, np.array([1.0, -1.0, -1.0])),
         strain_of_internal_pressure=unit,
         internal_pressure=None if inside == "ambient" else inside,
-        base_area=float(loads[0].sum()),
+        base_area=float(of_uniform[0, 0]),
         reference_area=reference.area,
         reference_length=reference.length,
         noise_std=noise_std,

@@ -125,7 +125,7 @@ def true_flights(
             found[..., of_parity, :, :] = values.reshape(*values.shape[:-1], *part.shape[-3:])
         return found
 
-    of_knots = _loads_per_pressure(vehicle, structure.surface, knots)
+    of_knots = loads_per_pressure(vehicle, structure.surface, knots)
     (_, even), (_, odd) = weights
     loads = np.column_stack([even @ of_knots[:, 0], odd @ of_knots[:, 1:]])
     return _flights(vehicle, structure, each(_under(structure, knots), interpolated), loads, conditions)
@@ -139,7 +139,7 @@ def flights_of_harmonics(
     ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, phi from the leeward meridian, at the
     stations of the structure.
     """
-    loads = _loads_per_pressure(vehicle, structure.surface, harmonic)
+    loads = loads_per_pressure(vehicle, structure.surface, harmonic)
     return _flights(vehicle, structure, _under(structure, harmonic), loads, conditions)
 
 
@@ -162,13 +162,13 @@ def _flights(
     conditions: list[FlightCondition],
 ) -> TrueFlights:
     """Return the flights of flows that strain as in ``table``; ``loads`` (k, 3) are theirs per p_inf, as by
-    :func:`_loads_per_pressure`."""
+    :func:`loads_per_pressure`."""
     pressures = pressures_at(vehicle, conditions)
     # An uneven wall turns the uniform pressure into strain of higher harmonics.
     uniform = np.eye(min(max(WAVES) + 1, structure.n_harmonics))[0]
     everywhere = np.broadcast_to(uniform, (1, len(structure.surface.x), len(uniform)))
     axial, across, turning = (pressures["ambient_pressure"][:, None] * loads).T
-    of_uniform = _loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
+    of_uniform = loads_per_pressure(vehicle, structure.surface, everywhere)[0, 0]
     axial = axial - pressures["internal_pressure"] * of_uniform
     roll = np.array([condition.leeward_roll_angle for condition in conditions])
     cosine, sine = np.cos(roll), np.sin(roll)
@@ -184,7 +184,7 @@ def _flights(
     )
 
 
-def _loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatArray) -> FloatArray:
+def loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatArray) -> FloatArray:
     """Return (k, 3) loads of pressures (k, n_x, n_m): the axial force [m2] of harmonic 0, and the cross force [m2]
     and its moment [m3] towards leeward of harmonic 1."""
     station = vehicle.reference_quantities().moment_station
