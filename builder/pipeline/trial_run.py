@@ -231,20 +231,6 @@ def refuse_vehicle(vehicle: Vehicle, trial: TrialFile) -> None:
     refuse_without_independent_model(vehicle)
 
 
-def world_of_files(vehicle_path: Path, map_path: Path, flows: Path) -> World:
-    """Return the world of a body of revolution, of files that are there.
-
-    Raises
-    ------
-    InputError
-        A file is missing or damaged, or the three do not belong together.
-    """
-    inverse_map = load_inverse_map(map_path)
-    vehicle = of_map(load_vehicle(vehicle_path), inverse_map)
-    check_fit(vehicle, inverse_map, map_path)
-    return world_of(vehicle, map_path, flows, None, 1, 1)
-
-
 def once(make: Callable[Given, Made]) -> Callable[Given, Made]:
     """Return ``make``, which makes the world of a worker, such that the last arguments give the last world."""
     last = dict[str, Made]()

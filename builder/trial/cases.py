@@ -217,16 +217,13 @@ class Plan(Section):
     Attributes
     ----------
     conditions : flight conditions of each case.
-    vehicles : vehicles, each with noise of its own, at every condition; draws of a case in time.
-    own_vehicles : whether every sample has a vehicle of its own, instead of each vehicle flying all conditions;
-        not with auxiliary sensors, and with gauges that freeze at the strain of another flight.
+    vehicles : vehicles at every condition, each with errors and noise of its own; draws of a case in time.
     seed : of all draws.
     estimators : by name, see :mod:`builder.trial.estimators`.
     """
 
     conditions: int = Field(default=200, ge=1, le=1_000_000)
     vehicles: int = Field(default=20, ge=1, le=100_000)
-    own_vehicles: bool = True
     seed: int = Field(default=1, ge=0, le=2**31 - 1)
     estimators: list[str] = Field(default=["map"], min_length=1)
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from builder.processors import processors
 from builder.trial.readings import Readings
-from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
@@ -119,11 +119,6 @@ def with_zeros(estimator: Estimator, std: FloatArray, common_std: float, time_co
     common."""
     zeros = GaugeZeros(value=np.zeros(len(std)), std=std, common_std=common_std)
     return of_estimator(estimator.with_zeros(zeros).filter(time_constant))
-
-
-def with_gauges(estimate: EstimateReadings, used: BoolArray) -> EstimateReadings:
-    """Return ``estimate`` without the readings of gauges that are not ``used`` (n_d,)."""
-    return lambda read: estimate(replace(read, strain=np.where(used, read.strain, np.nan)))
 
 
 def with_inputs(estimate: EstimateReadings, names: Sequence[str]) -> EstimateReadings:

@@ -1,8 +1,8 @@
 """What is read: the strain of flights with noise and faults, and the air data that are given with it.
 
-There are two plans. A few vehicles, each with errors that last, fly all conditions; or every sample has a vehicle
-of its own. Samples of one vehicle resemble each other: the second plan is nine times as precise in rates and rms
-errors over sigma.
+Every sample has a vehicle of its own, but with auxiliary sensors, and with gauges that freeze at the strain of
+another flight: there a few vehicles fly all conditions. Samples of one vehicle resemble each other, so that rates
+and rms errors over sigma are then a ninth as precise.
 """
 
 from __future__ import annotations

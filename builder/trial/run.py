@@ -78,7 +78,7 @@ def readings_of(
         yield from (read_motion(world, case, number, random) for number in range(count))
         return
     is_frozen = case.fault is not None and case.fault.frozen  # at the strain of another flight
-    if plan.own_vehicles and not is_frozen and world.sensors is None:
+    if not is_frozen and world.sensors is None:
         yield from read_own_vehicles(world, case, world.flights(case), count, random)
         return
     flights, batch = world.flights(case), list[Readings]()

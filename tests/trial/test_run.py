@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from trial_cases import case_of, other_world
 
-from builder.pipeline.trial_run import check_fit, of_map
+from builder.pipeline.trial_run import check_fit, of_map, world_of
 from builder.trial.cases import Case, Plan
 from builder.trial.readings import joined, read_case
 from builder.trial.rules import MISSED
@@ -17,8 +17,9 @@ from builder.trial.run import readings_of, scored
 from builder.trial.score import Row
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
-from builder.vehicle.file import Vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError
+from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PLAN = Plan(conditions=50, vehicles=6)
 
@@ -134,10 +135,8 @@ def test_a_filter_gains_in_steady_flight_and_loses_nothing_in_turns(world: World
 
 def test_the_tables_of_a_map_are_as_good_at_small_incidence(ic3x_demo: Path) -> None:
     """Of the shipped vehicle, 2,000 samples in a band: loads within 0.6 of those of the map's linear one."""
-    from builder.pipeline.trial_run import world_of_files
-    from builder.vehicle.file import IC3X
-
-    world = world_of_files(IC3X, ic3x_demo / "map.h5", ic3x_demo / "independent_flows.h5")
+    vehicle = of_map(load_vehicle(IC3X), load_inverse_map(ic3x_demo / "map.h5"))
+    world = world_of(vehicle, ic3x_demo / "map.h5", ic3x_demo / "independent_flows.h5", None, 1, 1)
     plan = Plan(vehicles=10, estimators=["linear", "nonlinear"])
     for size in ("0 to 0.25 deg", "0.5 to 1 deg"):
         case = case_of(world.vehicle, "incidence", size, "incidence")
