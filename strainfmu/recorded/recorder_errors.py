@@ -137,7 +137,7 @@ def late_or_warm(block: Samples, inverse_map: InverseMap, residuals: Callable[[S
         change = residuals(replace(block, strain=block.strain - column))[:, :n_d] - before
         used = np.isfinite(change) & np.isfinite(before)
         size = -float(np.sum((before * change)[used])) / max(float(np.sum(change[used] ** 2)), 1e-300)
-        left = np.sum((before + size * change)[used] ** 2) / np.sum(before[used] ** 2)
+        left = np.sum((before + size * change)[used] ** 2) / max(float(np.sum(before[used] ** 2)), 1e-300)
         found.append((float(left), name, size))
     part, name, size = min(found)
     if part > TAKEN or (size if name == "late" else abs(size)) < SMALLEST:
