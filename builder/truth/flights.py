@@ -12,6 +12,7 @@ import numpy as np
 from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -50,6 +51,6 @@ def pressures_at(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> dic
     return {
         "conditions": tuple(conditions),
         "ambient_pressure": np.array([one.ambient_pressure for one in conditions]),
-        "dynamic_pressure": np.array([one.dynamic_pressure for one in conditions]),
+        DYNAMIC_PRESSURE: np.array([one.dynamic_pressure for one in conditions]),
         "internal_pressure": np.array([vehicle.internal_pressure(one) for one in conditions]),
     }

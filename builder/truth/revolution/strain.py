@@ -93,12 +93,16 @@ class TrueFlights(Flights):
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
-        of_flights = {
-            name: getattr(self, name)[rows]
-            for name in ("conditions", "coefficients", "ambient_pressure", "dynamic_pressure", "internal_pressure")
-        }
-        table = each(self.table, lambda one: one[..., rows, :, :, :])
-        return true_strain(self.structure, replace(self, table=table, **of_flights), built)
+        flights = replace(
+            self,
+            table=each(self.table, lambda table: table[..., rows, :, :, :]),
+            conditions=self.conditions[rows],
+            coefficients=self.coefficients[rows],
+            ambient_pressure=self.ambient_pressure[rows],
+            dynamic_pressure=self.dynamic_pressure[rows],
+            internal_pressure=self.internal_pressure[rows],
+        )
+        return true_strain(self.structure, flights, built)
 
 
 def true_flights(

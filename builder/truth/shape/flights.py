@@ -29,6 +29,7 @@ from builder.truth.shape.structure import ShapeStructure, on_nodes_of
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.flight_condition import FlightCondition
 
 
@@ -83,7 +84,7 @@ def shape_flights(
         gauges=structure.gauges,
         counts=structure.counts,
         coefficients=coefficients_of(net, loads[:5], pressures["conditions"], reference),
-        rolling=net @ loads[5] / (pressures["dynamic_pressure"] * reference.area * reference.length),
+        rolling=net @ loads[5] / (pressures[DYNAMIC_PRESSURE] * reference.area * reference.length),
         **pressures,
     )
 
