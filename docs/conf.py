@@ -36,6 +36,7 @@ extensions = [
     "fmu_variables",
     "gallery_results",
     "mathml",
+    "public_names",
     "vehicle_entries",
 ]
 exclude_patterns = ["_build", "_ext", "gallery_src", "**/README.txt"]

@@ -29,8 +29,8 @@ from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_test import LoadTest
-from builder.calibration.ground_test.load_test_file import LoadTestFile, load_test_file
-from builder.calibration.ground_test.readings import load_test
+from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
+from builder.calibration.ground_test.readings import read_load_test
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
@@ -140,12 +140,12 @@ def run_calibrate(
         No error with a name explains the readings, and that is not accepted.
     """
     check_output(output)
-    drawn, file = load_inverse_map(map_path), load_test_file(test_path)
+    drawn, file = load_inverse_map(map_path), read_test_file(test_path)
     vehicle = _vehicle(file, vehicle_path, drawn, map_path)
     snapshots_path = snapshots_path or map_path.parent / SNAPSHOTS
     snapshots = load_snapshots(snapshots_path)
     refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
-    test, notes = load_test(file, drawn.gauge_names)
+    test, notes = read_load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as progress:
         highest, within = harmonics_of_test(test)
         structure = structure_of_test(vehicle, max_harmonic=highest, harmonic_within=within, progress=progress)

@@ -12,12 +12,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from builder.aero.euler.bodies.solver import solve_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
 
 vehicle = builder.load_vehicle("coarse.toml")
-grid = MarchingGrid(n_radial=24, n_circumferential=36)
-flows = {angle: solve_flow(vehicle.body(), 5.0, radians(angle), grid) for angle in (0.0, 8.0)}
+grid = builder.MarchingGrid(n_radial=24, n_circumferential=36)
+flows = {angle: builder.solve_flow(vehicle.body(), 5.0, radians(angle), grid) for angle in (0.0, 8.0)}
 
 # %%
 # A solution has the wall pressure per smooth piece of the meridian: stations, and p/p_inf at roll angles from

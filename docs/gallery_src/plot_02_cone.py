@@ -13,9 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from builder.aero.euler.bodies.solver import solve_flow
-from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.vehicle.shape.geometry import chain_segments
+import builder
 
 GAMMA = 1.4
 
@@ -58,12 +56,12 @@ def taylor_maccoll(mach_number, cone_angle):
 # %%
 # Three cones at three Mach numbers, on a coarse grid.
 
-grid = MarchingGrid(n_radial=24, n_circumferential=12)
+grid = builder.MarchingGrid(n_radial=24, n_circumferential=12)
 mach_numbers, angles = [5.0, 6.0, 7.0], [5.0, 10.0, 15.0]
 figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
 for angle in angles:
-    cone = chain_segments([(1.0, radians(angle), radians(angle))])
-    ours = np.array([solve_flow(cone, m, 0.0, grid).pieces[0][1][-1].mean() for m in mach_numbers])
+    cone = builder.chain_segments([(1.0, radians(angle), radians(angle))])
+    ours = np.array([builder.solve_flow(cone, m, 0.0, grid).pieces[0][1][-1].mean() for m in mach_numbers])
     exact = np.array([taylor_maccoll(m, radians(angle)) for m in mach_numbers])
     left.plot(mach_numbers, exact, "k-", lw=1)
     left.plot(mach_numbers, ours, "o", label=f"{angle:g} deg")

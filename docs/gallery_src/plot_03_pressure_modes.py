@@ -11,11 +11,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
+import strainfmu
 
 vehicle = builder.load_vehicle("coarse.toml")
 snapshots = builder.take_snapshots(vehicle)
-modes = proper_orthogonal_decomposition(snapshots.pressure)
+modes = strainfmu.proper_orthogonal_decomposition(snapshots.pressure)
 print(f"{len(snapshots.pressure)} snapshots of {snapshots.pressure.shape[1]} nodes")
 print(f"energy of the first five modes: {modes.energy[4]:.2%}")
 

@@ -10,8 +10,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import builder
-from builder.aero.surface.mesh import mesh_of_grid
-from builder.structure.observability import smooth_response, symmetry_responses
 
 vehicle = builder.load_vehicle("coarse.toml")
 layouts = ["configuration_1", "configuration_2", "configuration_45"]
@@ -21,11 +19,11 @@ structure = builder.solve_structure(vehicle, layouts=layouts)
 # ``strain_operator`` is Z_p, the strain of each gauge per pressure at each node. From it follows the response
 # to smooth pressures: strain per rms pressure, largest over each class of symmetry.
 
-mesh = mesh_of_grid(structure.surface)
+mesh = builder.mesh_of_grid(structure.surface)
 seen = {}
 for layout in layouts:
-    response = smooth_response(structure.strain_operator(layout), mesh.point, mesh.node_area)
-    seen[layout] = symmetry_responses(response)
+    response = builder.smooth_response(structure.strain_operator(layout), mesh.point, mesh.node_area)
+    seen[layout] = builder.symmetry_responses(response)
     for item in seen[layout]:
         print(f"{layout:17} {item.symmetry!s:24} {1e9 * item.norm:8.3g} um/m per kPa, rank {item.rank}")
 

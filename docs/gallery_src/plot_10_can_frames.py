@@ -10,13 +10,11 @@ in order.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from strainfmu.can.wire.crc import crc_of
-from strainfmu.can.wire.profiles import profile_layout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+import strainfmu
 
 gauges = [f"gauge_{i}" for i in range(1, 55)]
-layout = profile_layout("fd64", gauges, cycle_time=0.01)
-encoder = StrainEncoder(layout)
+layout = strainfmu.profile_layout("fd64", gauges, cycle_time=0.01)
+encoder = strainfmu.StrainEncoder(layout)
 strain = 1e-6 * np.linspace(-300.0, 300.0, 54)  # m/m
 frames = encoder.encode(strain, dynamic_pressure=95.8e3, cycle=7, sample_time=1.25)
 for frame in frames:
@@ -53,6 +51,6 @@ item = layout.strain_frames[0].layout
 damaged = bytearray(frames[1].data)
 damaged[30] ^= 0x10
 for name, data in (("intact", frames[1].data), ("damaged", bytes(damaged))):
-    fits = crc_of(data, item.protection) == int.from_bytes(data[:2], "little")
+    fits = strainfmu.crc_of(data, item.protection) == int.from_bytes(data[:2], "little")
     print(f"{name}: CRC {'fits' if fits else 'does not fit'}")
 plt.show()

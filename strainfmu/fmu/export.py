@@ -64,6 +64,8 @@ FMI_VERSIONS = ("2", "3")
 
 _COMMON_SOURCES = (
     "__init__.py",
+    "__init__.pyi",
+    "public_names.py",
     "version.py",
     "arrays.py",
     "atmosphere.py",

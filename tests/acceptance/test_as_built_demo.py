@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ogive import OGIVE
 
-from builder.calibration.ground_test.load_test_file import load_test_file
+from builder.calibration.ground_test.load_test_file import read_test_file
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 Run = Callable[..., tuple[int, str, str]]
@@ -25,7 +25,7 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(tmp_path: Path, run: Run) -
     for name in ("loadtest.csv", "channels.toml", "zeros.toml", "calibrated.h5", "exact.h5", "as_built.png"):
         assert (folder / name).is_file()
     # The vehicle file states no density: a baseline without load stands in for own weight.
-    assert [len(case.load) for case in load_test_file(folder / "loadtest.toml").case] == [0] + [1] * 12
+    assert [len(case.load) for case in read_test_file(folder / "loadtest.toml").case] == [0] + [1] * 12
     states = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["as_built"]
     assert list(states) == ["before", "after", "exact"]
     ratio = {name: states["after"]["rms"][name] / states["exact"]["rms"][name] for name in COEFFICIENT_NAMES}

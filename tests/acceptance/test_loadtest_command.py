@@ -11,7 +11,7 @@ from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
 from builder.calibration.ground_test.load_entries import PushEntry, WeightEntry
-from builder.calibration.ground_test.load_test_file import load_test_file
+from builder.calibration.ground_test.load_test_file import read_test_file
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -32,7 +32,7 @@ def test_proposal_lowers_sigmas_case_by_case_and_reads_back(tmp_path: Path, run:
     output.parent.mkdir()
     code, said, _ = run("loadtest", vehicle, "--cases", "3", "--roll-angles", "0,90,180", "-o", output, *NOISE)
     assert code == 0
-    file = load_test_file(output)
+    file = read_test_file(output)
     assert file.vehicle == "../vehicle/ogive.toml"
     # Four attitudes, half of three pads, one of them again and two checks, zero readings between and at the end.
     weights, pads = file.case[:4], [case for case in file.case[4:] if len(case.load) > 1]
@@ -65,7 +65,7 @@ def test_a_template_reads_back_with_one_case_of_each_usual_kind(
     vehicle, output = with_density(tmp_path) if has_density else OGIVE, tmp_path / "loadtest.toml"
     code, said, _ = run("loadtest", vehicle, "--template", "-o", output)
     assert (code, f"strainfmu calibrate map.h5 {output}" in said) == (0, True)
-    file = load_test_file(output)
+    file = read_test_file(output)
     kinds = [load.kind for case in file.case for load in case.load if load.kind != "weight"]
     assert kinds == ["push", "point", "section", "internal_pressure", "push", "push"]
     assert [case.name for case in file.case if case.check] == ["check load"]

@@ -12,7 +12,7 @@ from builder.inverse.noise.gauge_derivatives import strain_derivatives
 from builder.structure.as_built.derivatives import parameter_derivatives
 from builder.structure.as_built.response_tables import together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, drawn, parameter_names, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built, parameter_names
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
@@ -30,8 +30,8 @@ LOADS: tuple[Load, ...] = (
 
 @pytest.fixture(scope="module")
 def errors(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
-    std = prior_std(vehicle.calibration, as_built.counts)
-    return drawn(std, np.random.default_rng(4))
+    std = as_built_std(vehicle.calibration, as_built.counts)
+    return draw_as_built(std, np.random.default_rng(4))
 
 
 @pytest.mark.fast

@@ -9,7 +9,7 @@ from builder.calibration.after_test.calibrated_map import calibrated_map, calibr
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 
 
@@ -25,9 +25,9 @@ def test_what_the_vehicle_differs_by_is_no_error_of_the_mesh(
     vehicle: Vehicle, as_built: AsBuiltStructure, snapshots: Snapshots
 ) -> None:
     """The mesh's error of a map is that of the drawing, however far the vehicle as built is from it."""
-    std = prior_std(vehicle.calibration, as_built.counts)
+    std = as_built_std(vehicle.calibration, as_built.counts)
     nothing, sizes = np.zeros((len(std.vector),) * 2), []
-    for built in (as_built.exactly_built(), drawn(std, np.random.default_rng(5))):
+    for built in (as_built.exactly_built(), draw_as_built(std, np.random.default_rng(5))):
         made = calibrated_map(vehicle, snapshots, as_built, Remaining(parameters=built, covariance=nothing))
         sizes.append(made.provenance["mesh_error"]["rms_sigma"])
     assert sizes[1] == pytest.approx(sizes[0], rel=0.15)  # in sigma, which follows the strains

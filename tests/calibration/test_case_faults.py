@@ -13,10 +13,10 @@ from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.score.wrong_cases import Spoil, case_spoils, gauge_spoils, with_another
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import prior_std
+from builder.structure.as_built.vehicle import as_built_std
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 
@@ -29,10 +29,10 @@ def model(vehicle: Vehicle, as_built: AsBuiltStructure, request: pytest.FixtureR
     n_d = as_built.n_gauges
     blank = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, request.param))
-        for name, loads in standard_cases(10, 3.6, ERRORS)
+        for name, loads in standard_load_cases(10, 3.6, ERRORS)
     )
     test = LoadTest(gauge_names=as_built.gauges.names, cases=blank, errors=ERRORS)
-    return ReadingsModel(as_built, test, prior_std(vehicle.calibration, as_built.counts))
+    return ReadingsModel(as_built, test, as_built_std(vehicle.calibration, as_built.counts))
 
 
 def blamed_of(model: ReadingsModel, spoil: Spoil, seed: list[int]) -> tuple[dict[str, str], dict[str, str]]:

@@ -19,7 +19,7 @@ from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.loads.applied import Load, PadForce, PointForce, Weight
@@ -47,7 +47,7 @@ def model_of(vehicle: Vehicle, structure: AsBuiltStructure, errors: LoadErrors) 
     n_d = structure.n_gauges
     blank = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
-        for name, loads in standard_cases(10, 3.6, errors)
+        for name, loads in standard_load_cases(10, 3.6, errors)
     )
     test = LoadTest(gauge_names=structure.gauges.names, cases=blank, errors=errors)
     return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
@@ -96,7 +96,9 @@ def test_a_test_needs_the_harmonics_of_its_loads(model: ReadingsModel) -> None:
 
 
 def test_harmonics_beyond_what_a_pad_needs_leave_its_strain(vehicle: Vehicle) -> None:
-    pads = [one.load for _, loads in standard_cases(10, 3.6, LoadErrors()) for one in loads if one.on_load_cell]
+    pads = [
+        one.load for _, loads in standard_load_cases(10, 3.6, LoadErrors()) for one in loads if one.on_load_cell
+    ]
     few, many = (
         fourier_structure_of(vehicle, vehicle.gauges.layout, properties=TITANIUM, max_harmonic=count)
         for count in (harmonics_of(pads[0]), MAX_HARMONIC)

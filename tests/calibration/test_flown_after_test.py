@@ -12,7 +12,7 @@ from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.flown_after_test import allowed_flights, strain_of_flows
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.trial.conditions import held_out_conditions
 from builder.trial.world import World
 from builder.truth import as_built
@@ -28,10 +28,10 @@ COUNT = 4000
 @pytest.fixture(scope="module")
 def tested(vehicle: Vehicle, as_built: AsBuiltStructure) -> Remaining:
     """An estimate, and a covariance in which the first gains go against the common one."""
-    std = prior_std(vehicle.calibration, as_built.counts)
+    std = as_built_std(vehicle.calibration, as_built.counts)
     root = np.diag(0.05 * std.vector)
     root[: as_built.n_gauges, 0] -= 0.02 * std.vector[: as_built.n_gauges]
-    built = drawn(std, np.random.default_rng(6))
+    built = draw_as_built(std, np.random.default_rng(6))
     return Remaining(parameters=built, covariance=root @ root.T)
 
 

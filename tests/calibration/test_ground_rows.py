@@ -11,7 +11,7 @@ import pytest
 from coarse_vehicle import COARSE
 
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.score.ground_rows import CALIBRATION, add_over_exact, ground_rows, row_of
 from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
 from builder.calibration.score.tested import Said
@@ -36,7 +36,7 @@ GAUGES = ("a", "b", "c")
 
 def load_test(attitudes: bool) -> LoadTest:
     """A test of six pads, with or without own weight."""
-    zero, cases = np.zeros(len(GAUGES)), standard_cases(6, 3.6, LoadErrors())
+    zero, cases = np.zeros(len(GAUGES)), standard_load_cases(6, 3.6, LoadErrors())
     blank = [LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + 1.0) for name, loads in cases]
     return LoadTest(gauge_names=GAUGES, cases=tuple(blank if attitudes else blank[:6]), errors=LoadErrors())
 

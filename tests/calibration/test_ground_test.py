@@ -1,4 +1,4 @@
-"""Candidate load cases, loads as they are applied, and a simulated test: what is written reads back."""
+"""PlannedCase load cases, loads as they are applied, and a simulated test: what is written reads back."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.ground_test.candidate_cases import (
+    LoadLimits,
+    PlannedCase,
+    attitude_cases,
+    candidate_cases,
+)
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, moved, scaled, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.calibration.ground_test.load_test_file import load_test_file
-from builder.calibration.ground_test.readings import load_test
-from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
+from builder.calibration.ground_test.load_test_file import read_test_file
+from builder.calibration.ground_test.readings import read_load_test
+from builder.calibration.ground_test.simulated import TestFaults, simulate_ground_test, write_ground_test
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle
@@ -41,23 +46,23 @@ class SimpleStructure:
 PARAMETERS = SimpleNamespace(zero=np.linspace(-5e-5, 5e-5, len(NAMES)))
 PAD = PadPressure(station=1.0, roll_angle=0.5, half_length=0.05, half_angle=0.5, push=100.0)
 CASES = (
-    Candidate(name="weight", loads=(Weight(),)),
-    Candidate(name="one", loads=(Weight(), PAD)),
-    Candidate(name="two", loads=(Weight(), replace(PAD, push=200.0))),
+    PlannedCase(name="weight", loads=(Weight(),)),
+    PlannedCase(name="one", loads=(Weight(), PAD)),
+    PlannedCase(name="two", loads=(Weight(), replace(PAD, push=200.0))),
 )
 
 
 def simulated(errors: LoadErrors = EXACT, faults: TestFaults | None = None, noise: float = 0.0) -> Any:
     structure = cast(AsBuiltStructure, SimpleStructure())
     std, random = np.full(len(NAMES), noise), np.random.default_rng(4)
-    return ground_test(structure, cast(Any, PARAMETERS), CASES, errors, std, random=random, faults=faults)
+    return simulate_ground_test(structure, cast(Any, PARAMETERS), CASES, errors, std, random=random, faults=faults)
 
 
 def test_written_test_reads_back(tmp_path: Path) -> None:
     """Recording, channels and cases; the readings are known as well as 25 samples tell."""
     test = simulated(LoadErrors(load=0.003), noise=2e-7)
     path = write_ground_test(test, tmp_path, "bench")
-    found, notes = load_test(load_test_file(path), NAMES)
+    found, notes = read_load_test(read_test_file(path), NAMES)
     assert notes == ()
     assert [case.name for case in found.cases] == ["weight", "one", "two"]
     np.testing.assert_allclose(found.readings, test.strain.mean(axis=1), atol=1e-10)
@@ -72,8 +77,10 @@ def test_steps_and_check_loads_are_recorded_and_read_back(tmp_path: Path) -> Non
     structure = cast(AsBuiltStructure, SimpleStructure())
     std, random = np.full(len(NAMES), 2e-7), np.random.default_rng(4)
     plan = {"loading": (0.0, 0.5), "checks": ("two",)}
-    test = ground_test(structure, cast(Any, PARAMETERS), CASES, EXACT, std, random=random, **cast(Any, plan))
-    found, notes = load_test(load_test_file(write_ground_test(test, tmp_path, "bench")), NAMES)
+    test = simulate_ground_test(
+        structure, cast(Any, PARAMETERS), CASES, EXACT, std, random=random, **cast(Any, plan)
+    )
+    found, notes = read_load_test(read_test_file(write_ground_test(test, tmp_path, "bench")), NAMES)
     assert notes == ()
     assert found.fitted.tolist() == [True, True, False]
     assert [len(case.steps) for case in found.cases] == [0, 4, 4]

@@ -10,7 +10,7 @@ from ensembles import listed_ensemble
 from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
 from builder.inverse.modes.ensemble import Ensemble
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -32,12 +32,14 @@ def ensemble(as_built: AsBuiltStructure) -> Ensemble:
 @pytest.fixture(scope="module")
 def tested(vehicle: Vehicle, as_built: AsBuiltStructure) -> Remaining:
     """An estimate, and the covariance of a test: small errors of gauges, and gains that go against E."""
-    std = prior_std(vehicle.calibration, as_built.counts)
+    std = as_built_std(vehicle.calibration, as_built.counts)
     n, n_d = len(std.vector), as_built.n_gauges
     root = np.diag(0.2 * std.vector)
     root[:n_d, 0] -= 0.2 * std.vector[:n_d]
     root[6 * n_d :, 1] += 0.3 * std.vector[6 * n_d :]
-    return Remaining(parameters=drawn(std, np.random.default_rng(6)), covariance=(root @ root.T).reshape(n, n))
+    return Remaining(
+        parameters=draw_as_built(std, np.random.default_rng(6)), covariance=(root @ root.T).reshape(n, n)
+    )
 
 
 @pytest.fixture(scope="module")

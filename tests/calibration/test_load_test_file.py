@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.load_test_file import load_test_file
+from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.ground_test.load_test_writer import WrittenCase, write_load_test
-from builder.calibration.ground_test.readings import load_test, read_windows
+from builder.calibration.ground_test.readings import read_load_test, read_windows
 from builder.structure.loads.applied import (
     Load,
     PadForce,
@@ -80,7 +80,7 @@ def written(folder: Path, text: str = FILE) -> Path:
 
 def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None:
     strain = two_steps(tmp_path)
-    test, notes = load_test(load_test_file(written(tmp_path)), GAUGES)
+    test, notes = read_load_test(read_test_file(written(tmp_path)), GAUGES)
     assert notes == ()
     level, pad = test.cases
     assert [type(known.load) for known in pad.loads] == [Weight, PadForce]
@@ -97,11 +97,11 @@ def test_file_gives_loads_and_how_exactly_they_are_known(tmp_path: Path) -> None
 def test_standard_deviation_is_that_of_a_mean(tmp_path: Path) -> None:
     """Windows that are alike: their pooled scatter over the root of the number of samples, and the stated one."""
     strain = two_steps(tmp_path)
-    found = read_windows(load_test_file(written(tmp_path)), GAUGES)
+    found = read_windows(read_test_file(written(tmp_path)), GAUGES)
     pooled = np.sqrt(0.5 * (strain[:20].var(axis=0, ddof=1) + strain[20:].var(axis=0, ddof=1)))
     np.testing.assert_allclose(found.std, np.tile(pooled / np.sqrt(20), (2, 1)), rtol=1e-9)
     drifting = FILE.replace("[errors]", "reading_std_um_per_m = 0.3\n[errors]")
-    found = read_windows(load_test_file(written(tmp_path, drifting)), GAUGES)
+    found = read_windows(read_test_file(written(tmp_path, drifting)), GAUGES)
     np.testing.assert_allclose(found.std, np.tile(np.hypot(pooled / np.sqrt(20), 3e-7), (2, 1)), rtol=1e-9)
 
 
@@ -109,9 +109,9 @@ def test_single_rows_need_a_stated_deviation(tmp_path: Path) -> None:
     two_steps(tmp_path)
     rows = FILE.replace("window_s = [0.0, 0.95]", "row = 1").replace("window_s = [1.0, 1.95]", "row = 40")
     with pytest.raises(InputError, match=r"reading_std_um_per_m: expected more than 0"):
-        read_windows(load_test_file(written(tmp_path, rows)), GAUGES)
+        read_windows(read_test_file(written(tmp_path, rows)), GAUGES)
     stated = rows.replace("[errors]", "reading_std_um_per_m = 0.5\n[errors]")
-    np.testing.assert_allclose(read_windows(load_test_file(written(tmp_path, stated)), GAUGES).std, 5e-7)
+    np.testing.assert_allclose(read_windows(read_test_file(written(tmp_path, stated)), GAUGES).std, 5e-7)
 
 
 def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_lost_and_dead_channels_and_moving_loads_are_said(tmp_path: Path) -> Non
     strain[:, 1] = 3e-6
     strain[20:30, 2] += 5e-6
     write_recording(tmp_path, strain)
-    found = read_windows(load_test_file(written(tmp_path)), GAUGES)
+    found = read_windows(read_test_file(written(tmp_path)), GAUGES)
     assert np.isnan(found.mean[0, 0])
     assert np.isfinite(found.mean[1, 0])
     assert np.isnan(found.mean[:, 1]).all()
@@ -140,7 +140,7 @@ def test_channels_file_of_the_recorder_is_used(tmp_path: Path) -> None:
     channels = "[defaults]\nunit = 'um/m'\n[[channel]]\nname = 'ch1'\ngauge = 'a'\n"
     (tmp_path / "channels.toml").write_text(channels + "[[channel]]\nname = 'ch0'\ngauge = 'b'\nsign = -1\n")
     text = FILE.replace("[errors]", "channels = 'channels.toml'\n[errors]")
-    found = read_windows(load_test_file(written(tmp_path, text)), GAUGES)
+    found = read_windows(read_test_file(written(tmp_path, text)), GAUGES)
     np.testing.assert_allclose(found.mean[1, :2], [strain[20:, 1].mean(), -strain[20:, 0].mean()], rtol=1e-9)
     assert np.isnan(found.mean[:, 2]).all()
     assert any("gauge 'c' has no reading in any case" in line for line in found.notes)
@@ -150,7 +150,7 @@ def test_baselines_alone_are_no_test(tmp_path: Path) -> None:
     two_steps(tmp_path)
     text = FILE[: FILE.index("[[case.load]]")]
     with pytest.raises(InputError, match=r"loadtest\.toml: case: expected a load in one case or more"):
-        load_test(load_test_file(written(tmp_path, text)), GAUGES)
+        read_load_test(read_test_file(written(tmp_path, text)), GAUGES)
 
 
 def test_steps_and_check_loads_are_read_and_not_fitted(tmp_path: Path) -> None:
@@ -164,16 +164,16 @@ def test_steps_and_check_loads_are_read_and_not_fitted(tmp_path: Path) -> None:
     )
     text = FILE.replace("[0.0, 0.95]", "[0.0, 0.45]").replace("[1.0, 1.95]", "[1.0, 1.45]\ncheck = true") + steps
     text = text.replace('name = "static test"', 'name = "static test"\ntested_on = 2026-03-03')
-    file = load_test_file(written(tmp_path, text + "[[load_cell]]\nname = '1'\nserial_number = 'A 17'\n"))
+    file = read_test_file(written(tmp_path, text + "[[load_cell]]\nname = '1'\nserial_number = 'A 17'\n"))
     assert (str(file.tested_on), file.load_cell[0].serial_number) == ("2026-03-03", "A 17")
-    test, _ = load_test(file, GAUGES)
+    test, _ = read_load_test(file, GAUGES)
     assert test.fitted.tolist() == [True, False]
     found = test.cases[1].steps
     assert [(one.part, one.unloading) for one in found] == [(0.5, False), (0.5, True), (0.0, True)]
     np.testing.assert_allclose([1e6 * one.reading[1] for one in found], [10.0, 12.0, 2.0], atol=0.02)
     checks = text.replace("[errors]", "[errors]").replace('name = "level"', 'name = "level"\ncheck = true')
     with pytest.raises(InputError, match=r"case: expected one without check or more, got check loads alone"):
-        load_test(load_test_file(written(tmp_path, checks)), GAUGES)
+        read_load_test(read_test_file(written(tmp_path, checks)), GAUGES)
 
 
 LOADS: tuple[Load, ...] = (
@@ -192,7 +192,7 @@ def test_written_file_reads_back(tmp_path: Path) -> None:
     path = tmp_path / "loadtest.toml"
     cases = [WrittenCase(name=f"case {k}", loads=(load,), window=(k, k + 0.5)) for k, load in enumerate(LOADS)]
     write_load_test(path, 'a "test"', cases, {"recording": None}, {"load_percent": 0.3}, head=["as proposed"])
-    file = load_test_file(path)
+    file = read_test_file(path)
     assert file.name == 'a "test"'
     assert (file.errors.load_percent, file.readings.recording) == (0.3, None)
     for case, load in zip(file.case, LOADS, strict=True):
@@ -205,7 +205,7 @@ def test_written_file_reads_back(tmp_path: Path) -> None:
 
 def test_temperature_is_a_mode_round_the_body(tmp_path: Path) -> None:
     entry = "kind = 'temperature'\nx_m = [0.0, 2.0]\ntemperature_K = [10.0, 0.0]\nharmonic = 1\n"
-    file = load_test_file(written(tmp_path, f"name = 't'\n[[case]]\nname = 'hot'\n[[case.load]]\n{entry}"))
+    file = read_test_file(written(tmp_path, f"name = 't'\n[[case]]\nname = 'hot'\n[[case.load]]\n{entry}"))
     load = file.case[0].load[0].load()
     assert isinstance(load, TemperatureField)
     where = np.array([0.0, 1.0]), np.array([0.0, np.pi]), np.zeros(2)
@@ -237,7 +237,7 @@ def test_temperature_is_a_mode_round_the_body(tmp_path: Path) -> None:
 )
 def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
     with pytest.raises(FaultsError, match=line):
-        load_test_file(written(tmp_path, text))
+        read_test_file(written(tmp_path, text))
 
 
 @pytest.mark.parametrize(
@@ -279,4 +279,4 @@ def test_faults_name_the_entry(tmp_path: Path, text: str, line: str) -> None:
 def test_readings_that_are_not_there_are_refused(tmp_path: Path, text: str, line: str) -> None:
     two_steps(tmp_path)
     with pytest.raises(InputError, match=line):
-        read_windows(load_test_file(written(tmp_path, text)), GAUGES)
+        read_windows(read_test_file(written(tmp_path, text)), GAUGES)

@@ -11,9 +11,9 @@ from builder.calibration.estimate.outside_terms import NOISE, OutsideKind, outsi
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -24,7 +24,7 @@ REGION = 2
 
 @pytest.fixture(scope="module")
 def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
-    return prior_std(vehicle.calibration, as_built.counts)
+    return as_built_std(vehicle.calibration, as_built.counts)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def blank(as_built: AsBuiltStructure, prior: AsBuilt) -> ReadingsModel:
     n_d = as_built.n_gauges
     cases = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, STATED))
-        for name, loads in standard_cases(6, 3.6, ERRORS)
+        for name, loads in standard_load_cases(6, 3.6, ERRORS)
     )
     return ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=cases, errors=ERRORS), prior)
 
@@ -44,7 +44,7 @@ def calibrated(blank: ReadingsModel, seed: int, noise: float = 1.0, **wall: Floa
     vector = np.zeros(len(blank.std))
     own = slice(blank.common_entries.start)  # what all cases have in common is zero
     vector[own] = blank.std[own] * random.standard_normal(own.stop)
-    vector[: blank.n_built] = drawn(blank.prior, random).changed(**wall).vector
+    vector[: blank.n_built] = draw_as_built(blank.prior, random).changed(**wall).vector
     reading = blank.readings(vector)
     found = blank.with_readings(reading + noise * STATED * random.standard_normal(reading.shape))
     return estimate(found, usable(found))

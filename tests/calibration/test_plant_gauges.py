@@ -7,7 +7,7 @@ import pytest
 
 from builder.calibration.as_built.plant_gauges import plant_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 
 HARMONICS = 5
@@ -17,7 +17,7 @@ HARMONICS = 5
 def test_gauges_read_any_flow_at_any_roll_angle(vehicle: Vehicle, as_built: AsBuiltStructure) -> None:
     """Harmonics of a pressure whose crest is at several roll angles, against Z_p times the nodes' pressure."""
     random = np.random.default_rng(2)
-    built = drawn(prior_std(vehicle.calibration, as_built.counts), random)
+    built = draw_as_built(as_built_std(vehicle.calibration, as_built.counts), random)
     gauges = plant_gauges(as_built, built, HARMONICS)
     grid, operator = as_built.surface, as_built.strain_operator(built)
     amplitude, m = random.normal(size=(len(grid.x), HARMONICS + 1)), np.arange(HARMONICS + 1)

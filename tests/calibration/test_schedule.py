@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.plan.kind_sigmas import established, kind_sigmas, undetermined
 from builder.calibration.plan.load_plan import LoadPlan
 from builder.calibration.plan.schedule import Schedule, run_order, whole_time
@@ -18,9 +18,9 @@ PAD = PadPressure(station=1.0, roll_angle=0.0, half_length=0.05, half_angle=0.5,
 
 
 def plan(attitudes: int) -> LoadPlan:
-    cases = tuple(Candidate(name=name, loads=(Weight(), PAD)) for name in ("a", "b", "a (2)"))
+    cases = tuple(PlannedCase(name=name, loads=(Weight(), PAD)) for name in ("a", "b", "a (2)"))
     return LoadPlan(
-        attitudes=tuple(Candidate(name=f"attitude {k}", loads=(Weight(),)) for k in range(attitudes)),
+        attitudes=tuple(PlannedCase(name=f"attitude {k}", loads=(Weight(),)) for k in range(attitudes)),
         cases=cases,
         sigmas=np.ones((3, 5)),
         before=np.ones(5),
@@ -28,7 +28,7 @@ def plan(attitudes: int) -> LoadPlan:
         exact=np.ones(5),
         candidates=8,
         repeats=1,
-        checks=(Candidate(name="c", loads=(Weight(), PAD)),),
+        checks=(PlannedCase(name="c", loads=(Weight(), PAD)),),
         kinds=(),
         noise_std=np.ones(3),
         samples=25,

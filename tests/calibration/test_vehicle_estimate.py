@@ -15,11 +15,11 @@ from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.load_test_file import load_test_file
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.load_test_file import read_test_file
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.pipeline.load_test_proposal import write_template
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import IC3X, Vehicle
 from strainfmu.errors import InputError
@@ -30,7 +30,7 @@ ERRORS = LoadErrors(common=0.002)
 
 @pytest.fixture(scope="module")
 def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
-    return prior_std(vehicle.calibration, as_built.counts)
+    return as_built_std(vehicle.calibration, as_built.counts)
 
 
 @pytest.fixture(scope="module")
@@ -39,13 +39,13 @@ def model(as_built: AsBuiltStructure, prior: AsBuilt) -> tuple[ReadingsModel, np
     n_d, random = as_built.n_gauges, np.random.default_rng(11)
     blank = tuple(
         LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
-        for name, loads in standard_cases(10, 3.6, ERRORS)
+        for name, loads in standard_load_cases(10, 3.6, ERRORS)
     )
     empty = ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=blank, errors=ERRORS), prior)
     vector = np.zeros(len(empty.std))
     own = slice(empty.common_entries.start)  # what all cases have in common is zero
     vector[own] = empty.std[own] * random.standard_normal(own.stop)
-    vector[: empty.n_built] = drawn(prior, random).vector
+    vector[: empty.n_built] = draw_as_built(prior, random).vector
     reading = empty.readings(vector) + NOISE * random.standard_normal((len(blank), n_d))
     return empty.with_readings(reading), vector
 
@@ -275,7 +275,7 @@ def test_a_load_off_the_body_is_named_by_its_case(
 def test_the_section_load_of_the_template_strains_the_gauges(as_built: AsBuiltStructure, tmp_path: Path) -> None:
     """It acts ahead of them; on the clamp it strained none. Axial gauges at 90 deg are in the neutral plane."""
     write_template(IC3X, tmp_path / "loadtest.toml", LoadErrors())
-    (case,) = (one for one in load_test_file(tmp_path / "loadtest.toml").case if "ring" in one.name)
+    (case,) = (one for one in read_test_file(tmp_path / "loadtest.toml").case if "ring" in one.name)
     (load,) = (one.load() for one in case.load if one.kind == "section")
     strain = as_built.response_strain(as_built.exactly_built(), as_built.nominal_response((load,)))[0]
     bent = np.array([name.startswith(("axial_0deg", "axial_180deg")) for name in as_built.gauges.names])

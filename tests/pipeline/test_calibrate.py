@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors
-from builder.calibration.ground_test.simulated import TestFaults, ground_test, write_ground_test
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.simulated import TestFaults, simulate_ground_test, write_ground_test
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import run_calibrate
 from builder.pipeline.stages import build_map, take_snapshots
 from builder.reporting import Silent
 from builder.structure.as_built.structure import as_built_structure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError
@@ -60,13 +60,13 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     save_inverse_map(before, tmp_path / "map.h5")
     structure = as_built_structure(vehicle, vehicle.gauges.layout)
     random = np.random.default_rng(3)
-    std = prior_std(vehicle.calibration, structure.counts)
-    built, errors = drawn(std, random), LoadErrors(common=0.002)
+    std = as_built_std(vehicle.calibration, structure.counts)
+    built, errors = draw_as_built(std, random), LoadErrors(common=0.002)
     cases = [
-        Candidate(name=name, loads=tuple(one.load for one in loads))
-        for name, loads in standard_cases(10, vehicle.body().length, errors)
+        PlannedCase(name=name, loads=tuple(one.load for one in loads))
+        for name, loads in standard_load_cases(10, vehicle.body().length, errors)
     ]
-    test = ground_test(
+    test = simulate_ground_test(
         structure,
         built,
         cases,

@@ -21,7 +21,7 @@ from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadStep, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
 from builder.figures.calibration.ground_test import influence_coefficients
@@ -34,7 +34,7 @@ from builder.reports.calibration_page.verdict import verdict
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import Origin
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -51,12 +51,12 @@ def readings(vehicle: Vehicle, as_built: AsBuiltStructure) -> tuple[ReadingsMode
         LoadCase(
             name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE), check=name in CHECKS
         )
-        for name, loads in standard_cases(10, 3.6, ERRORS)
+        for name, loads in standard_load_cases(10, 3.6, ERRORS)
     )
-    prior = prior_std(vehicle.calibration, as_built.counts)
+    prior = as_built_std(vehicle.calibration, as_built.counts)
     model = ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=cases, errors=ERRORS), prior)
     vector = model.std * random.standard_normal(len(model.std))
-    vector[: model.n_built] = drawn(prior, random).vector
+    vector[: model.n_built] = draw_as_built(prior, random).vector
     noise = NOISE * random.standard_normal((len(cases), n_d))
     first = next(n for n, (k, one) in enumerate(model.loads) if cases[k].name == CHECKS[0] and one.on_load_cell)
     at = model.names.index(f"load pad force {first + 1} of {CHECKS[0]}")

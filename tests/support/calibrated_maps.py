@@ -12,7 +12,7 @@ from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import drawn, prior_std
+from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
@@ -50,8 +50,8 @@ def _parts() -> tuple[Vehicle, Snapshots, AsBuiltStructure, Remaining]:
     snapshots = snapshots_at(make_engine(vehicle, "newtonian", COARSEST), vehicle, conditions)
     # A test leaves of a recorder's zeros what its noise is, not a part of their prior.
     clamped = vehicle.calibration.model_copy(update={"clamp_compliance_mm": 0.0, "zero_um_per_m": 50.0})
-    std = prior_std(clamped, structure.counts)
-    built = drawn(std, np.random.default_rng(5))
+    std = as_built_std(clamped, structure.counts)
+    built = draw_as_built(std, np.random.default_rng(5))
     return vehicle, snapshots, structure, Remaining(parameters=built, covariance=np.diag((LEFT * std.vector) ** 2))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.reporting import Progress
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built.wall_states import LOW
 from builder.structure.loads.fourier import MAX_HARMONIC
@@ -53,7 +53,7 @@ def structure_of_test(
 
 def prior_of_test(vehicle: Vehicle, structure: AsBuiltStructure) -> AsBuilt:
     """Return the prior of the parameters of :func:`structure_of_test`, by the vehicle file."""
-    found = prior_std(vehicle.calibration, structure.counts)
+    found = as_built_std(vehicle.calibration, structure.counts)
     if vehicle.calibration.joint_stations_m:
         return found
     return found.changed(joint_softness=np.zeros(structure.counts.joint))

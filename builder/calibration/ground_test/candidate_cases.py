@@ -55,14 +55,14 @@ class LoadLimits:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
+class PlannedCase:
     """A load case that could be applied: its name and what acts in addition to the weight."""
 
     name: str
     loads: tuple[Load, ...]
 
 
-def candidate_cases(vehicle: Vehicle, limits: LoadLimits) -> list[Candidate]:
+def candidate_cases(vehicle: Vehicle, limits: LoadLimits) -> list[PlannedCase]:
     """Return the cases within ``limits``.
 
     Raises
@@ -77,19 +77,19 @@ def candidate_cases(vehicle: Vehicle, limits: LoadLimits) -> list[Candidate]:
     first = _wall(vehicle, limits)[0]
     if limits.axial_force:
         load = SectionLoad(station=first, force=(limits.axial_force, 0.0, 0.0))
-        found.append(Candidate(name=f"axial {limits.axial_force:g} N", loads=(load,)))
+        found.append(PlannedCase(name=f"axial {limits.axial_force:g} N", loads=(load,)))
     if limits.internal_pressure:
         inside = SurfacePressure(surface="inner", pressure=limits.internal_pressure)
-        found.append(Candidate(name=f"pressure {1e-3 * limits.internal_pressure:g} kPa", loads=(inside,)))
+        found.append(PlannedCase(name=f"pressure {1e-3 * limits.internal_pressure:g} kPa", loads=(inside,)))
     if not found:
         raise InputError("load test: expected --force, --axial or --pressure above 0, got none")
     return found
 
 
-def attitude_cases(limits: LoadLimits) -> list[Candidate]:
+def attitude_cases(limits: LoadLimits) -> list[PlannedCase]:
     """Return the cases of own weight: one for each attitude."""
     return [
-        Candidate(name=f"weight, {np.rad2deg(up):g} deg up", loads=(Weight(up_roll_angle=up),))
+        PlannedCase(name=f"weight, {np.rad2deg(up):g} deg up", loads=(Weight(up_roll_angle=up),))
         for up in limits.attitudes
     ]
 
@@ -120,7 +120,7 @@ def _wall(vehicle: Vehicle, limits: LoadLimits) -> tuple[float, float]:
     return low, high
 
 
-def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Candidate:
+def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> PlannedCase:
     name = f"{direction} {station:g} m, {np.rad2deg(roll):g} deg"
     place = {
         "station": station,
@@ -129,11 +129,11 @@ def _pad(limits: LoadLimits, station: float, roll: float, direction: str) -> Can
         "half_angle": limits.half_angle,
     }
     if direction == "in":
-        return Candidate(name=name, loads=(PadPressure(**place, push=limits.force),))
+        return PlannedCase(name=name, loads=(PadPressure(**place, push=limits.force),))
     s, c = float(np.sin(roll)), float(np.cos(roll))
     along = {"out": (0.0, s, c), "axial": (1.0, 0.0, 0.0), "around": (0.0, c, -s)}[direction]
     x, y, z = (limits.force * part for part in along)
-    return Candidate(name=name, loads=(PadForce(**place, force=(x, y, z)),))
+    return PlannedCase(name=name, loads=(PadForce(**place, force=(x, y, z)),))
 
 
 def harmonics_of_test(test: LoadTest) -> tuple[int, int]:

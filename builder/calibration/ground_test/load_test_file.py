@@ -175,9 +175,9 @@ class LoadTestFile(Section):
         return self._path.parent / name
 
 
-def load_test_file(path: str | Path) -> LoadTestFile:
+def read_test_file(path: str | Path) -> LoadTestFile:
     """Read and check the file of a ground test; recordings are read by
-    :func:`~builder.calibration.ground_test.readings.load_test`.
+    :func:`~builder.calibration.ground_test.readings.read_load_test`.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class Readings:
     left_out: tuple[str, ...] = ()
 
 
-def load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTest, tuple[str, ...]]:
+def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[LoadTest, tuple[str, ...]]:
     """Return the test with the readings of its recordings, and lines for the user.
 
     Parameters
@@ -155,7 +155,7 @@ def read_windows(file: LoadTestFile, gauge_names: tuple[str, ...]) -> Readings:
     Raises
     ------
     InputError
-        As :func:`load_test`.
+        As :func:`read_load_test`.
     """
     places, notes = _places(file), list[str]()
     _refuse_without_time(file, places)

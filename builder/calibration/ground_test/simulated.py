@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_changes import CellErrors, as_applied, scaled
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
@@ -102,17 +102,17 @@ class GroundTest:
     """
 
     gauge_names: tuple[str, ...]
-    cases: tuple[Candidate, ...]
+    cases: tuple[PlannedCase, ...]
     errors: LoadErrors
     strain: FloatArray
     steps: tuple[tuple[SimulatedStep, ...], ...] = ()
     checks: tuple[str, ...] = ()
 
 
-def ground_test(
+def simulate_ground_test(
     structure: TestedStructure,
     parameters: AsBuilt,
-    cases: Sequence[Candidate],
+    cases: Sequence[PlannedCase],
     errors: LoadErrors,
     noise_std: FloatArray,
     *,
@@ -175,7 +175,7 @@ def ground_test(
     )
 
 
-def known_loads(case: Candidate, errors: LoadErrors) -> tuple[KnownLoad, ...]:
+def known_loads(case: PlannedCase, errors: LoadErrors) -> tuple[KnownLoad, ...]:
     """Return the loads of a case as its file states them."""
     on_cell = [entry_of(load)["kind"] not in NO_LOAD_CELL for load in case.loads]
     return tuple(

@@ -48,7 +48,7 @@ def weights() -> list[Weight]:
     return [Weight(up_roll_angle=float(np.deg2rad(roll))) for roll in ROLL_ANGLES[:4]]
 
 
-def standard_cases(count: int, length: float, errors: LoadErrors) -> list[tuple[str, tuple[KnownLoad, ...]]]:
+def standard_load_cases(count: int, length: float, errors: LoadErrors) -> list[tuple[str, tuple[KnownLoad, ...]]]:
     """Return names and loads of ``count`` pads and of own weight in four attitudes.
 
     The vehicle's weight acts in every case; what a load cell reads is the pad's force.

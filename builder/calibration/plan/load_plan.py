@@ -10,7 +10,12 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.ground_test.candidate_cases import (
+    LoadLimits,
+    PlannedCase,
+    attitude_cases,
+    candidate_cases,
+)
 from builder.calibration.ground_test.load_changes import scaled
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
@@ -29,7 +34,7 @@ from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
 from builder.structure.as_built.derivatives import of_gauges, uncertain_keys
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import prior_std, slices
+from builder.structure.as_built.vehicle import as_built_std, slices
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -59,15 +64,15 @@ class LoadPlan:
     noise_std : (n_d,) of one sample [m/m], and ``samples`` that a reading is the mean of.
     """
 
-    attitudes: tuple[Candidate, ...]
-    cases: tuple[Candidate, ...]
+    attitudes: tuple[PlannedCase, ...]
+    cases: tuple[PlannedCase, ...]
     sigmas: FloatArray
     before: FloatArray
     after_attitudes: FloatArray
     exact: FloatArray
     candidates: int
     repeats: int
-    checks: tuple[Candidate, ...]
+    checks: tuple[PlannedCase, ...]
     kinds: tuple[KindSigmas, ...]
     noise_std: FloatArray
     samples: int
@@ -124,7 +129,7 @@ def load_plan(
     cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
     exact = exactly_known_map(parts)
     flight = flight_sensitivity(parts, exact)
-    lead = attitudes or [Candidate(name="no load", loads=())]
+    lead = attitudes or [PlannedCase(name="no load", loads=())]
     sample_std = exact.noise_std if noise is None else np.full(as_built.n_gauges, noise)
     sensitivities = case_sensitivities(parts, [*lead, *offered], errors, sample_std / np.sqrt(samples))
     first, bare = sensitivities[: len(lead)], sensitivities[len(lead) :]
@@ -140,7 +145,7 @@ def load_plan(
     for number in order[:repeats]:
         end = end.after(bare[number])
         sigmas.append(flight.sigmas(end.error_covariance()))
-    prior = prior_std(vehicle.calibration, as_built.counts)
+    prior = as_built_std(vehicle.calibration, as_built.counts)
     left = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
         attitudes=tuple(attitudes),
@@ -189,7 +194,7 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     chosen = np.random.default_rng(FLIGHTS).choice(len(pressure), FLIGHTS, p=ensemble.member_weight)
     net = (pressure[chosen] - ensemble.fixed_pressure).T
 
-    std = prior_std(vehicle.calibration, as_built.counts)
+    std = as_built_std(vehicle.calibration, as_built.counts)
     keys = uncertain_keys(std, in_flight=True)
     slopes = as_built.operator_slopes(as_built.exactly_built(), keys)
     found = {key: slope @ net for key, slope in slopes.items()}
@@ -214,7 +219,7 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
 
 
 def case_sensitivities(
-    parts: PlanParts, cases: Sequence[Candidate], errors: LoadErrors, noise_std: FloatArray
+    parts: PlanParts, cases: Sequence[PlannedCase], errors: LoadErrors, noise_std: FloatArray
 ) -> list[CaseSensitivity]:
     """Return what cases would determine; the last parameter is the error of the load cell."""
     as_built, none = parts.as_built, np.zeros(parts.as_built.n_gauges)
@@ -226,7 +231,7 @@ def case_sensitivities(
         ),
         errors=errors,
     )
-    prior = prior_std(parts.vehicle.calibration, as_built.counts)
+    prior = as_built_std(parts.vehicle.calibration, as_built.counts)
     model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
     jacobian = jacobian * model.std
@@ -254,7 +259,7 @@ def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice
     )
 
 
-def within_limits(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimits) -> Candidate:
+def within_limits(as_built: AsBuiltStructure, case: PlannedCase, limits: LoadLimits) -> PlannedCase:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
     each = as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(case.loads))
     strain = each.sum(axis=0)
@@ -262,10 +267,12 @@ def within_limits(as_built: AsBuiltStructure, case: Candidate, limits: LoadLimit
     if largest <= limits.largest_strain:
         return case
     factor = float(f"{0.995 * limits.largest_strain / largest:.2g}")
-    return Candidate(name=f"{case.name}, times {factor:g}", loads=tuple(scaled(one, factor) for one in case.loads))
+    return PlannedCase(
+        name=f"{case.name}, times {factor:g}", loads=tuple(scaled(one, factor) for one in case.loads)
+    )
 
 
-def _numbered(cases: Sequence[Candidate]) -> tuple[Candidate, ...]:
+def _numbered(cases: Sequence[PlannedCase]) -> tuple[PlannedCase, ...]:
     """Return cases whose names are unique: one that is applied again is called so."""
     count = Counter[str]()
     found = []

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.load_plan import LoadPlan
 from builder.structure.loads.applied import SurfacePressure
@@ -37,11 +37,11 @@ class Schedule:
         """Parts of the load after the whole load, back to none [1]."""
         return self.loading[::-1]
 
-    def parts(self, case: Candidate) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def parts(self, case: PlannedCase) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the parts of a case before and after its whole load; none where no load can be changed."""
         return (self.loading, self.unloading) if changes(case) else ((), ())
 
-    def time_of(self, case: Candidate) -> float:
+    def time_of(self, case: PlannedCase) -> float:
         """Return the time of a case [s]."""
         return self.setup_time + self.reading_time * (1 + sum(map(len, self.parts(case))))
 
@@ -57,12 +57,12 @@ class RunCase:
     number : of a load or a repeat, in the plan; of others -1.
     """
 
-    case: Candidate
+    case: PlannedCase
     kind: str
     number: int = -1
 
 
-def changes(case: Candidate) -> bool:
+def changes(case: PlannedCase) -> bool:
     """Return whether a load of a case can be applied step by step."""
     return any(cell_force(load) > 0.0 or isinstance(load, SurfacePressure) for load in case.loads)
 
@@ -72,15 +72,15 @@ def run_order(plan: LoadPlan) -> list[RunCase]:
 
     The zero readings are of the vehicle as it lies under the loads; names are unique.
     """
-    lead = plan.attitudes or (Candidate(name="no load", loads=()),)
+    lead = plan.attitudes or (PlannedCase(name="no load", loads=()),)
     first, loads = len(plan.cases) - plan.repeats, list[RunCase]()
     for number, case in enumerate(plan.cases):
         loads.append(RunCase(case=case, kind="load" if number < first else "repeat", number=number))
     for case in plan.checks:
-        loads.append(RunCase(case=Candidate(name=f"check, {case.name}", loads=case.loads), kind="check"))
+        loads.append(RunCase(case=PlannedCase(name=f"check, {case.name}", loads=case.loads), kind="check"))
     middle = (len(loads) + 1) // 2
     again = [
-        RunCase(case=Candidate(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero reading")
+        RunCase(case=PlannedCase(name=f"{lead[0].name}, {when}", loads=lead[0].loads), kind="zero reading")
         for when in ZERO
     ]
     # Turned to all attitudes first, and back to the one of the loads.

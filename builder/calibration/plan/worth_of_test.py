@@ -9,7 +9,12 @@ import numpy as np
 from builder.aero.loads.operator import load_operator
 from builder.calibration.estimate.load_equations import applied_loads
 from builder.calibration.estimate.vehicle import Estimate
-from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits, attitude_cases, candidate_cases
+from builder.calibration.ground_test.candidate_cases import (
+    LoadLimits,
+    PlannedCase,
+    attitude_cases,
+    candidate_cases,
+)
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.case_selection import Knowledge
 from builder.calibration.plan.load_plan import (
@@ -21,7 +26,7 @@ from builder.calibration.plan.load_plan import (
 )
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
-from builder.structure.as_built.vehicle import prior_std
+from builder.structure.as_built.vehicle import as_built_std
 from builder.structure.loads.applied import Weight
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -95,7 +100,7 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
     )
 
 
-def further_cases(parts: PlanParts, found: Estimate) -> list[Candidate]:
+def further_cases(parts: PlanParts, found: Estimate) -> list[PlannedCase]:
     """Return cases that could follow: pads with the largest force of the test, attitudes that it did not have."""
     test = found.model.test
     force = max((cell_force(one.load) for case in test.cases for one in case.loads), default=0.0)
@@ -122,7 +127,9 @@ def _over_prior(parts: PlanParts, found: Estimate) -> FloatArray:
     What was known exactly before has none.
     """
     model = found.model
-    prior = np.append(prior_std(parts.vehicle.calibration, parts.as_built.counts).vector, model.test.errors.common)
+    prior = np.append(
+        as_built_std(parts.vehicle.calibration, parts.as_built.counts).vector, model.test.errors.common
+    )
     at = np.append(np.arange(model.n_built), model.cell_entries.start)
     scale = np.divide(1.0, prior, out=np.zeros_like(prior), where=prior > 0.0)
     return np.asarray(scale[:, None] * found.covariance[np.ix_(at, at)] * scale)

@@ -13,10 +13,10 @@ from builder.calibration.after_test.calibrated_map import calibrated_map, calibr
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.ground_test.candidate_cases import Candidate, LoadLimits
+from builder.calibration.ground_test.candidate_cases import LoadLimits, PlannedCase
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.simulated import known_loads
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.plan.load_plan import PlanParts, load_plan
 from builder.calibration.plan.schedule import run_order
 from builder.calibration.score.tested_vehicles import (
@@ -128,13 +128,13 @@ class GroundWorld:
         model: ReadingsModel = self._made[key]
         return model
 
-    def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[Candidate]:
+    def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[PlannedCase]:
         """Return ``pads`` bonded pads that are proposed, in the order in which they are run, with zero readings
         between and at the end; or at even distances, and own weight in four attitudes."""
         vehicle, structure = self.vehicle, self.structure
         if not self.options.proposed:
-            standard = standard_cases(pads, vehicle.body().length, LoadErrors())
-            return [Candidate(name=name, loads=tuple(one.load for one in loads)) for name, loads in standard]
+            standard = standard_load_cases(pads, vehicle.body().length, LoadErrors())
+            return [PlannedCase(name=name, loads=tuple(one.load for one in loads)) for name, loads in standard]
         parts = PlanParts(vehicle=vehicle, snapshots=self.snapshots, structure=self.mapped, as_built=structure)
         plan = load_plan(parts, pads, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
         return [step.case for step in run_order(plan)]
@@ -177,7 +177,7 @@ def ground_world(
 
 
 def load_test_of(
-    structure: AsBuiltStructure, cases: list[Candidate], errors: LoadErrors, reading_std: float
+    structure: AsBuiltStructure, cases: list[PlannedCase], errors: LoadErrors, reading_std: float
 ) -> LoadTest:
     """Return the test of ``cases`` without readings, whose standard deviation will be ``reading_std`` [m/m]."""
     zero, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, reading_std)

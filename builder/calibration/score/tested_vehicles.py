@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.structure.as_built.response_tables import LoadResponse, together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
-from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
 from builder.structure.loads.loaded_structure import LoadProperties
@@ -63,7 +63,7 @@ class TestedVehicles:
 
     def drawn(self, random: np.random.Generator) -> AsBuilt:
         """Return one vehicle; the joint of a smooth wall is as stiff as the wall."""
-        found = drawn(self.std, random)
+        found = draw_as_built(self.std, random)
         if not self.is_smooth:
             return found
         edge = self.structure.regions.end
@@ -112,7 +112,7 @@ def tested_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure, is_smooth: bool)
     return TestedVehicles(
         structure=structure,
         on_map=with_surface_of(structure, of_map),
-        std=prior_std(vehicle.calibration, structure.counts),
+        std=as_built_std(vehicle.calibration, structure.counts),
         is_smooth=is_smooth,
     )
 

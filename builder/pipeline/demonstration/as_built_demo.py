@@ -18,12 +18,12 @@ import numpy as np
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.plant_gauges import plant_gauges
-from builder.calibration.ground_test.candidate_cases import Candidate
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
-from builder.calibration.ground_test.load_test_file import load_test_file
-from builder.calibration.ground_test.readings import load_test
-from builder.calibration.ground_test.simulated import ground_test, write_ground_test
-from builder.calibration.ground_test.standard_cases import standard_cases
+from builder.calibration.ground_test.load_test_file import read_test_file
+from builder.calibration.ground_test.readings import read_load_test
+from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.as_built import as_built_figure
 from builder.figures.drawing.canvas import save
@@ -42,7 +42,7 @@ from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
 from builder.structure.as_built.counts import counts_of
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, drawn, prior_std
+from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model
 from builder.truth.revolution.flow_table import load_flow_table
@@ -79,8 +79,8 @@ class AsBuiltRun:
     def built(self) -> AsBuilt:
         """The vehicle that flies."""
         vehicle = self.pipeline.vehicle
-        std = prior_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
-        return drawn(std, np.random.default_rng(self.seed))
+        std = as_built_std(vehicle.calibration, counts_of(vehicle, vehicle.gauges.layout))
+        return draw_as_built(std, np.random.default_rng(self.seed))
 
     @cached_property
     def truth(self) -> AsBuiltStructure:
@@ -111,7 +111,7 @@ class AsBuiltRun:
             random = np.random.default_rng([self.seed, 1])
             truth, built = self.truth, self.built
             with self.pipeline.reporter.stage(f"Ground test: {CASES} load cases"):
-                test = ground_test(truth, built, self._cases(), LoadErrors(), noise, random=random)
+                test = simulate_ground_test(truth, built, self._cases(), LoadErrors(), noise, random=random)
             vehicle = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
             write_ground_test(test, path.parent, f"{self.pipeline.vehicle.name}: ground test", vehicle)
 
@@ -119,15 +119,15 @@ class AsBuiltRun:
         holds = "ground test: load cases; loadtest.csv and channels.toml hold the recording"
         self.pipeline.make(TEST, holds, inputs, write)
 
-    def _cases(self) -> list[Candidate]:
+    def _cases(self) -> list[PlannedCase]:
         """Return own weight in four attitudes, where the vehicle has a density, and the pads."""
         vehicle = self.pipeline.vehicle
         weighs = vehicle.material.density_kg_per_m3 is not None
         found = []
-        for name, known in standard_cases(CASES, vehicle.body().length, LoadErrors()):
+        for name, known in standard_load_cases(CASES, vehicle.body().length, LoadErrors()):
             loads = tuple(one.load for one in known if weighs or not isinstance(one.load, Weight))
-            found.append(Candidate(name=name, loads=loads))
-        return found if weighs else [Candidate(name="no load", loads=()), *(one for one in found if one.loads)]
+            found.append(PlannedCase(name=name, loads=loads))
+        return found if weighs else [PlannedCase(name="no load", loads=()), *(one for one in found if one.loads)]
 
     def make_maps(self) -> None:
         """Calibrate the map by the test, and make the one that a vehicle known exactly would have."""
@@ -146,7 +146,7 @@ class AsBuiltRun:
                 "snapshots": pipeline.path(SNAPSHOTS),
                 "vehicle": self.vehicle_path,
             }
-            write_calibration(made, parts, load_test_file(pipeline.path(TEST)), files, path)
+            write_calibration(made, parts, read_test_file(pipeline.path(TEST)), files, path)
             write_zeros_of(found, path.with_name(ZEROS), CALIBRATED)
 
         def exact(path: Path) -> None:
@@ -184,7 +184,7 @@ class AsBuiltRun:
     def test(self) -> LoadTest:
         """Return the test as its files state it."""
         names = load_inverse_map(self.pipeline.path(MAP)).gauge_names
-        found, notes = load_test(load_test_file(self.pipeline.path(TEST)), names)
+        found, notes = read_load_test(read_test_file(self.pipeline.path(TEST)), names)
         for note in notes:
             self.pipeline.reporter.note(note)
         return found

@@ -169,14 +169,14 @@ def as_drawn(counts: Counts) -> AsBuilt:
     return AsBuilt(counts, {kind.name: np.zeros(counts.in_flight(kind)) for kind in IN_NOISE})
 
 
-def prior_std(entry: Calibration, counts: Counts) -> AsBuilt:
+def as_built_std(entry: Calibration, counts: Counts) -> AsBuilt:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
     return AsBuilt(
         counts, {kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(counts).items()}
     )
 
 
-def drawn(std: AsBuilt, random: np.random.Generator) -> AsBuilt:
+def draw_as_built(std: AsBuilt, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle whose errors are drawn from normal distributions of the standard deviations ``std``."""
     vector = std.vector
     return std.of_vector(vector * random.standard_normal(len(vector)))

@@ -1,0 +1,59 @@
+# ruff: noqa: I001 - grouped as the page of the Python reference
+
+# Vehicle
+from builder.vehicle.file import IC3X as IC3X
+from builder.vehicle.file import VEHICLES as VEHICLES
+from builder.vehicle.file import Vehicle as Vehicle
+from builder.vehicle.file import load_vehicle as load_vehicle
+
+# Map
+from builder.pipeline.stages import build_map as build_map
+from builder.pipeline.stages import solve_structure as solve_structure
+from builder.pipeline.stages import take_snapshots as take_snapshots
+from builder.campaign.snapshots import Snapshots as Snapshots
+from builder.campaign.snapshots import load_snapshots as load_snapshots
+from builder.campaign.snapshots import save_snapshots as save_snapshots
+
+# Flow
+from builder.aero.euler.bodies.solver import solve_flow as solve_flow
+from builder.aero.euler.planes.marching_grid import MarchingGrid as MarchingGrid
+from builder.vehicle.shape.geometry import chain_segments as chain_segments
+from builder.aero.surface.mesh import mesh_of_grid as mesh_of_grid
+
+# What gauges observe
+from builder.structure.observability import smooth_response as smooth_response
+from builder.structure.observability import symmetry_responses as symmetry_responses
+
+# Known loads
+from builder.structure.loads.applied import PadForce as PadForce
+from builder.structure.loads.applied import PointForce as PointForce
+from builder.structure.loads.applied import SectionLoad as SectionLoad
+from builder.structure.loads.applied import SurfacePressure as SurfacePressure
+from builder.structure.loads.applied import Weight as Weight
+from builder.structure.loads.fourier import fourier_structure as fourier_structure
+from builder.structure.loads.gauge_strain import gauge_strain as gauge_strain
+from builder.structure.loads.loaded_structure import LoadProperties as LoadProperties
+from builder.structure.loads.temperature import temperature_mode as temperature_mode
+from builder.structure.fourier.gauges import PlacedGauges as PlacedGauges
+from builder.structure.fourier.meridian_mesh import tube_mesh as tube_mesh
+from builder.structure.wall import Material as Material
+
+# Ground test
+from builder.calibration.ground_test.candidate_cases import PlannedCase as PlannedCase
+from builder.calibration.ground_test.load_test import LoadErrors as LoadErrors
+from builder.calibration.ground_test.load_test_file import read_test_file as read_test_file
+from builder.calibration.ground_test.readings import read_load_test as read_load_test
+from builder.calibration.ground_test.simulated import simulate_ground_test as simulate_ground_test
+from builder.calibration.ground_test.simulated import write_ground_test as write_ground_test
+from builder.calibration.ground_test.standard_cases import standard_load_cases as standard_load_cases
+from builder.structure.as_built.structure import as_built_structure as as_built_structure
+from builder.structure.as_built.vehicle import as_built_std as as_built_std
+from builder.structure.as_built.vehicle import draw_as_built as draw_as_built
+
+# Reports
+from builder.reports.page.html import Page as Page
+from builder.reports.page.html import Paragraph as Paragraph
+from builder.reports.page.html import Section as Section
+from builder.reports.page.html import write_page as write_page
+from builder.reports.page.tables import Column as Column
+from builder.reports.page.tables import make_table as make_table

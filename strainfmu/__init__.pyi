@@ -1,0 +1,48 @@
+# ruff: noqa: I001 - grouped as the page of the Python reference
+
+from strainfmu.version import __version__ as __version__
+
+# Maps
+from strainfmu.estimator.map.inverse_map import InverseMap as InverseMap
+from strainfmu.estimator.map.inverse_map import load_inverse_map as load_inverse_map
+from strainfmu.estimator.map.inverse_map import save_inverse_map as save_inverse_map
+from strainfmu.estimator.linear_map import LinearMap as LinearMap
+from strainfmu.estimator.linear_map import linear_map as linear_map
+from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition as proper_orthogonal_decomposition
+
+# Estimate
+from strainfmu.estimator.estimator import Estimator as Estimator
+from strainfmu.estimator.estimator import load as load
+from strainfmu.estimator.estimate import Estimate as Estimate
+from strainfmu.estimator.settings import EstimatorSettings as EstimatorSettings
+from strainfmu.estimator.air_data import AirData as AirData
+from strainfmu.estimator.air_inputs import QSource as QSource
+from strainfmu.estimator.health import HealthState as HealthState
+
+# Zero offsets
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros as GaugeZeros
+from strainfmu.estimator.zeros.tare import KnownStrain as KnownStrain
+from strainfmu.estimator.zeros.tare import Tare as Tare
+from strainfmu.estimator.zeros.tare import TareLimits as TareLimits
+from strainfmu.cosim.estimators.zeros_file import load_zeros as load_zeros
+
+# Recordings
+from strainfmu.recorded.run import estimate_file as estimate_file
+
+# FMUs
+from strainfmu.fmu.export import ExportOptions as ExportOptions
+from strainfmu.fmu.export import export_estimator as export_estimator
+from strainfmu.cosim.systems.system import Connection as Connection
+from strainfmu.cosim.systems.system import System as System
+from strainfmu.cosim.systems.master import simulate as simulate
+from strainfmu.cosim.systems.recording import Recording as Recording
+from strainfmu.cosim.systems.recording import load_recording as load_recording
+
+# Bus
+from strainfmu.can.wire.profiles import profile_layout as profile_layout
+from strainfmu.can.wire.strain_encoder import StrainEncoder as StrainEncoder
+from strainfmu.can.wire.crc import crc_of as crc_of
+
+# Errors
+from strainfmu.errors import InputError as InputError
+from strainfmu.errors import StrainfmuError as StrainfmuError

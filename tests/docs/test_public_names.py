@@ -1,0 +1,66 @@
+"""Documentation through public names only: pages, examples in docstrings and the gallery."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import inspect
+import re
+from collections.abc import Iterator
+from importlib import import_module
+
+import pytest
+from snippets import ROOT, pages, snippets
+
+pytestmark = pytest.mark.fast
+
+PACKAGES = ("strainfmu", "builder")
+REFERENCE = ROOT / "docs" / "reference" / "api.md"
+
+
+def programs() -> Iterator[tuple[str, str]]:
+    """Yield place and text of every Python program of the documentation."""
+    for page in pages():
+        for snippet in snippets(page):
+            if snippet.language == "python":
+                yield str(snippet), snippet.text
+    for path in sorted((ROOT / "docs" / "gallery_src").glob("*.py")):
+        yield path.name, path.read_text("utf-8")
+    for path in (one for package in PACKAGES for one in sorted((ROOT / package).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+                examples = doctest.DocTestParser().get_examples(text)
+                yield f"{path.name}:{getattr(node, 'name', '')}", "".join(one.source for one in examples)
+
+
+def names_of_packages(text: str) -> Iterator[str]:
+    """Yield each name of the packages that a program uses: ``package.name``, or a module that it imports from."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] in PACKAGES:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (a.name for a in node.names if "." in a.name and a.name.split(".")[0] in PACKAGES)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in PACKAGES:
+            yield f"{node.value.id}.{node.attr}"
+
+
+def public() -> set[str]:
+    return {f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__}
+
+
+def test_documentation_uses_public_names_only() -> None:
+    used = {(name, place) for place, text in programs() for name in names_of_packages(text)}
+    assert len(used) > 60
+    assert [place for place in sorted(used) if place[0] not in public()] == []
+
+
+def test_the_reference_lists_the_public_names_of_both_packages() -> None:
+    assert re.findall(r"^```\{public-names\} (\w+)$", REFERENCE.read_text("utf-8"), re.MULTILINE) == [*PACKAGES]
+
+
+@pytest.mark.parametrize("name", sorted(public()))
+def test_a_public_name_is_there_and_says_what_it_is(name: str) -> None:
+    package, _, own = name.partition(".")
+    value = getattr(import_module(package), own)
+    if inspect.isclass(value) or inspect.isfunction(value):
+        assert inspect.getdoc(value)
