@@ -34,6 +34,7 @@ from strainfmu.fmu.export import ExportOptions as ExportOptions
 from strainfmu.fmu.export import export_estimator as export_estimator
 from strainfmu.cosim.systems.system import Connection as Connection
 from strainfmu.cosim.systems.system import System as System
+from strainfmu.cosim.systems.master import matching_connections as matching_connections
 from strainfmu.cosim.systems.master import simulate as simulate
 from strainfmu.cosim.systems.recording import Recording as Recording
 from strainfmu.cosim.systems.recording import load_recording as load_recording

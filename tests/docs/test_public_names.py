@@ -8,6 +8,7 @@ import inspect
 import re
 from collections.abc import Iterator
 from importlib import import_module
+from typing import Any
 
 import pytest
 from snippets import ROOT, pages, snippets
@@ -18,11 +19,11 @@ PACKAGES = ("strainfmu", "builder")
 REFERENCE = ROOT / "docs" / "reference" / "api.md"
 
 
-def programs() -> Iterator[tuple[str, str]]:
-    """Yield place and text of every Python program of the documentation."""
+def programs(that_run: bool = False) -> Iterator[tuple[str, str]]:
+    """Yield place and text of the Python programs of the documentation, of all or of those that tests run."""
     for page in pages():
         for snippet in snippets(page):
-            if snippet.language == "python":
+            if snippet.language == "python" and not (that_run and snippet.kind == "skip"):
                 yield str(snippet), snippet.text
     for path in sorted((ROOT / "docs" / "gallery_src").glob("*.py")):
         yield path.name, path.read_text("utf-8")
@@ -48,10 +49,23 @@ def public() -> set[str]:
     return {f"{package}.{name}" for package in PACKAGES for name in import_module(package).__all__}
 
 
+def value_of(name: str) -> Any:
+    package, _, own = name.partition(".")
+    return getattr(import_module(package), own)
+
+
 def test_documentation_uses_public_names_only() -> None:
     used = {(name, place) for place, text in programs() for name in names_of_packages(text)}
     assert len(used) > 60
     assert [place for place in sorted(used) if place[0] not in public()] == []
+
+
+def test_every_public_class_has_an_example_that_runs() -> None:
+    """Programs of pages that are marked to be skipped do not count."""
+    used = {name for _, text in programs(that_run=True) for name in names_of_packages(text)}
+    classes = [name for name in sorted(public()) if inspect.isclass(value_of(name))]
+    without_example = [name for name in classes if name not in used and ">>> " not in str(value_of(name).__doc__)]
+    assert without_example == []
 
 
 def test_the_reference_lists_the_public_names_of_both_packages() -> None:
@@ -60,7 +74,6 @@ def test_the_reference_lists_the_public_names_of_both_packages() -> None:
 
 @pytest.mark.parametrize("name", sorted(public()))
 def test_a_public_name_is_there_and_says_what_it_is(name: str) -> None:
-    package, _, own = name.partition(".")
-    value = getattr(import_module(package), own)
+    value = value_of(name)
     if inspect.isclass(value) or inspect.isfunction(value):
         assert inspect.getdoc(value)
