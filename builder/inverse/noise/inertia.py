@@ -21,7 +21,7 @@ from builder.structure.wall import FlightMasses, Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.structure.mass import Mass
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 
 NAME, MASSES, THEORY = "inertia", "errors of masses", "strain of inertia"
@@ -36,6 +36,11 @@ N_FORCES = 3
 """Channels of specific force, the first."""
 
 _UNLISTED_STATIONS = 5
+_SECTIONS = 12
+"""Parts of the length in which gauges have errors of another theory in common, as of the bending moment there."""
+
+_UNDETECTED_UNIT = "; a specific force in g instead of m/s2 is detected with mass.vehicle_kg alone"
+
 _STRUCTURE, _EQUIPMENT, UNLISTED = "structure", "equipment", "unlisted"
 
 
@@ -47,10 +52,12 @@ class InertiaStrain:
     ----------
     by_part : (n_d, k) per channel, by part: wall with covers, each point mass by its number, and 1 kg at stations.
     by_bending : (n_d, 2) of the first bending modes, over the strain of the gauge that each strains most [1].
+    section : (n_d,) number of the part of the length that each gauge is in.
     """
 
     by_part: dict[str, FloatArray]
     by_bending: FloatArray
+    section: IntArray
 
     @property
     def of_listed(self) -> FloatArray:
@@ -92,13 +99,15 @@ def strain_by_inertia(
     return InertiaStrain(
         by_part=inertia_strain(mesh, wall.material, placed[layout], parts, unit_station(vehicle, entry)),
         by_bending=bending_strain(mesh, wall.material, placed[layout], every),
+        section=np.rint(_SECTIONS * placed[layout].x / vehicle.body().length).astype(int),
     )
 
 
 def inertia_in_words(vehicle: Vehicle) -> str:
     """Return what the map of ``vehicle`` makes of inertia: the load of 1 g across where it leaves inertia out."""
     if vehicle.mass is not None:
-        return "included, by the masses of the vehicle file"
+        known = "" if vehicle.mass.vehicle_kg or flies(vehicle) else _UNDETECTED_UNIT
+        return f"included, by the masses of the vehicle file{known}"
     parts = (vehicle.material, *vehicle.materials.values())
     weight = "what 1 g across does needs material.density_kg_per_m3"
     if vehicle.is_of_revolution and all(one.density_kg_per_m3 is not None for one in parts):
@@ -147,14 +156,25 @@ def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaS
     return [
         nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std),
         nuisance_modes(VIBRATION_MODES, inertia.vibration_strain, stds),
-        *([] if flies(vehicle) else [NoiseTerm(MASSES, np.hstack(errors)), _theory(entry, inertia)]),
+        *([] if flies(vehicle) else [NoiseTerm(MASSES, np.hstack(errors)), _theory(entry, inertia, strain)]),
     ]
 
 
-def _theory(entry: Mass, inertia: InertiaMap) -> NoiseTerm:
-    """Return the error of the strain of each gauge by inertia in a held body, of its gain and of the structure."""
-    of_mode = 0.01 * entry.inertia_strain_percent * inertia.mode_strain * inertia.prior_std
-    return NoiseTerm(THEORY, np.diag(np.linalg.norm(of_mode[:, :N_FORCES], axis=1)))
+def _theory(entry: Mass, inertia: InertiaMap, strain: InertiaStrain) -> NoiseTerm:
+    """Return the error of the strain by specific force in a held body, by another theory of the structure."""
+    of_mode = _half(entry) * inertia.mode_strain[:, :N_FORCES] * inertia.prior_std[:N_FORCES]
+    of_gauge = np.diag(np.linalg.norm(of_mode, axis=1))
+    return NoiseTerm(THEORY, np.hstack([*_in_common(of_mode, strain.section), of_gauge]))
+
+
+def _half(entry: Mass) -> float:
+    """Return the root of half the variance of another theory, which counts three times."""
+    return float(np.sqrt(0.5)) * 0.01 * entry.inertia_strain_percent
+
+
+def _in_common(strain: FloatArray, section: IntArray) -> list[FloatArray]:
+    """Return errors of the size ``strain`` (n_d, k) that all gauges have in common, and those of each section."""
+    return [strain, *(strain * (section == one)[:, None] for one in np.unique(section))]
 
 
 def flies(vehicle: Vehicle) -> bool:
@@ -168,22 +188,20 @@ def inertia_errors(
     """Return the errors of the strain by the accelerations that the load causes in free flight.
 
     Errors of masses strain as the masses do, balanced. Another theory of the structure gives this strain with an
-    error of ``mass.inertia_strain_percent`` of the strain in a held body; half of the variance counts as one error
-    that all gauges have in common, half as an error of each gauge, as for a mesh.
+    error of ``mass.inertia_strain_percent`` of the strain in a held body. Half of its variance counts for all
+    gauges in common, half for each section, half for each gauge.
     """
     entry = vehicle.mass
     if entry is None or strain is None or not flies(vehicle):
         return []
     acceleration = _accelerations(vehicle, entry, surface)
-    size, half = _sizes(entry), np.sqrt(0.5) * 0.01 * entry.inertia_strain_percent
-    held = half * _held_strain(vehicle, entry) @ acceleration
-    columns = [
-        (MASSES, size[name.split()[0]] * one[:, :N_RIGID] @ acceleration, True)
-        for name, one in strain.by_part.items()
-    ]
+    size, held = _sizes(entry), _half(entry) * _held_strain(vehicle, entry)
+    columns = [(MASSES, size[name.split()[0]] * one[:, :N_RIGID], True) for name, one in strain.by_part.items()]
+    columns += [(THEORY, one, True) for one in _in_common(held, strain.section)]
+    operators = [(name, one @ acceleration, common) for name, one, common in (*columns, (THEORY, held, False))]
     return [
         HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=common)
-        for name, operator, common in (*columns, (THEORY, held, True), (THEORY, held, False))
+        for name, operator, common in operators
         if np.any(operator)
     ]
 

@@ -86,8 +86,10 @@ def test_terms_are_modes_and_errors_of_masses(equipped: Vehicle, strain: Inertia
     np.testing.assert_allclose(errors.strain[:, :3], 0.03 * force * strain.by_part["structure"][:, :3])
     np.testing.assert_allclose(errors.strain[:, 3:6], 0.05 * force * strain.by_part["equipment 1"][:, :3])
     np.testing.assert_allclose(errors.strain[:, 9:12], 0.5 * force * strain.by_part["unlisted 1"][:, :3])
-    of_gauge = 0.05 * force * np.linalg.norm(inertia.mode_strain[:, :3], axis=1)
-    np.testing.assert_allclose(theory.strain, np.diag(of_gauge))
+    of_mode = 0.05 * force * inertia.mode_strain[:, :3]
+    alike = (strain.section[:, None] == strain.section) + np.eye(len(of_mode)) + 1.0
+    np.testing.assert_allclose(theory.strain @ theory.strain.T, 0.5 * alike * (of_mode @ of_mode.T), atol=1e-22)
+    assert np.bincount(strain.section)[np.unique(strain.section)].tolist() == 9 * [6]
     noise = gauge_noise(1e-14 * np.eye(len(inertia.mode_strain)))
     rest = with_rest(inertia, (noise, modes, vibration, errors, theory), ())
     assert rest is not None
