@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.wire.crc import protect
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import profile_layout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.can.encoder import StrainEncoder
+from strainfmu.can.frame import Frame, protect
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.profiles import profile_layout
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.fmu.reference_run.flight_motion import clean_motion
 

@@ -25,20 +25,19 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.bench_flight import PROFILE, BenchFlight, bench_flight
-from strainfmu.can.bridge.bus.opening import BusSettings, open_bus, shut_down
-from strainfmu.can.bridge.bus.raw_bus import raw_bus
-from strainfmu.can.bridge.options import PUBLISH_RATE, BridgeOptions
-from strainfmu.can.bridge.results.frames import ResultFrames
-from strainfmu.can.bridge.setup import make_core
-from strainfmu.can.bridge.summary import PERCENTILES, BridgeSummary
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.observed import observed_bridge
-from strainfmu.can.tools.recording import MicrosecondClock, Recorder
-from strainfmu.can.tools.two_processes import GROUP, check_multicast, private_port
-from strainfmu.can.wire.frame_layout import NAVIGATION
-from strainfmu.can.wire.libraries import import_can
-from strainfmu.can.wire.profiles import profile_layout
+from strainfmu.can.bridge import PERCENTILES, BridgeSummary
+from strainfmu.can.demo import GROUP, check_multicast, private_port
+from strainfmu.can.frame import import_can, to_message
+from strainfmu.can.frame_layout import NAVIGATION
+from strainfmu.can.machine import Result
+from strainfmu.can.observed import observed_bridge
+from strainfmu.can.opening import BusSettings, open_bus, shut_down
+from strainfmu.can.options import PUBLISH_RATE, BridgeOptions
+from strainfmu.can.profiles import profile_layout
+from strainfmu.can.quality import Quality
+from strainfmu.can.recording import MicrosecondClock, Recorder
+from strainfmu.can.result_frames import ResultFrames
+from strainfmu.can.setup import make_machine
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
@@ -144,15 +143,17 @@ def _cost_of(fmu: Path, inverse_map: InverseMap, n_cycles: int) -> CoreCost:
 
 def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recorder | None) -> float:
     """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
-    from strainfmu.can.bridge.displays.page_message import gauge_positions
-    from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
+    from strainfmu.can.page_message import gauge_positions
+    from strainfmu.can.publisher import BridgeReports, Publisher
     from strainfmu.cosim.estimators.fmu_step import FmuStep
 
     period = flight.layout.cycle_time
     cycles = [[replace(f, time=f.time + 1e-5 * i) for i, f in enumerate(flight.cycle(k))] for k in range(n_cycles)]
-    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=period)
+    options = BridgeOptions(
+        interface="virtual", channel="bench", profile=PROFILE, cycle_time=period, restart="accept"
+    )
     with FmuStep(fmu, NAVIGATION, (ENVELOPE_SCORE,)) as step:
-        core, layouts, configuration = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        core, layouts, configuration, _ = make_machine(step, options, gauge_names=step.gauge_names, start=0.0)
         if recorder is None:
             begin = time.process_time()
             for frames in cycles:
@@ -191,8 +192,7 @@ def bus_run(folder: Path, rate: float, duration: float, burners: int = 0) -> Bus
         A file is missing or damaged; there is no route for multicast, or a process failed.
     """
     gauge_names = load_inverse_map(folder / "map.h5").gauge_names
-    # Of strains, and that of the dynamic pressure.
-    n_frames = len(profile_layout(PROFILE, gauge_names, 1.0 / rate).strain_frames) + 1
+    n_frames = profile_layout(PROFILE, gauge_names, 1.0 / rate).cycle_length
     port = private_port()
     check_multicast(port)
     with _burning(burners), tempfile.TemporaryDirectory(prefix="strainfmu_") as temporary:
@@ -238,9 +238,6 @@ def _sender(end: Connection, folder: Path, rate: float, port: int, duration: flo
     """Send cycles on schedule; report the lateness of each one's last frame [s]."""
     flight = bench_flight(load_inverse_map(folder / "map.h5"), 1.0 / rate)
     bus = open_bus(_settings(port))
-    raw = raw_bus(bus)
-    if raw is None:
-        raise StrainfmuError("udp_multicast: this python-can is not known; no benchmark of the bus")
     n_cycles, period = round(rate * duration), 1.0 / rate
     lateness = np.empty(n_cycles)
     start = time.monotonic() + 0.3
@@ -251,11 +248,10 @@ def _sender(end: Connection, folder: Path, rate: float, port: int, duration: flo
         if wait > _SHORTEST_SLEEP:
             time.sleep(wait)
         for frame in frames:
-            raw.send(frame)
+            bus.send(to_message(frame))
         lateness[number] = time.monotonic() - due
         frames = flight.cycle(number + 1)
     time.sleep(0.2)
-    raw.close()
     shut_down(bus)
     end.send(lateness)
 
@@ -264,7 +260,7 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
     """Run a bridge with recorder and page until a request to stop; report its answers and its summary."""
     answers: list[tuple[int | None, str]] = []
 
-    def keep(result: CycleResult) -> None:
+    def keep(result: Result) -> None:
         is_valid = result.quality is Quality.VALID
         answers.append((result.sample_time, "VALID" if is_valid else _text_of(result)))
 
@@ -274,6 +270,7 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
         bus_options=(f"port={port}",),
         profile=PROFILE,
         cycle_time=1.0 / rate,
+        restart="accept",  # the sender hears no results
     )
     fmu = folder / "estimator.fmu"
     with observed_bridge(
@@ -291,7 +288,7 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
     end.send((answers, summary))
 
 
-def _text_of(result: CycleResult) -> str:
+def _text_of(result: Result) -> str:
     causes = ", ".join(cause.name or "" for cause in result.causes)
     return f"{result.quality.name}: {causes or 'no cause'}"
 

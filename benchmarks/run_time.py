@@ -12,9 +12,9 @@ from fault_injection import FaultySender
 from fmpy import extract
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.profiles import Identifiers, profile_layout
+from strainfmu.can.machine import input_machine
+from strainfmu.can.options import BridgeSettings
+from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
@@ -115,7 +115,7 @@ class BusCycles:
         self.stack.close()
 
     def time_100_cycles(self) -> None:
-        core = bridge_core(self.layout, self.step, BridgeSettings(), start=0.0)
+        core = input_machine(self.layout, self.step, BridgeSettings(), start=0.0)
         for number, frames in enumerate(self.cycles):
             for frame in frames:
                 core.receive(frame)

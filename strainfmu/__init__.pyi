@@ -40,9 +40,10 @@ from strainfmu.cosim.systems.recording import Recording as Recording
 from strainfmu.cosim.systems.recording import load_recording as load_recording
 
 # Bus
-from strainfmu.can.wire.profiles import profile_layout as profile_layout
-from strainfmu.can.wire.strain_encoder import StrainEncoder as StrainEncoder
-from strainfmu.can.wire.crc import crc_of as crc_of
+from strainfmu.can.load_listener import LoadListener as LoadListener
+from strainfmu.can.profiles import profile_layout as profile_layout
+from strainfmu.can.encoder import StrainEncoder as StrainEncoder
+from strainfmu.can.frame import crc_of as crc_of
 
 # Errors
 from strainfmu.errors import InputError as InputError

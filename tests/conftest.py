@@ -41,8 +41,8 @@ TOGETHER = ("golden", "inverse", "reports")
 
 FIRST = (
     "acceptance/test_demo.py",
-    "can/cycle/test_campaign.py",
-    "can/cycle/test_guards.py",
+    "can/test_campaign.py",
+    "can/test_guards.py",
     "inverse",
     "reports",
     "campaign/test_resume.py",
@@ -58,8 +58,8 @@ FIRST = (
     "acceptance/test_shipped_maps.py",
     "fmu/test_export.py",
     "acceptance/test_bad_input.py",
-    "can/tools/test_demo_bus.py",
-    "can/tools/test_two_processes.py",
+    "can/test_demo_bus.py",
+    "can/test_two_processes.py",
 )
 """The longest groups, begun first so that no process is left with one at the end.
 

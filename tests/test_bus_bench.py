@@ -15,15 +15,19 @@ from synthetic_vehicle import SyntheticFiles
 
 from benchmarks.bench_flight import PROFILE, bench_flight
 from benchmarks.bus_bench import SETTLING_CYCLES, _outcome, bus_rows, bus_run, core_cost, linear_cost
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.setup import make_core
-from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.quality import Quality
+from strainfmu.can.setup import make_machine
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.fmu.export import export_estimator
 
 CALLS_PER_CYCLE = 195
 """Calls of functions that a cycle of two frames may take the core, those written in C included; it takes 179."""
+
+OPTIONS = BridgeOptions(
+    interface="virtual", channel="bench", profile=PROFILE, cycle_time=1e-3, restart="accept"
+)  # the sender hears no results
 
 
 @pytest.fixture
@@ -41,7 +45,7 @@ def test_the_table_of_a_short_run(folder: Path) -> None:
     assert run.sent == 200 - SETTLING_CYCLES
     assert sum(run.outcome.values()) == run.on_time <= run.sent
     assert rows["frames: not accounted for"] == "0"
-    assert run.python_can_received == run.python_can_sent == 400
+    assert run.python_can_received == run.python_can_sent == 600
     assert 0.0 < run.load < 1.0
     assert 0.0 < run.python_can_load < 1.0
     assert "us a cycle" in rows["virtual time: core"]
@@ -53,9 +57,8 @@ def test_a_map_with_tables_flies_what_it_holds_for_possible(tmp_path: Path) -> N
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     export_estimator(tmp_path / "map.h5", tmp_path / "estimator.fmu")
     flight = bench_flight(inverse_map, 1e-3)
-    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=1e-3)
     with FmuStep(tmp_path / "estimator.fmu") as step:
-        core, _, _ = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        core, *_ = make_machine(step, OPTIONS, gauge_names=step.gauge_names, start=0.0)
         results = [result for k in range(1010) for frame in flight.cycle(k) for result in core.receive(frame)]
     # The quantisation is more than the noise of this map states.
     assert sum(result.quality is Quality.VALID for result in results) >= 1000
@@ -64,7 +67,6 @@ def test_a_map_with_tables_flies_what_it_holds_for_possible(tmp_path: Path) -> N
 def test_a_cycle_takes_the_core_few_calls(folder: Path) -> None:
     """Counted, as times depend on the machine: what is asked in every cycle without need shows here."""
     flight = bench_flight(load_inverse_map(folder / "map.h5"), 1e-3)
-    options = BridgeOptions(interface="virtual", channel="bench", profile=PROFILE, cycle_time=1e-3)
     calls, counted = 0, 64
 
     def count(_frame: object, event: str, _argument: object) -> None:
@@ -72,7 +74,7 @@ def test_a_cycle_takes_the_core_few_calls(folder: Path) -> None:
         calls += event in ("call", "c_call")
 
     with FmuStep(folder / "estimator.fmu") as step:
-        core, _, _ = make_core(step, options, gauge_names=step.gauge_names, start=0.0)
+        core, *_ = make_machine(step, OPTIONS, gauge_names=step.gauge_names, start=0.0)
         for k in range(300 + counted):
             frames = flight.cycle(k)
             if k >= 300:

@@ -9,7 +9,7 @@ import pytest
 
 from builder.aero.cfd.manifest import load_manifest
 from builder.vehicle.file import load_vehicle
-from strainfmu.can.wire.dbc_files import load_mapping
+from strainfmu.can.dbc_files import load_mapping
 from strainfmu.cosim.scenario import load_scenario
 from strainfmu.errors import InputError
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from strainfmu.can.cycle.states.quality import Quality, is_usable
-from strainfmu.can.cycle.states.words import all_words
+from strainfmu.can.quality import all_words
 
 _WORDS = all_words()
 
@@ -29,8 +28,7 @@ class Answer:
 
     def take(self, result: dict[str, Any]) -> None:
         """Take in a result of the bridge."""
-        quality = Quality.__members__.get(result["quality_name"], Quality.INVALID)
-        usable = result["usable"] != 0 and is_usable(quality, result["health"])
+        usable = result["usable"] == 1
         if usable is not self._usable:
             self._usable, self._since = usable, result["timestamp"]
         self._why = reason(result)

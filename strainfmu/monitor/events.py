@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from strainfmu.can.cycle.gauges.verdicts import HEALING
-from strainfmu.can.cycle.states.words import all_words
+from strainfmu.can.quality import HEALING, all_words
 
 LISTED = 100
 """Maximum number of events kept; the oldest are dropped."""

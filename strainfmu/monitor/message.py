@@ -11,7 +11,7 @@ from hmac import compare_digest
 from math import isfinite
 from typing import Any, NoReturn
 
-from strainfmu.can.bridge.displays.publisher import TOKEN
+from strainfmu.can.publisher import TOKEN
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import coefficient_names

@@ -7,8 +7,7 @@ import threading
 from collections import deque
 from typing import Any, NamedTuple
 
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.cycle.states.words import all_words
+from strainfmu.can.quality import Quality, all_words
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS

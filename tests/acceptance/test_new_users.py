@@ -15,8 +15,8 @@ from multicast import skip_without_multicast
 from recorded_case import read_csv
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.two_processes import private_port
+from strainfmu.can.demo import private_port
+from strainfmu.can.quality import Quality
 
 STRAINFMU = [sys.executable, "-c", "from strainfmu.cli.main import main; main()"]
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")

@@ -20,12 +20,12 @@ from builder.reporting import Silent
 from builder.structure.solid import free_case
 from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle.file import VEHICLES, load_vehicle
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.setup import map_input_layout
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.sender import send_flight
-from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.machine import Result
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.quality import Quality
+from strainfmu.can.sender import send_flight
+from strainfmu.can.setup import map_input_layout
+from strainfmu.can.strain_sources import FlownSample
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
 
@@ -142,7 +142,7 @@ def check_bus(fmu: Path, flown: Flown, channel: str) -> None:
     options = BridgeOptions(interface="virtual", channel=f"placed {channel}", cycle_time=CYCLE)
     sample = partial(FlownSample, mach_number=flown.mach_number, altitude=flown.altitude)
     samples = [sample(strain, flown.dynamic_pressure, flown.truth) for strain in flown.strain]
-    results: list[CycleResult] = []
+    results: list[Result] = []
     layout = map_input_layout(options, fmu)[0]
     with paced_bridge(fmu, options, record=None, publish=None, publish_rate=1.0, also=results.append) as paced:
         send_flight(paced, layout, samples=samples, clock=paced.clock, sleep=paced.sleep)

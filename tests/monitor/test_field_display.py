@@ -4,7 +4,6 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +11,15 @@ import pytest
 from deflected_shape import NAME, known_map
 from field_maps import N_D, N_ROLL, X, exact_pressure, field_map
 from flight_maps import exact_response
+from page_results import altered
 from shape_case import shape_map
 from synthetic_vehicle import SyntheticFiles
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.can.bridge.displays.field_message import FIELD_PERIOD, FieldMessages, field_messages
-from strainfmu.can.bridge.displays.page_message import GaugePosition
-from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.frames.account import FrameAccount
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.machine import Result
+from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages
+from strainfmu.can.publisher import BridgeReports, Publisher
+from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
@@ -39,10 +36,10 @@ pytestmark = pytest.mark.fast
 STATE = (6.0, 0.06, 0.03, 5474.9)
 
 
-def cycle(quality: Quality = Quality.VALID) -> CycleResult:
+def cycle(quality: Quality = Quality.VALID) -> Result:
     strain = exact_response(*STATE)[:N_D]
     strain[4] = np.nan
-    return CycleResult(
+    return Result(
         time=1.0,
         quality=quality,
         causes=Cause.NONE,
@@ -80,8 +77,8 @@ def test_any_shape_is_unrolled() -> None:
     state = np.array([6.5, 0.03, 0.0, np.log(4000.0)])  # leeward at the top
     strain = evaluate(manifold.tables, state[None]).value[0, : held.n_gauges]
     q = 0.7 * 6.5**2 * 4000.0
-    sample = replace(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
-    found = FieldMessages(held).message(replace(sample, mach_number=6.5, altitude=math.nan), 5.0)
+    sample = altered(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
+    found = FieldMessages(held).message(altered(sample, mach_number=6.5, altitude=math.nan), 5.0)
     field = found["field"]
     assert len(json.dumps(found)) < 60_000
     true = Estimator(held).step(strain, q, mach_number=6.5).pressure().pressure
@@ -101,12 +98,12 @@ def test_a_known_deflection_is_in_the_pressure() -> None:
     at = with_known(manifold, np.array([3.0]), np.zeros(1))
     strain = evaluate(at.tables, state[None]).value[0, : held.n_gauges]
     q = 0.7 * 6.5**2 * 4000.0
-    sample = replace(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
-    sample = replace(sample, mach_number=6.5, altitude=math.nan)
+    sample = altered(cycle(), strain=strain, valid=np.ones(len(strain), bool), dynamic_pressure=q)
+    sample = altered(sample, mach_number=6.5, altitude=math.nan)
     places = FieldMessages(held)._seen
     for std in (0.05, math.nan):
         given = {f"parameter.{NAME}": 3.0, f"parameter_std.{NAME}": std}
-        found = FieldMessages(held).message(replace(sample, other_inputs=given), 5.0)["field"]["pressure_Pa"]
+        found = FieldMessages(held).message(altered(sample, other_inputs=given), 5.0)["field"]["pressure_Pa"]
         own = Estimator(held).step(strain, q, mach_number=6.5, parameters={NAME: 3.0}, parameters_std={NAME: std})
         expected = places.of(own.pressure(with_std=False).pressure).ravel()
         np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1.0)  # whole pascals
@@ -118,10 +115,10 @@ def test_navigation_of_a_mapping_is_in_the_pressure() -> None:
     """Static pressure and deviations, as the estimator of the bridge takes them."""
     given = {"static_pressure": 5500.0, "static_pressure_std": 5.0, "mach_number_std": 0.5}
     given["dynamic_pressure_std"] = 4e4
-    sample = replace(cycle(), mach_number=6.4)
+    sample = altered(cycle(), mach_number=6.4)
     found, without = (
         np.array(
-            FieldMessages(field_map()).message(replace(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"]
+            FieldMessages(field_map()).message(altered(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"]
         )
         for one in (given, {})
     )
@@ -137,7 +134,7 @@ def test_temperatures_are_in_the_pressure() -> None:
     sample, readings = cycle(), REFERENCE + np.array([40.0, 15.0, np.nan, 25.0])
     given = dict(zip(temperature_names(held.thermal), readings.tolist(), strict=True))
     found, cold = (
-        np.array(FieldMessages(held).message(replace(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"])
+        np.array(FieldMessages(held).message(altered(sample, other_inputs=one), 5.0)["field"]["pressure_Pa"])
         for one in (given, {})
     )
     own = Estimator(held).step(
@@ -152,7 +149,7 @@ def test_zeros_are_off_the_strains_of_the_pressure() -> None:
     messages, untold, sample = FieldMessages(field_map()), FieldMessages(field_map()), cycle()
     expected = np.array(messages.message(sample, 5.0)["field"]["pressure_Pa"])
     zeros = GaugeZeros(value=np.linspace(-4e-5, 4e-5, N_D), std=np.zeros(N_D))
-    with_zeros = replace(sample, strain=sample.strain + zeros.value)
+    with_zeros = altered(sample, strain=sample.strain + zeros.value)
     assert np.abs(untold.message(with_zeros, 5.0)["field"]["pressure_Pa"] - expected).max() > 50.0
     messages.set_zeros(zeros)
     found = messages.message(with_zeros, 5.0)["field"]["pressure_Pa"]

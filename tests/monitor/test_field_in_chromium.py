@@ -9,12 +9,9 @@ from clipping import WIDTHS, clipped, set_width
 from field_maps import N_D, field_map
 from test_field_display import cycle
 
-from strainfmu.can.bridge.displays.field_message import FieldMessages
-from strainfmu.can.bridge.displays.page_message import GaugePosition
-from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.frames.account import FrameAccount
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.page_message import FieldMessages, GaugePosition
+from strainfmu.can.publisher import BridgeReports, Publisher
+from strainfmu.can.quality import BusState, FrameAccount, Quality
 from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")

@@ -12,8 +12,8 @@ from clipping import WIDTHS, clipped
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.machine import Result
+from strainfmu.can.quality import Quality
 from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
@@ -38,7 +38,7 @@ def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, mo
             ),
         ):
 
-            def is_shown(found: str, of_result: CycleResult = of_result, expected: str = expected) -> bool:
+            def is_shown(found: str, of_result: Result = of_result, expected: str = expected) -> bool:
                 mouth.result(of_result)
                 return found == expected
 

@@ -20,12 +20,10 @@ import pytest
 from page_results import OUTSIDE, publisher, result
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.displays.page_message import GaugePosition, gauge_positions, result_message
-from strainfmu.can.bridge.displays.publisher import CHANGES_AT_ONCE, BridgeReports, Publisher, parsed_address
-from strainfmu.can.bridge.options import PUBLISH_RATE
-from strainfmu.can.cycle.frames.account import FrameAccount
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.options import PUBLISH_RATE
+from strainfmu.can.page_message import GaugePosition, gauge_positions, result_message
+from strainfmu.can.publisher import CHANGES_AT_ONCE, BridgeReports, Publisher, parsed_address
+from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
 from strainfmu.monitor.state import MonitorState

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from strainfmu.can.cycle.states.quality import Quality
+from strainfmu.can.quality import Quality
 from strainfmu.monitor.server import page_file
 
 # Linear RGB to linear RGB as dichromats see it: F. Vienot, H. Brettel, J. Mollon, "Digital video colourmaps for

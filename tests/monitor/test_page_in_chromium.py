@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,14 @@ from clipping import WIDTHS, clipped, set_width
 from multicast import skip_without_multicast
 from operator_states import TestRange, running_range
 from other_load_maps import groups_at
+from page_results import altered
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.bridge.displays.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.frames.account import FrameAccount
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.machine import Result
+from strainfmu.can.page_message import EstimatorFacts, GaugePosition
+from strainfmu.can.publisher import BridgeReports, Publisher
+from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.can.strain_sources import FlownSample
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.other_loads import SECTIONS as FAMILY
 from strainfmu.fmu.export import export_estimator
@@ -178,7 +176,7 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
     for number, unit in enumerate((load.key for load in FAMILY.loads), start=1):
         for k in range(1, 6):
             held |= {f"section.{unit}[{k}]": -1234.5 * number - k, f"sigma.section.{unit}[{k}]": 10.0 * k}
-    shown = CycleResult(
+    shown = Result(
         time=1.0,
         quality=Quality.VALID,
         causes=Cause.NONE,
@@ -195,7 +193,7 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
         for one in ((), groups_at(stations))
     ]
 
-    def shows_of(publisher: Publisher, result: CycleResult, *texts: str) -> Callable[[Any], bool]:
+    def shows_of(publisher: Publisher, result: Result, *texts: str) -> Callable[[Any], bool]:
         def is_shown(found: Any) -> bool:
             publisher.result(result)
             return shows(*texts)(found)
@@ -211,7 +209,7 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
         assert "-7.409 ± 0.060" in table, "torsion of the second section"
         for width in WIDTHS:
             assert clipped(browser, width) == []
-        stale = replace(shown, quality=Quality.STALE)
+        stale = altered(shown, quality=Quality.STALE)
         browser.wait(FURTHER_LOADS, shows_of(publishers[1], stale, "no value: STALE"))
         assert "±" not in browser.value("document.querySelector('#load_tables tbody').innerText")
     finally:
@@ -236,7 +234,7 @@ def test_gauges_anywhere_around_do_not_cover_each_other(tmp_path: Path) -> None:
     at = [(0.5, 315.0)] * 3 + [(0.1 * k, 45.0 + k) for k in range(1, 12)] + [(0.05 * k, 359.0) for k in range(8)]
     gauges = [GaugePosition(f"g{k}", x, angle) for k, (x, angle) in enumerate(at)]
     strain = np.arange(len(gauges)) * 1e-6
-    shown = CycleResult(
+    shown = Result(
         time=1.0, quality=Quality.VALID, causes=Cause.NONE, valid=np.isfinite(strain), strain=strain, health=0
     )
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
@@ -270,10 +268,11 @@ SEEN_AT_ONCE = """(() => {
 def test_the_first_view_answers_whether_loads_may_be_used(tmp_path: Path) -> None:
     """At 1280 and 390 px, without scrolling: usable or not, since when, why; loads with their bands; age."""
     gauges = [GaugePosition(f"g{k}", 0.1 * k, 90.0 * k) for k in range(4)]
-    good = CycleResult(
+    good = Result(
         time=1.0,
         quality=Quality.DEGRADED,
         causes=Cause.GAUGE_INVALID,
+        usable=True,
         valid=np.array([True, True, True, False]),
         strain=np.arange(4) * 1e-6,
         coefficients=np.array([0.11, 0.22, 0.33, 0.44, 0.55]),
@@ -282,13 +281,13 @@ def test_the_first_view_answers_whether_loads_may_be_used(tmp_path: Path) -> Non
         age_uncertainty=0.001,
         health=4,
     )
-    bad = replace(good, quality=Quality.UNCONFIRMED, causes=Cause.UNPROVEN_RESTART)
+    bad = altered(good, quality=Quality.UNCONFIRMED, usable=False, causes=Cause.UNPROVEN_RESTART)
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
     reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
     publisher = Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports)
 
-    def seen(result: CycleResult, *texts: str) -> Callable[[Any], bool]:
+    def seen(result: Result, *texts: str) -> Callable[[Any], bool]:
         def is_seen(found: Any) -> bool:
             publisher.result(result)
             return shows("true|", *texts)(found)

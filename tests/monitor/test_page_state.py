@@ -12,26 +12,26 @@ from bus_run import live_run, wait_until
 from can_faults import Fault, FaultKind
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
-from strainfmu.can.bridge.displays.page_message import (
+from strainfmu.can.machine import Result
+from strainfmu.can.page_message import (
     EstimatorFacts,
     GaugePosition,
     estimator_facts,
     layout_message,
     result_message,
 )
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.gauges.verdicts import (
-    FROZEN,
-    HEALING,
-    NO_FRAME,
-    NO_VALUE,
-    NOT_TRUSTED,
-    GaugeVerdicts,
-    gauge_reasons,
+from strainfmu.can.quality import (
+    BUS_WORDS,
+    CAUSE_WORDS,
+    HEALTH_WORDS,
+    QUALITY_WORDS,
+    REASONS,
+    BusState,
+    Cause,
+    Quality,
+    all_words,
 )
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Cause, Quality
-from strainfmu.can.cycle.states.words import BUS_WORDS, CAUSE_WORDS, HEALTH_WORDS, QUALITY_WORDS, all_words
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.estimator.health import HealthState
 from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.events import LISTED
@@ -39,6 +39,7 @@ from strainfmu.monitor.message import UNITS, parsed
 from strainfmu.monitor.state import COLUMNS, SILENT_AFTER, MonitorState
 
 NAMES = ("a", "b", "c", "d", "e")
+NO_FRAME, NO_VALUE, FROZEN, HEALING = (REASONS[k] for k in (1, 3, 6, 8))
 POSITIONS = [GaugePosition(name, 0.5 * k, 90.0 * k) for k, name in enumerate(NAMES)]
 
 
@@ -54,11 +55,12 @@ def message(number: int = 1, **changed: Any) -> dict[str, Any]:
     further = {name: 1000.0 + k for k, name in enumerate(names)}
     further |= {f"sigma.{name}": 10.0 for name in names}
     further |= {"M_R": 0.01, "sigma.M_R": 0.002, "section.torsion[1]": -30.0, "sigma.section.torsion[1]": 1.5}
-    further |= {"health.chi_square_limit": 30.0, "health.valid_gauges": 5.0}
-    result = CycleResult(
+    further |= {ENVELOPE_SCORE: 0.5, "health.chi_square_limit": 30.0, "health.valid_gauges": 5.0}
+    result = Result(
         time=1.0,
         quality=Quality.VALID,
         causes=Cause.NONE,
+        usable=True,
         valid=np.ones(len(NAMES), dtype=bool),
         strain=np.arange(5.0) * 1e-6,
         dynamic_pressure=9e4,
@@ -70,7 +72,6 @@ def message(number: int = 1, **changed: Any) -> dict[str, Any]:
         coefficients_std=np.full(5, 0.1),
         chi_square=12.0,
         health=0,
-        envelope_score=0.5,
         other_outputs=further,
     )
     return {
@@ -128,7 +129,7 @@ def test_a_suspect_sensor_has_its_name_and_does_not_count_as_a_gauge() -> None:
     """An estimator counts auxiliary sensors behind the gauges."""
     further = {"health.suspect_gauge": 7.0, "health.suspects": 1.0, "health.valid_gauges": 7.0}
     valid = np.ones(len(NAMES), dtype=bool)
-    result = CycleResult(
+    result = Result(
         time=1.0,
         quality=Quality.SUSPECT,
         causes=Cause.HEALTH,
@@ -161,22 +162,6 @@ def test_every_number_of_the_state_has_a_unit_and_no_field_is_missing() -> None:
     assert (latest["chi_square_limit"], latest["gauges_used"], latest["not_used"]) == (30.0, 5, {})
     assert (latest["age_ms"], latest["age_uncertainty_ms"]) == (1.0, pytest.approx(0.2))
     assert len(content["points"][0]) == len(COLUMNS) == len(content["columns"])
-
-
-@pytest.mark.fast
-def test_reasons_name_the_first_that_holds() -> None:
-    verdicts = GaugeVerdicts(
-        present=flags(0, 1, 2, 3),
-        trusted=flags(0, 2, 3),
-        refused=flags(2),
-        plausible=flags(0),
-        faults={FROZEN: flags(2)},
-    )
-    expected = ["", NOT_TRUSTED, NO_VALUE, HEALING, NO_FRAME]
-    assert gauge_reasons(verdicts, flags(0)) == expected
-    assert gauge_reasons(verdicts._replace(refused=flags()), flags(0))[2] == FROZEN
-    assert gauge_reasons(verdicts._replace(cycle="too old"), flags())[:4] == ["too old"] * 4
-    assert gauge_reasons(None, flags()) == [NO_FRAME] * 5
 
 
 @pytest.mark.fast
@@ -342,12 +327,11 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
     ("changed", "usable", "why"),
     [
         ({}, True, QUALITY_WORDS[Quality.VALID]),
-        ({"usable": None}, True, QUALITY_WORDS[Quality.VALID]),
         ({"quality_name": "DEGRADED", "causes": ["GAUGE_INVALID"]}, True, CAUSE_WORDS[Cause.GAUGE_INVALID]),
         ({"quality_name": "UNPROTECTED"}, True, QUALITY_WORDS[Quality.UNPROTECTED]),
         ({"quality_name": "SUSPECT", "usable": 0, "health_name": "SUSPECT", "health_text": "g3"}, False, "g3"),
-        ({"quality_name": "UNCONFIRMED", "causes": ["PERIOD"]}, False, CAUSE_WORDS[Cause.PERIOD]),
-        ({"quality_name": "STALE", "usable": None, "causes": ["OLD"]}, False, CAUSE_WORDS[Cause.OLD]),
+        ({"quality_name": "UNCONFIRMED", "usable": 0, "causes": ["PERIOD"]}, False, CAUSE_WORDS[Cause.PERIOD]),
+        ({"quality_name": "STALE", "usable": 0, "causes": ["OLD"]}, False, CAUSE_WORDS[Cause.OLD]),
     ],
 )
 def test_may_these_loads_be_used(changed: dict[str, Any], usable: bool, why: str) -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.tools.log_description import load_description, sidecar
-from strainfmu.can.tools.recording import MicrosecondClock, Recorder
-from strainfmu.can.wire.profiles import Identifiers
+from strainfmu.can.log_description import load_description, sidecar
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.profiles import Identifiers
+from strainfmu.can.recording import MicrosecondClock, Recorder
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
@@ -37,7 +37,7 @@ def log(tmp_path: Path) -> Path:
         stuck_cycles=0,
         max_age=4,
     )
-    recorder.describe(fmu, options, 12.5)
+    recorder.describe(fmu, options, 12.5, 7)
     recorder.close(20.0, [(1.0, 2.0)], [(3.0, 4.0)])
     return path
 
@@ -69,7 +69,7 @@ WRONG: tuple[tuple[str, Any, str], ...] = (
     ("options.cycle_time", True, "entry 'cycle_time': expected float, got 'True'"),
     ("options.cycle_time", 10**400, "int too large to convert to float"),
     ("options.stuck_cycles", 2.5, "entry 'stuck_cycles': expected int or null, got '2.5'"),
-    ("options.gauge_noise", "x", "entry 'gauge_noise': expected float or null, got 'x'"),
+    ("options.synchronised", "x", "entry 'synchronised': expected float or null, got 'x'"),
     ("options.dynamic_pressure", "9e4", "entry 'dynamic_pressure': expected float or null, got '9e4'"),
     ("options.identifiers.base", "0x300", "entry 'base': expected int, got '0x300'"),
     ("options.identifiers", [1], "entry 'identifiers': expected dict, got '[1]'"),

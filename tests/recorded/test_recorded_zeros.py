@@ -11,8 +11,8 @@ import pytest
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.setup import make_bridge
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.setup import make_bridge
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator

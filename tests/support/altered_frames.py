@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 from can_faults import Fault, FaultKind
 
-from strainfmu.can.wire.authenticator import authenticated, freshness_of, is_authentic, sent_freshness
-from strainfmu.can.wire.crc import Protection, counter_in, crc_in, crc_of, protect
-from strainfmu.can.wire.frame import FD_LENGTHS, Frame
-from strainfmu.can.wire.frame_layout import FLOAT, InputFrame, InputLayout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.can.authentic import authenticated, freshness_of, is_authentic, sent_freshness
+from strainfmu.can.encoder import StrainEncoder
+from strainfmu.can.frame import FD_LENGTHS, Frame, Protection, counter_in, crc_in, crc_of, protect
+from strainfmu.can.frame_layout import FLOAT, InputFrame, InputLayout
 
 
 class AlteredFrames:
@@ -79,7 +78,9 @@ class AlteredFrames:
         if item is None or item.layout.protection is None:
             return frame
         data = bytearray(frame.data)
-        for signal in (item.layout.signals[s] for s in (*item.indices, *(flow.index for flow in item.flow))):
+        altered = [*item.indices, *(flow.index for flow in item.flow)]
+        altered += [] if item.heard_time is None else [item.heard_time]
+        for signal in (item.layout.signals[index] for index in altered):
             data[signal.bits[0] // 8] ^= 0x7F
         return replace(frame, data=protect(bytes(data), item.layout.protection, data[2]))
 

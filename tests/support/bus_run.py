@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,17 +20,17 @@ from fault_injection import FaultySender
 from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
-from strainfmu.can.bridge.keepers.freshness_file import freshness_file, next_trip
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.run_loop import Bridge
-from strainfmu.can.bridge.setup import input_layout
-from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.tools.observed import observed_bridge
-from strainfmu.can.tools.recording import MicrosecondClock
-from strainfmu.can.tools.sender import send_flight
-from strainfmu.can.tools.strain_sources import FlownSample
+from strainfmu.can.authentic import freshness_file, next_trip
+from strainfmu.can.bridge import Bridge, BridgeSummary
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.machine import Result
+from strainfmu.can.observed import observed_bridge
+from strainfmu.can.opening import BusSettings, open_bus
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.recording import MicrosecondClock
+from strainfmu.can.sender import send_flight
+from strainfmu.can.setup import input_layout
+from strainfmu.can.strain_sources import FlownSample
 
 CYCLE = 0.01
 PATIENCE = 120.0
@@ -41,7 +41,7 @@ PATIENCE = 120.0
 class LiveRun:
     """Results and summary of the bridge, and the notes of its recorder and publisher."""
 
-    results: list[CycleResult]
+    results: list[Result]
     summary: BridgeSummary
     notes: list[str]
 
@@ -101,19 +101,40 @@ class PacedBridge:
 
     def __init__(self, bridge: Bridge, clock: SteppedClock, bus: Any, thread: threading.Thread) -> None:
         self.clock, self.sent = clock, 0
+        record = bridge.machine.plan.record
+        self._next, self._modulus = int(record["first_result"][0]), int(record["n_counters"][0])
+        self._sender: FaultySender | None = None
         self._bridge, self._bus, self._thread = bridge, bus, thread
         self._free_until = clock.now
         self._is_waiting = False
-        inner = bridge._next_items
+        inner, open_bus = bridge._received, bridge._open_bus
 
-        def next_items(timeout: float) -> Any:
+        def received(timeout: float) -> Any:
             self._is_waiting = True
             try:
                 return inner(timeout)
             finally:
                 self._is_waiting = False
 
-        bridge._next_items = next_items  # type: ignore[method-assign]  # to see when it waits
+        def opened() -> Any:
+            bus = open_bus()
+            bus.__class__ = type("Unstamped", (type(bus),), {})  # its messages have no time but the clock's
+            return bus
+
+        bridge._received = received  # type: ignore[method-assign]  # to see when it waits
+        bridge._open_bus = opened
+
+    def sender(self, layout: InputLayout, faults: Sequence[Fault] = (), trip: int = 1) -> FaultySender:
+        """Return a sender that hears the results from now on."""
+        self._sender = FaultySender(layout, list(faults), trip=trip)
+        return self._sender
+
+    def result(self, result: Result) -> None:
+        """Have the sender hear a result."""
+        number, self._next = self._next, (self._next + 1) % self._modulus
+        sender = self._sender
+        if sender is not None and result.counter is not None and hasattr(sender, "start"):
+            sender.hear(result.counter, number, result.time - sender.start)
 
     def send(self, message: Any) -> None:
         """Send a message of python-can."""
@@ -140,8 +161,12 @@ class PacedBridge:
         return self.clock.now < self._free_until
 
     @property
+    def _inbox(self) -> Any:
+        return self._bridge._inbox
+
+    @property
     def _due(self) -> float:
-        return min(self._bridge._core.next_event, self._bridge._next_status)
+        return min(self._bridge.machine.next_event, self._bridge.listener.next_status)
 
     def _settle(self) -> None:
         """Wait until the bridge has taken all that was sent and has nothing due."""
@@ -154,7 +179,8 @@ class PacedBridge:
         except RuntimeError:  # a table of it grew meanwhile
             return False
         if self._is_free:  # all but the cycle at which it stands are in its queue
-            return received + len(self._bridge._queue) > self.sent - self._bridge._core.layout.cycle_length
+            waiting = self._inbox._waiting.qsize()
+            return received + waiting > self.sent - self._bridge.machine.layout.cycle_length
         is_done = self._is_waiting and received == self.sent and self._due > self.clock.now
         return is_done and self._is_waiting
 
@@ -173,14 +199,22 @@ def paced_bridge(fmu: Path, options: BridgeOptions, **watched: Any) -> Iterator[
 
     ``watched`` are the watchers of :func:`observed_bridge`.
     """
-    clock = SteppedClock()
-    with observed_bridge(fmu, options, clock=clock, **watched) as observed:
+    clock, running = SteppedClock(), list[PacedBridge]()
+    also = watched.pop("also", None)
+
+    def take(result: Result) -> None:
+        running[0].result(result)
+        if also is not None:
+            also(result)
+
+    with observed_bridge(fmu, options, clock=clock, also=take, **watched) as observed:
         bridge, found = observed.ready.bridge, list[BridgeSummary]()
         thread = threading.Thread(target=lambda: found.append(bridge.run()), daemon=True)
         bus = open_bus(BusSettings(interface="virtual", channel=options.channel))
         paced = PacedBridge(bridge, clock, bus, thread)
+        running.append(paced)
         thread.start()
-        wait_until(lambda: bridge._receiver is not None)
+        wait_until(lambda: bridge._inbox is not None)
         try:
             paced.sleep(0.1)
             yield paced
@@ -210,10 +244,10 @@ def live_run(
     of a result behind which the bridge stands still, and for how long [s].
     """
     options = BridgeOptions(interface="virtual", channel=channel, profile=profile, cycle_time=CYCLE, key_file=key)
-    results: list[CycleResult] = []
+    results: list[Result] = []
     running: list[PacedBridge] = []
 
-    def keep(result: CycleResult) -> None:
+    def keep(result: Result) -> None:
         results.append(result)
         if len(results) == stall[0]:
             running[0].stand_still(stall[1])
@@ -223,13 +257,13 @@ def live_run(
         running.append(paced)
         layout, _ = input_layout(options, [f"G{i}" for i in range(N_GAUGES)])
         trip = 1 if layout.key is None or key is None else next_trip(freshness_file(key, "sender"), layout.key)
-        samples = flight(n_cycles, navigated)
+        samples, sender = flight(n_cycles, navigated), paced.sender(layout, faults, trip)
         send_flight(
             paced,
             layout,
             samples=samples,
             clock=paced.clock,
             sleep=paced.sleep,
-            sender=FaultySender(layout, list(faults), trip=trip),
+            sender=sender,
         )
     return LiveRun(results, paced.summary, paced.notes)

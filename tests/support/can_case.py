@@ -5,27 +5,24 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import count
 from math import ceil, inf
 
 import numpy as np
 from can_faults import Fault, FaultKind
 from fault_injection import FaultySender, frozen_gauges, growth_of
 
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.results.frames import ResultFrames
-from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.cycle.core import BridgeCore, bridge_core
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.gauges.plausibility import MIN_STUCK_CYCLES
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.authenticator import AuthenticationKey
-from strainfmu.can.wire.dbc_writer import dbc_text
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import FrameLayout, InputLayout
-from strainfmu.can.wire.profiles import SECURED_PROFILE, Identifiers, profile_layout, result_form_of
-from strainfmu.can.wire.strain_encoder import cycles_apart
+from strainfmu.can.authentic import AuthenticationKey
+from strainfmu.can.dbc_writer import dbc_text
+from strainfmu.can.encoder import StrainEncoder, cycles_apart
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import FrameLayout, InputLayout
+from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.options import BridgeOptions, BridgeSettings
+from strainfmu.can.profiles import SECURED_PROFILE, Identifiers, profile_layout, result_form_of
+from strainfmu.can.quality import BusState, Cause, Quality
+from strainfmu.can.result_frames import ResultFrames
+from strainfmu.can.result_layouts import result_layouts
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.estimator.health import HealthState
 
@@ -37,6 +34,12 @@ GAP = BridgeSettings().recovery_cycles + 3
 """Cycles between two faults in which the bridge recovers."""
 QUANTUM = 0.25e-6
 KEY = AuthenticationKey(bytes(range(16)))
+HIDDEN = 1e-4
+"""Difference of delays of a bus in order, which no clock shows [s]."""
+MIN_STUCK_CYCLES = 25
+"""Shortest run of equal readings with which a gauge is stuck."""
+ACCEPTING = BridgeSettings(restart="accept")
+"""For senders that hear no result."""
 NOISE = 2e-6
 """Noise of the true strains [m/m], which the estimator states."""
 OWN = Frame(identifier=0x380, data=bytes(64), is_fd=True)
@@ -77,6 +80,23 @@ def frames_of(profile: str, n_gauges: int = 54, extended: bool = False) -> list[
 def bus_options(profile: str) -> BridgeOptions:
     """The options of a bus with the frames of a profile, every CYCLE."""
     return BridgeOptions(interface="virtual", channel="test", profile=profile, cycle_time=CYCLE)
+
+
+class Ears:
+    """A sender that hears every result; ``clock`` is its clock by the bridge's [s]."""
+
+    def __init__(
+        self, sender: StrainEncoder | FaultySender, clock: Callable[[float], float] = lambda time: time
+    ) -> None:
+        self._sender, self._clock, self._number = sender, clock, count()
+
+    def hear(self, results: list[Result]) -> list[Result]:
+        """Have the sender hear ``results``; return them."""
+        for result in results:
+            number = next(self._number) % 256
+            if result.counter is not None:
+                self._sender.hear(result.counter, number, self._clock(result.time))
+        return results
 
 
 LOSING = frozenset({FaultKind.LOSS, FaultKind.CORRUPTION, FaultKind.BURST_ERROR, FaultKind.SEQUENCE})
@@ -138,8 +158,8 @@ class Campaign:
     late_recovery : faults after whose end results were not VALID in time.
     """
 
-    results: list[CycleResult]
-    core: BridgeCore
+    results: list[Result]
+    core: Machine
     false_valid: list[str]
     late_recovery: list[Fault]
 
@@ -157,21 +177,21 @@ def run_campaign(
     keep: bool = True,
     change: Callable[[int, list[Frame]], list[Frame]] | None = None,
     step: Projection | None = None,
-    make_core: Callable[..., BridgeCore] = bridge_core,
+    make_core: Callable[..., Machine] = input_machine,
 ) -> Campaign:
     """Send ``n_cycles`` with ``faults`` through a core and judge every result.
 
     ``change`` may alter the frames of a cycle further; ``keep`` False keeps no results, for long runs;
-    ``make_core`` takes what ``bridge_core`` takes.
+    ``make_core`` takes what ``input_machine`` takes.
     """
     settings = settings or BridgeSettings()
     step = step or Projection(layout.n_gauges)
-    core = make_core(layout, step, settings, start=0.0, own_keys=[OWN.key])
+    core = make_core(layout, step, settings, start=0.0, own=[OWN.key])
     composer = ResultFrames(result_layouts("fd", Identifiers(), layout.cycle_time), 1)
     sender = FaultySender(layout, faults, OWN)
     truth = Truth(layout.n_gauges, seed)
     oracle = Oracle(layout, faults, truth, step, settings)
-    results: list[CycleResult] = []
+    ears, results = Ears(sender), list[Result]()
     for number in range(n_cycles):
         time = number * layout.cycle_time
         frames = sender.cycle(number, time, *truth.cycle(number))
@@ -180,7 +200,7 @@ def run_campaign(
         new = []
         for frame in frames:
             if frame.key == OWN.key and frame.data == OWN.data:
-                core.own_frames.sending(frame)
+                core.own.sending(frame)
             new += core.receive(frame)
         new += core.advance(time + 0.99 * layout.cycle_time)
         if core.bus_state is BusState.BUS_OFF and not sender.bus_off:
@@ -188,12 +208,20 @@ def run_campaign(
         for result in new:
             composer.of_result(result)  # whatever it is, it can be sent
             oracle.judge(result)
+        ears.hear(new)
+        if new and new[-1].causes & Cause.UNPROVEN_RESTART and not any(_lasts(fault, number) for fault in faults):
+            core.confirm()  # somebody has looked at the sender
         if keep:
             results += new
         assert core.account.unaccounted == 0
     core.finish(n_cycles * layout.cycle_time)
     assert core.account.pending == 0
     return Campaign(results, core, oracle.false_valid, oracle.late_recoveries(n_cycles))
+
+
+def _lasts(fault: Fault, number: int) -> bool:
+    """Return whether a fault acts, or has ended shortly before."""
+    return fault.start <= number < fault.start + fault.cycles + 5
 
 
 class Oracle:
@@ -212,7 +240,7 @@ class Oracle:
         self._slow = [gauge for frame in held for gauge in frame.gauges]
         self._every = max([cycles_apart(frame, layout.cycle_time) for frame in held], default=1)
 
-    def judge(self, result: CycleResult) -> None:
+    def judge(self, result: Result) -> None:
         """Compare a result with every truth that is young enough; of a stuck gauge, with its reading."""
         if result.quality is not Quality.VALID:
             return
@@ -225,11 +253,13 @@ class Oracle:
         fitting = [n for n, strains in known.items() if any(self._fits(result, strain) for strain in strains)]
         stuck = self._with_held(self._stuck(last, oldest), oldest, last)
         held = any(self._fits(result, strain) for strain in stuck)
-        is_excused = held or self._is_dithered(result, oldest, last)
+        is_excused = held
         if fitting and not is_excused:
             # The frames of a cycle begin to be sent when it is sampled.
             hidden = now - max(fitting) * cycle - result.age - result.age_uncertainty
-            if hidden > self._settings.hidden_age:
+            if hidden > (
+                HIDDEN if self._layout.state is not None else 0.2 * cycle
+            ):  # a constant delay counts as none
                 self.false_valid.append(f"{1e3 * hidden:.3f} ms older than stated at {now:.4f} s")
         elif not is_excused:
             self.false_valid.append(f"strains at {now:.4f} s, sampled {result.sample_time}, {result.causes!r}")
@@ -238,29 +268,11 @@ class Oracle:
         if min(abs(result.coefficients[4] - q) for q in pressures) > 0.1:
             self.false_valid.append(f"dynamic pressure {result.coefficients[4]:.6g} Pa at {now:.4f} s")
 
-    def _fits(self, result: CycleResult, strain: np.ndarray) -> bool:
+    def _fits(self, result: Result, strain: np.ndarray) -> bool:
         return self._distance(result, strain) <= self._tolerance
 
-    def _distance(self, result: CycleResult, strain: np.ndarray) -> float:
+    def _distance(self, result: Result, strain: np.ndarray) -> float:
         return float(np.abs(result.coefficients[:4] - self._step.outputs(strain, 0.0)[:4]).max())
-
-    def _is_dithered(self, result: CycleResult, oldest: int, last: int) -> bool:
-        """Return whether the strains are those of a frozen sender with dither that need not be found yet."""
-        n = self._layout.n_gauges
-        limit = 8.0 + 58.0 / n  # cycles, as documented
-        # Each dither at once adds its bit, also where a gateway held its frames back until it was over.
-        bits = sum(
-            fault.kind is FaultKind.DITHER and fault.start + fault.cycles > oldest
-            for fault in self._faults_near(last)
-        )
-        largest = self._tolerance + bits * self._step.outputs(np.full(n, QUANTUM), 0.0)[:4].max()
-        return any(
-            fault.kind is FaultKind.DITHER
-            and last < fault.start + limit + self._unseen(fault, last)
-            and self._distance(result, strain) <= largest
-            for fault in self._faults_near(last)
-            for strain in self._with_held([self._truth.cycle(fault.start)[0]], fault.start, last)
-        )
 
     def _stuck(self, last: int, oldest: int) -> list[np.ndarray]:
         """Return truths with stuck gauges as they were, for as long as the documented detection of that takes."""
@@ -297,7 +309,7 @@ class Oracle:
             return strains
         first = max(oldest - 2 * self._every, 0)
         sampled = set(range(first, last + 1))  # which of them are sent differs after a restart
-        kinds = (FaultKind.FREEZE, FaultKind.PARTIAL_FREEZE, FaultKind.DITHER)
+        kinds = (FaultKind.FREEZE, FaultKind.PARTIAL_FREEZE)
         limits = dict.fromkeys(kinds, 5 * self._every)
         limits[FaultKind.STUCK_GAUGE] = (MIN_STUCK_CYCLES + 1) * self._every
         near = [fault for fault in self._faults_near(last) if fault.kind in kinds]
@@ -366,11 +378,9 @@ class Oracle:
         return number <= until + 1
 
 
-def run_core(
-    layout: InputLayout, frames: list[Frame], n: int, **options: float
-) -> tuple[list[CycleResult], BridgeCore]:
+def run_core(layout: InputLayout, frames: list[Frame], n: int, **options: float) -> tuple[list[Result], Machine]:
     """Results and core of a bridge that got ``frames``, every one of them accounted for; options are its."""
-    core = bridge_core(layout, Projection(n), BridgeSettings(), start=0.0, **options)
+    core = input_machine(layout, Projection(n), BridgeSettings(), start=0.0, **options)
     results = [result for frame in frames for result in core.receive(frame)]
     results += core.advance(frames[-1].time + 0.5 * CYCLE)
     core.finish(frames[-1].time + CYCLE)

@@ -47,8 +47,6 @@ class FaultKind(Enum):
     """The sender sends the same strains again and again, with new counters and times."""
     PARTIAL_FREEZE = "partial-freeze"
     """All gauges but one do not change any more, or the gauges of one frame."""
-    DITHER = "dither"
-    """The sender sends the same strains again and again, their last bit changed at random."""
     MIXED_RATES = "mixed-rates"
     """One frame of strains comes in every fifth cycle alone."""
     STUCK_GAUGE = "stuck-gauge"

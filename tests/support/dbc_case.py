@@ -7,13 +7,12 @@ from typing import Any
 
 from can_case import CYCLE, Projection
 
-from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.dbc_files import database_of
-from strainfmu.can.wire.dbc_mapping import mapped_layout
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
+from strainfmu.can.dbc_files import database_of
+from strainfmu.can.dbc_mapping import mapped_layout
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.options import BridgeSettings
 
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
 RACK = """BO_ 256 R: 8 A
@@ -67,8 +66,8 @@ def layout_from(text: str, **tables: Any) -> InputLayout:
     )
 
 
-def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[CycleResult]:
-    core = bridge_core(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
+def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[Result]:
+    core = input_machine(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
     results = [result for frame in frames for result in core.receive(frame)]
     return results + core.advance(frames[-1].time + 0.6 * CYCLE)
 
@@ -79,7 +78,7 @@ def rack(number: int, codes: str = "<hhH2x", last: tuple[int, ...] = ()) -> Fram
     return Frame(identifier=256, data=struct.pack(codes, *(last or usual)), time=number * CYCLE)
 
 
-def after_good_cycles(text: str, *last: int, **tables: Any) -> CycleResult:
+def after_good_cycles(text: str, *last: int, **tables: Any) -> Result:
     """Return the result of a cycle with the raw numbers ``last`` behind 20 good ones."""
     frames = [rack(number) for number in range(20)] + [rack(20, last=last)]
     return results_of(layout_from(text, **tables), frames)[-1]

@@ -14,8 +14,8 @@ import numpy as np
 from cryptography.hazmat.primitives.ciphers.algorithms import AES
 from cryptography.hazmat.primitives.cmac import CMAC
 
-BASE = 0x300
-PRESSURE_ID, FIRST_STRAIN_ID = 0x5300, 0x5301
+STATE, BASE = 0x2FF, 0x300
+STATE_ID, PRESSURE_ID, FIRST_STRAIN_ID = 0x5202, 0x5300, 0x5301
 """DataIDs."""
 
 PER_FRAME = {"fd64": 27, "fd64-sec": 20, "classic-le": 4}
@@ -39,17 +39,37 @@ def configuration(profile: str, names: list[str]) -> int:
 
 @dataclass
 class DocumentedSender:
-    """One sender: counter, clock and, where its frames are authenticated, freshness values are its own."""
+    """One sender: counter, clock and, where its frames are authenticated, freshness values are its own.
+
+    Attributes
+    ----------
+    session : number of its run, None of version 1, which sends no state.
+    heard : counter of the last result heard, sample time of its strains, and when it was heard by its clock [s].
+    """
 
     profile: str
     names: list[str]
     period: float
     key: bytes = bytes(range(16))
     trip: int = 1
+    session: int | None = 7
+    heard: tuple[int, int, float] | None = None
+    ticks: dict[int, int] = field(default_factory=dict)
     configured: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.configured = configuration(self.profile, self.names)
+
+    def hear(self, answered: int, counter: int, clock: float) -> None:
+        """Take in that the result number ``counter`` was heard, which answers the cycle ``answered``."""
+        if answered in self.ticks:
+            self.heard = counter, self.ticks[answered], clock
+
+    def start(self) -> None:
+        """Begin a new run."""
+        self.trip += 1
+        self.session = None if self.session is None else (self.session + 1) % (1 << 16)
+        self.heard, self.ticks = None, {}
 
     def cycle(
         self,
@@ -65,12 +85,20 @@ class DocumentedSender:
         """Return the frames of a cycle: dynamic pressure, then strains as (n,) int16 ``codes``; ``clock`` in s."""
         ticks = round(clock * 1e6) % (1 << 32)
         number = self.configured if configured is None else configured
+        self.ticks[counter % 256] = ticks
         if self.profile == "classic-le":
-            return _classic(codes, pressure, counter, ticks, data_id_shift, number, status)
+            state = None if self.session is None else struct.pack("<HBBI", self.session, *self._heard(clock, 254))
+            return _classic(codes, pressure, counter, ticks, data_id_shift, number, status, state)
         head = struct.pack("<BBI", counter % 256, status, ticks)
         size, n_plain = PER_FRAME[self.profile], 16 if self.profile == "fd64" else 18
         body = head + struct.pack("<fH", pressure, number)
-        frames = [self._protected(BASE, body.ljust(n_plain - 2, b"\0"), PRESSURE_ID + data_id_shift, counter)]
+        frames = []
+        if self.session is not None:
+            heard, delay, at = self._heard(clock, 65_534)
+            state = struct.pack("<BBIIHHH", counter % 256, heard, ticks, at, self.session, delay, number)
+            n_state = 18 if self.profile == "fd64" else 16
+            frames = [self._protected(STATE, state.ljust(n_state, b"\0"), STATE_ID + data_id_shift, counter)]
+        frames += [self._protected(BASE, body.ljust(n_plain - 2, b"\0"), PRESSURE_ID + data_id_shift, counter)]
         for index in range(-(-len(codes) // size)):
             own = codes[index * size : (index + 1) * size]
             strains = np.full(size, -32768, dtype="<i2")
@@ -80,6 +108,13 @@ class DocumentedSender:
                 self._protected(BASE + 1 + index, body, FIRST_STRAIN_ID + index + data_id_shift, counter)
             )
         return frames
+
+    def _heard(self, clock: float, longest: int) -> tuple[int, int, int]:
+        """Return counter, delay [0.1 ms] and sample time of the last result heard; one more: none."""
+        if self.heard is None:
+            return 0, longest + 1, 0xFFFFFFFF
+        counter, ticks, when = self.heard
+        return counter, max(min(int(1e4 * (clock - when)), longest), 0), ticks
 
     def _protected(self, identifier: int, body: bytes, data_id: int, counter: int) -> Sent:
         crc = crc_hqx(body + data_id.to_bytes(2, "little"), 0xFFFF)
@@ -93,19 +128,28 @@ class DocumentedSender:
 
 
 def _classic(
-    codes: np.ndarray, pressure: float, counter: int, ticks: int, data_id_shift: int, configured: int, status: int
+    codes: np.ndarray,
+    pressure: float,
+    counter: int,
+    ticks: int,
+    data_id_shift: int,
+    configured: int,
+    status: int,
+    state: bytes | None,
 ) -> list[Sent]:
-    """Return dynamic pressure, strains and the trailer, whose CRC covers them all."""
+    """Return state, dynamic pressure, strains and the trailer, whose CRC covers them all but the pressure."""
     body = struct.pack("<BfH", counter % 15 | status << 4, pressure, ticks // 100 % (1 << 16))
     data_id = (PRESSURE_ID + data_id_shift).to_bytes(2, "little")
     frames = [Sent(BASE, bytes([_crc_8(data_id + body)]) + body)]
     strains = np.full(-(-len(codes) // 4) * 4, -32768, dtype="<i2")
     strains[: len(codes)] = codes
-    covered = strains.tobytes()
-    frames += [Sent(BASE + 1 + k, covered[8 * k : 8 * k + 8]) for k in range(len(covered) // 8)]
+    plain = strains.tobytes()
+    frames += [Sent(BASE + 1 + k, plain[8 * k : 8 * k + 8]) for k in range(len(plain) // 8)]
+    covered, n = (state or b"") + plain, len(frames)
+    frames = frames if state is None else [Sent(STATE, state), *frames]
     head = struct.pack("<BBI", counter % 256, status, ticks)
     crc = crc_hqx(head + covered + (configured + data_id_shift).to_bytes(2, "little"), 0xFFFF)
-    return [*frames, Sent(BASE + len(frames), struct.pack("<H", crc) + head)]
+    return [*frames, Sent(BASE + n, struct.pack("<H", crc) + head)]
 
 
 def _crc_8(data: bytes) -> int:

@@ -17,11 +17,10 @@ from altered_frames import AlteredFrames, of_other_length, with_flipped_bits
 from can_faults import Fault, FaultKind
 
 from strainfmu.arrays import FloatArray
-from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP
-from strainfmu.can.cycle.gauges.noise import gauge_noise
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import DYNAMIC_PRESSURE, NAVIGATION, InputLayout
-from strainfmu.can.wire.strain_encoder import StrainEncoder, frame_of
+from strainfmu.can.authentic import FIRST_TRIP
+from strainfmu.can.encoder import StrainEncoder, frame_of
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import DYNAMIC_PRESSURE, NAVIGATION, InputLayout
 
 
 @dataclass(eq=False, kw_only=True)
@@ -58,7 +57,6 @@ class FaultySender:
         self._active: list[Fault] = []
         self._encoder = StrainEncoder(layout, trip)
         self._altered = AlteredFrames(layout, self._encoder)
-        self._resolution = gauge_noise(layout, None).step
         self._waiting: list[tuple[float, int, Frame]] = []
         self._order = count()
         self._held: dict[Fault, Sample] = {}
@@ -137,6 +135,10 @@ class FaultySender:
         del self._went_out[:-60]
         return sent
 
+    def hear(self, answered: int, counter: int, time: float) -> None:
+        """Take in that a result was heard at ``time`` [s], as of :meth:`StrainEncoder.hear`."""
+        self._encoder.hear(answered, counter, time + self._clock_shift)
+
     def _activate(self, number: int) -> None:
         """Bring the list of active faults up to date."""
         self._active = [fault for fault in self._active if fault.is_active(number)]
@@ -161,9 +163,6 @@ class FaultySender:
             case FaultKind.PARTIAL_FREEZE:
                 gauges = frozen_gauges(self._layout, fault)
                 sample.strain[gauges] = held.strain[gauges]
-            case FaultKind.DITHER:
-                bits = np.random.default_rng((fault.seed, number)).integers(0, 2, size=len(sample.strain))
-                sample.strain = held.strain + self._resolution * bits * (held.strain != 0.0)
             case FaultKind.STUCK_GAUGE:
                 sample.strain[gauge] = held.strain[gauge]
             case FaultKind.ZERO_GAUGE:
@@ -179,7 +178,7 @@ class FaultySender:
                 self._counter_shift = -number
                 self._clock_shift = -time
                 sample.counter, sample.sample_time = 0, 0.0
-                self._encoder.trip += 1
+                self._encoder.begin()
             case FaultKind.CLOCK_JUMP if first and not self._restarts(number):
                 self._clock_shift += float(random.uniform(5.0, 1000.0)) * self._layout.cycle_time
                 sample.sample_time = time + self._clock_shift

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.wire.frame import Frame
+from strainfmu.can.frame import Frame
 
 _FRAME = np.dtype(
     [

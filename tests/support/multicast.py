@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from strainfmu.can.tools.two_processes import check_multicast, private_port
+from strainfmu.can.demo import check_multicast, private_port
 from strainfmu.errors import StrainfmuError
 
 

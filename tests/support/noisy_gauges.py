@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 import numpy as np
-from can_case import CYCLE, Projection, layout_of
+from can_case import CYCLE, Ears, Projection, layout_of
 
-from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.can.encoder import StrainEncoder
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.options import BridgeSettings
 
 STEP = 0.25e-6
 """Quantisation step of the profiles' integers [m/m]."""
@@ -39,19 +38,20 @@ def answers(
     layout: InputLayout | None = None,
     settings: BridgeSettings | None = None,
     lost: Collection[int] = (),
-) -> list[CycleResult]:
+) -> list[Result]:
     """Return the results of all cycles of ``strains`` (n_cycles, n_d) [m/m] sent in time, but ``lost`` ones."""
     layout = layout or layout_of("fd64", strains.shape[1])
-    core = bridge_core(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
-    encoder, results = StrainEncoder(layout), []
+    core = input_machine(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
+    encoder, results = StrainEncoder(layout), list[Result]()
+    ears = Ears(encoder)
     for number, strain in enumerate(strains):
         time = number * CYCLE
         if number in lost:
-            results += core.advance(time + 0.9 * CYCLE)
+            results += ears.hear(core.advance(time + 0.9 * CYCLE))
             continue
         for index, frame in enumerate(encoder.encode(strain, 9e4, cycle=number, sample_time=time)):
             object.__setattr__(frame, "time", time + 1e-5 * index)
-            results += core.receive(frame)
-        results += core.advance(time + 0.9 * CYCLE)
+            results += ears.hear(core.receive(frame))
+        results += ears.hear(core.advance(time + 0.9 * CYCLE))
     assert core.account.unaccounted == 0
     return results

@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.bus.opening import BusSettings, open_bus
-from strainfmu.can.bridge.options import BridgeOptions
-from strainfmu.can.bridge.setup import input_layout, map_gauge_names
-from strainfmu.can.tools.sender import send_flight
-from strainfmu.can.tools.strain_sources import FlownSample, plant_samples
-from strainfmu.can.tools.two_processes import private_port
+from strainfmu.can.demo import private_port
+from strainfmu.can.opening import BusSettings, open_bus
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.sender import send_flight
+from strainfmu.can.setup import input_layout, map_gauge_names
+from strainfmu.can.strain_sources import FlownSample, plant_samples
 
 CYCLE = 0.02
 """Period of the strain frames [s]: long enough for a busy host to be on time."""

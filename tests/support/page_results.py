@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bridge.displays.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.bridge.displays.publisher import BridgeReports, Publisher
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.frames.account import FrameAccount
-from strainfmu.can.cycle.states.bus_state import BusState
-from strainfmu.can.cycle.states.quality import Cause, Quality
+from strainfmu.can.machine import Result
+from strainfmu.can.page_message import EstimatorFacts, GaugePosition
+from strainfmu.can.publisher import BridgeReports, Publisher
+from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
 
-def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any) -> CycleResult:
+def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any) -> Result:
     strain = np.array([1e-6, np.nan, -3e-6])
     full = np.full(5, value)
     valid = np.isfinite(strain)
-    return CycleResult(
+    return Result(
         time=1.0,
         quality=quality,
         causes=Cause.PARTIAL_CYCLE,
+        usable=quality in (Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED),
         valid=valid,
         strain=strain,
         dynamic_pressure=9e4,
@@ -31,7 +32,15 @@ def result(quality: Quality = Quality.VALID, value: float = 0.5, **further: Any)
     )
 
 
-OUTSIDE = {"health": 7, "mach_number": 6.02, "altitude": 20_100.0, "envelope_score": 4.26}
+def altered(result: Result, **changed: Any) -> Result:
+    """Return a result with what is ``changed``."""
+    other = copy(result)
+    for name, value in changed.items():
+        setattr(other, name, value)
+    return other
+
+
+OUTSIDE = {"health": 7, "mach_number": 6.02, "altitude": 20_100.0, "other_outputs": {ENVELOPE_SCORE: 4.26}}
 
 
 def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) -> Publisher:

@@ -8,19 +8,17 @@ from collections.abc import Callable
 
 import can
 import numpy as np
-from can_case import Projection, Truth, layout_of
+from can_case import Ears, Projection, Truth, layout_of
 
-from strainfmu.can.bridge.bus.reconnect import BackOffSettings
-from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.bridge.run_loop import QUEUED_CYCLES, Bridge
-from strainfmu.can.bridge.summary import BridgeSummary
-from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.frame import to_message
-from strainfmu.can.wire.profiles import Identifiers
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.can.bridge import QUEUED_CYCLES, BackOffSettings, Bridge, BridgeSummary
+from strainfmu.can.encoder import StrainEncoder
+from strainfmu.can.frame import to_message
+from strainfmu.can.listener import BusListener, Taps
+from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.options import BridgeSettings
+from strainfmu.can.profiles import Identifiers
+from strainfmu.can.quality import Quality
+from strainfmu.can.result_layouts import result_layouts
 from strainfmu.cosim.estimators.step import StepResult
 
 N = 30
@@ -40,7 +38,12 @@ class Slow(Projection):
 
 
 class Running:
-    """A bridge in a thread of its own, and a sender's bus beside it."""
+    """A bridge in a thread of its own, and a sender's bus beside it.
+
+    Attributes
+    ----------
+    states_results : the sender names the results that it has heard; False of profiles of version 1.
+    """
 
     def __init__(
         self, open_one: Callable[[], can.BusABC], sender: can.BusABC, queued_cycles: int = QUEUED_CYCLES
@@ -48,33 +51,37 @@ class Running:
         layout = layout_of("fd64", N, CYCLE)
         results = result_layouts("fd", Identifiers(), CYCLE)
         self.step = Slow(N)
-        core = bridge_core(
-            layout, self.step, BridgeSettings(), start=time.monotonic(), own_keys=[r.key for r in results]
+        core = input_machine(
+            layout,
+            self.step,
+            BridgeSettings(),
+            start=time.monotonic(),
+            own=[r.key for r in results],
+            now=time.monotonic,
         )
-        self.results: list[CycleResult] = []
+        self.results: list[Result] = []
         self.buses: list[can.BusABC] = []
         self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
+        assert layout.state is not None
+        self._state_key, self.states_results = layout.state.layout.key, True
         self._encoder, self._start = StrainEncoder(layout), time.monotonic()
 
         def opened() -> can.BusABC:
             self.buses.append(open_one())
             return self.buses[-1]
 
+        self._ears = Ears(self._encoder, lambda _: time.monotonic() - self._start)
         back_off = BackOffSettings(first=0.02, longest=0.1, attempts=5, settle=0.2)
-        self.bridge = Bridge(
-            core,
-            opened,
-            result_layouts=results,
-            configuration=1,
-            back_off=back_off,
-            on_result=self.results.append,
-            queued_cycles=queued_cycles,
-        )
+        listener = BusListener(core, results, 1, Taps(on_result=self._take))
+        self.bridge = Bridge(listener, opened, back_off=back_off, queued_cycles=queued_cycles)
         self.summary: BridgeSummary | None = None
         self.error: Exception | None = None
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
         self.wait(lambda: bool(self.buses))
+
+    def _take(self, result: Result) -> None:
+        self.results += self._ears.hear([result])
 
     def _run(self) -> None:
         try:
@@ -88,7 +95,8 @@ class Running:
             self.cycle += 1
             now = time.monotonic() - self._start
             for frame in self._encoder.encode(*self._truth.cycle(self.cycle), cycle=self.cycle, sample_time=now):
-                self.sender.send(to_message(frame))
+                if self.states_results or frame.key != self._state_key:
+                    self.sender.send(to_message(frame))
             time.sleep(CYCLE)
 
     def wait(self, until: Callable[[], bool], seconds: float = PATIENCE) -> None:

@@ -13,7 +13,6 @@ _QUOTED = re.compile(r"""(["'])(\w+)\1""")
 
 
 _ENTRIES = {
-    "--context": "bus.context",
     "--dbc": "input.dbc",
     "--mapping": "input.mapping",
     "--cycle-time": "input.cycle_time_ms",
@@ -25,13 +24,8 @@ _ENTRIES = {
     "--dynamic-pressure": "input.dynamic_pressure_pa",
     "--result": "results.form",
     "--stuck-cycles": "trust.stuck_cycles",
-    "--zero-cycles": "trust.zero_cycles",
-    "--gauge-noise": "trust.gauge_noise_um_per_m",
     "--max-age": "trust.max_age_cycles",
-    "--max-uncertainty": "trust.max_uncertainty_ms",
-    "--clock-rate": "clock.rate_ppm",
     "--clock-tolerance": "clock.tolerance_ppm",
-    "--hidden-age": "clock.hidden_ms",
     "--synchronised": "clock.synchronised_ms",
     "--publish": "page.publish",
     "--publish-rate": "page.rate_hz",
@@ -52,7 +46,6 @@ OLD_OPTIONS: dict[str, dict[str, str]] = {
     for command, options in {
         "bridge": (
             *_FRAMES,
-            "--context",
             "--dbc",
             "--mapping",
             "--key",
@@ -60,13 +53,8 @@ OLD_OPTIONS: dict[str, dict[str, str]] = {
             "--dynamic-pressure",
             "--result",
             "--stuck-cycles",
-            "--zero-cycles",
-            "--gauge-noise",
             "--max-age",
-            "--max-uncertainty",
-            "--clock-rate",
             "--clock-tolerance",
-            "--hidden-age",
             "--synchronised",
             "--publish",
             "--publish-rate",
@@ -79,7 +67,6 @@ OLD_OPTIONS: dict[str, dict[str, str]] = {
         ),
         "send": (
             *_FRAMES,
-            "--context",
             "--key",
             "--freshness",
             "--dynamic-pressure",
@@ -136,7 +123,7 @@ def known_bus_options(interface: str) -> frozenset[str] | None:
     Some read further options out of their keyword arguments: these stand in quotes in their source. A bit timing's
     parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be known.
     """
-    from strainfmu.can.wire.libraries import import_can
+    from strainfmu.can.frame import import_can
 
     can = import_can()
     classes = _classes(interface)

@@ -17,8 +17,8 @@ from strainfmu.cli.commands.outputs import check_outputs
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
-    from strainfmu.can.bridge.bus_file import BusDescription
-    from strainfmu.can.bridge.run_loop import Bridge
+    from strainfmu.can.bridge import Bridge
+    from strainfmu.can.bus_file import BusDescription
 
 BusOption = Annotated[
     Path | None, typer.Option("--bus", metavar="TOML", help="Bus file: interface, frames, clock, trust, record ..")
@@ -28,7 +28,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="TABLE.ENTRY=VALUE",
-        help="An entry of the bus file, such as clock.hidden_ms=5; may be given several times.",
+        help="An entry of the bus file, such as trust.max_age_cycles=10; may be given several times.",
     ),
 ]
 InterfaceOption = Annotated[
@@ -76,11 +76,11 @@ def bridge(
 
         strainfmu bridge estimator.fmu --interface udp_multicast --channel 239.74.163.2 --bus-option port=43200
 
-        strainfmu bridge estimator.fmu --bus bus.toml --set clock.hidden_ms=5 --record run.blf
+        strainfmu bridge estimator.fmu --bus bus.toml --set trust.max_age_cycles=10 --record run.blf
     """
-    from strainfmu.can.bridge.setup import bus_settings
-    from strainfmu.can.bridge.summary import summary_table
-    from strainfmu.can.tools.observed import observed_bridge
+    from strainfmu.can.bridge import summary_table
+    from strainfmu.can.observed import observed_bridge
+    from strainfmu.can.setup import bus_settings
 
     given = {"record.file": record}
     described = described_bus(
@@ -90,6 +90,10 @@ def bridge(
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
     check_bus_options(options.interface, bus_settings(options).options)
     console = Console()
+
+    def say(line: str) -> None:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
     with observed_bridge(
         fmu,
         options,
@@ -100,23 +104,19 @@ def bridge(
         publish_token=described.publish_token,
     ) as observed:
         running = observed.ready
-        console.print(
-            f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {options.interface}:{options.channel}; "
-            "stop with Ctrl-C",
-            highlight=False,
-            markup=False,
-            soft_wrap=True,
-        )
+        at = f"{options.interface}:{options.channel}"
+        say(f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {at}; stop with Ctrl-C")
         lines = list(running.start_lines)
         if running.freshness is not None and running.freshness.first_run_text:
             lines.append(running.freshness.first_run_text)
         for line in lines:
-            console.print(line, highlight=False, markup=False, soft_wrap=True)
+            say(line)
+        running.bridge.say = say
         with _stopped_by_signals(running.bridge):
             summary = running.bridge.run(duration)
     console.print(summary_table(summary))
     for note in observed.notes():
-        console.print(note, highlight=False, markup=False, soft_wrap=True)
+        say(note)
 
 
 def dbc(
@@ -142,8 +142,8 @@ def dbc(
     """
     console = Console()
     if template is not None:
-        from strainfmu.can.bridge.bus_file import bus_template
-        from strainfmu.can.bridge.setup import map_gauge_names
+        from strainfmu.can.bus_file import bus_template
+        from strainfmu.can.setup import map_gauge_names
         from strainfmu.files import write_bytes_atomically
 
         if template.exists():
@@ -151,9 +151,9 @@ def dbc(
         write_bytes_atomically(template, bus_template(map_gauge_names(source)).encode())
         console.print(f"{template}: written", highlight=False, markup=False, soft_wrap=True)
         return
-    from strainfmu.can.bridge.bus_file import read_bus
-    from strainfmu.can.bridge.options import BridgeOptions
-    from strainfmu.can.tools.dbc_export import write_dbc
+    from strainfmu.can.bus_file import read_bus
+    from strainfmu.can.options import BridgeOptions
+    from strainfmu.can.setup import write_dbc
 
     described = read_bus(bus, settings or (), {"input.profile": profile})
     options = described.options(BridgeOptions(interface="", channel=""))
@@ -172,7 +172,7 @@ def described_bus(
     given: Mapping[str, Any],
 ) -> BusDescription:
     """Return the bus that a bus file and the options of a command state."""
-    from strainfmu.can.bridge.bus_file import read_bus
+    from strainfmu.can.bus_file import read_bus
 
     of_options = {
         "bus.interface": interface,
@@ -192,7 +192,7 @@ def _stopped_by_signals(running: Bridge) -> Iterator[None]:
         running.stop()
 
     def confirm(_: int, __: object) -> None:
-        running.confirm_sender()
+        running.confirm()
 
     previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in previous:

@@ -18,7 +18,7 @@ from strainfmu.cli.commands.taring import DateOrderOption
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
-    from strainfmu.can.bridge.bus_file import BusDescription
+    from strainfmu.can.bus_file import BusDescription
     from strainfmu.recorded.run import EstimationSummary
 
 
@@ -30,7 +30,7 @@ ZerosOption = Annotated[
 
 def replay(
     log: Annotated[
-        Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC, candump's log or MF4.")
+        Path, typer.Argument(metavar="LOG", help="Recording of a bus: BLF, ASC, candump, TRC, CSV or MF4; .gz.")
     ],
     fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU, or inverse map.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Results to write: CSV or HDF5.")],
@@ -50,7 +50,7 @@ def replay(
 
         strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
     """
-    from strainfmu.can.bridge.bus_file import read_bus
+    from strainfmu.can.bus_file import read_bus
 
     described = read_bus(bus, settings or (), {"input.profile": profile})
     _replay(Console(), log, fmu, output, described)
@@ -194,8 +194,8 @@ def estimate(
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
     """
-    from strainfmu.can.bridge.bus_file import read_bus
-    from strainfmu.can.tools.log_frames import is_bus_log
+    from strainfmu.can.bus_file import read_bus
+    from strainfmu.can.log_frames import is_bus_log
     from strainfmu.recorded.run import estimate_file
 
     console = Console()
@@ -295,10 +295,10 @@ def _replay(console: Console, log: Path, fmu: Path, output: Path, described: Bus
     """Replay a log and print the result; what ``described`` does not state is as in the recorded run."""
     from time import perf_counter
 
-    from strainfmu.can.bridge.options import BridgeOptions
-    from strainfmu.can.bridge.summary import health_rows
-    from strainfmu.can.cycle.frames.account import FrameClass
-    from strainfmu.can.tools.log_estimates import estimate_log
+    from strainfmu.can.bridge import health_rows
+    from strainfmu.can.options import BridgeOptions
+    from strainfmu.can.quality import FrameClass
+    from strainfmu.can.replay import estimate_log
 
     def options(recorded: BridgeOptions | None) -> BridgeOptions:
         return described.options(recorded or BridgeOptions(interface="replay", channel=log.name))
@@ -360,8 +360,8 @@ def monitor(
     """
     from time import sleep
 
-    from strainfmu.can.bridge.bus_file import read_bus
-    from strainfmu.can.bridge.displays.publisher import parsed_address
+    from strainfmu.can.bus_file import read_bus
+    from strainfmu.can.publisher import parsed_address
     from strainfmu.monitor.server import Monitor, shown_address
 
     described = read_bus(bus)

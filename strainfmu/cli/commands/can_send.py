@@ -29,9 +29,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from strainfmu.can.tools.answers import Score
-    from strainfmu.can.tools.sender import SentFlight
-    from strainfmu.can.tools.strain_sources import FlownSample
+    from strainfmu.can.sender import Score, SentFlight
+    from strainfmu.can.strain_sources import FlownSample
 
 
 def send(
@@ -71,8 +70,8 @@ def send(
 ) -> None:
     """Send strains on a CAN bus as a vehicle would.
 
-    Receives the bridge's results meanwhile (profiles fd64 and fd64-sec), and compares them with the truth
-    where it is known. A tare, a DBC file and all else are entries of the bus file.
+    Receives the bridge's results meanwhile, names them in its frames, and compares them with the truth where it is
+    known. A tare, a DBC file and all else are entries of the bus file.
 
     Examples:
 
@@ -82,8 +81,8 @@ def send(
 
         strainfmu send ic3x_flight.toml --map demo/map.h5 --interface socketcan --channel vcan0
     """
-    from strainfmu.can.bridge.bus.opening import configured
-    from strainfmu.can.bridge.setup import bus_settings, map_input_layout
+    from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT
+    from strainfmu.can.setup import bus_settings, map_input_layout
 
     if (plant is None) == (data is None):
         raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
@@ -118,8 +117,8 @@ def send(
         duration=duration,
     )
     console = Console()
-    for line in configured(bus_settings(options)):
-        console.print(str(line), highlight=False, markup=False, soft_wrap=True)
+    if options.interface == VIRTUAL:
+        console.print(VIRTUAL_TEXT, highlight=False, markup=False, soft_wrap=True)
     with samples as opened:
         sent, score = _send(options, layout, opened, duration, described.tare_at)
     console.print(_sent_table(sent))
@@ -131,7 +130,7 @@ def send(
         from strainfmu.files import write_bytes_atomically
 
         if score is None or (score.published and not score.has_errors):
-            raise InputError("--report: no results in form fd with a known truth, nothing to report")
+            raise InputError("--report: no results with a known truth, nothing to report")
         write_bytes_atomically(report, json.dumps(asdict(score), indent=1).encode())
 
 
@@ -147,7 +146,7 @@ def _samples(
     duration: float,
 ) -> AbstractContextManager[Iterator[FlownSample]]:
     """Return the source that the options name; files of a scenario are next to the map ``source``."""
-    from strainfmu.can.tools.strain_sources import plant_samples, recorded_samples, scenario_samples
+    from strainfmu.can.strain_sources import plant_samples, recorded_samples, scenario_samples
 
     if plant is not None:
         return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
@@ -168,47 +167,35 @@ def _send(
     from itertools import islice
     from time import sleep
 
-    from strainfmu.can.bridge.bus.opening import open_bus, shut_down
-    from strainfmu.can.bridge.results.layouts import result_layouts
-    from strainfmu.can.bridge.setup import bus_settings, result_form
-    from strainfmu.can.tools.answers import Listener, score_answers
-    from strainfmu.can.tools.sender import send_flight
+    from strainfmu.can.opening import open_bus, shut_down
+    from strainfmu.can.result_layouts import result_layouts
+    from strainfmu.can.sender import Answers, Sender, score_answers, send_flight
+    from strainfmu.can.setup import bus_settings, result_form
 
     settings = bus_settings(options)
-    trip = _first_trip(options, layout)
-    form = result_form(options, layout)
-    answer = result_layouts(form, options.identifiers, layout.cycle_time)[0]
+    sender = Sender(layout, _first_trip(options, layout))
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
+    named = layout.trailer or layout.first_of_cycle
+    modulus = 0 if named.layout.protection is None else named.layout.protection.counter_modulus
     bus = open_bus(settings)
-    heard = open_bus(settings) if form == "fd" else None
+    heard = open_bus(settings)
     try:
-        listener = None if heard is None else Listener(heard, answer)
+        answers = Answers(heard, results, sender.hear)
         with stop_request() as stopped:
             limited = islice(samples, round(duration / layout.cycle_time))
-            sent = send_flight(
-                bus,
-                layout,
-                samples=limited,
-                stopped=stopped,
-                trip=trip,
-                tare_at=tare_at,
-            )
-        if listener is None:
-            return sent, None
+            sent = send_flight(bus, layout, samples=limited, stopped=stopped, tare_at=tare_at, sender=sender)
         sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
-        received = listener.finish()
-        known = bool(sent.truth) and bool(received)
-        return sent, score_answers(
-            received, answer, truth=sent.truth, cycle_time=layout.cycle_time
-        ) if known else None
+        received = answers.finish()
+        is_heard = bool(sent.truth) and bool(received)
+        return sent, score_answers(received, sent.truth, modulus) if is_heard else None
     finally:
         shut_down(bus)
-        if heard is not None:
-            shut_down(heard)
+        shut_down(heard)
 
 
 def _first_trip(options: Any, layout: Any) -> int:
     """Return the trip counter of authenticated frames."""
-    from strainfmu.can.bridge.keepers.freshness_file import FIRST_TRIP, freshness_file, next_trip
+    from strainfmu.can.authentic import FIRST_TRIP, freshness_file, next_trip
 
     if layout.key is None:
         return FIRST_TRIP
@@ -236,7 +223,7 @@ def stop_request() -> Iterator[Any]:
 
 def _sent_table(sent: SentFlight) -> Table:
     """Return what was sent, as a table."""
-    from strainfmu.can.tools.sender import lateness_text
+    from strainfmu.can.sender import lateness_text
 
     table = Table(title="Sender", show_header=False)
     rate = sent.cycles / sent.duration if sent.duration > 0.0 else 0.0

@@ -96,7 +96,7 @@ def demo(
     reporter = ConsoleReporter(console, is_verbose=verbose)
     start = perf_counter()
     if can:
-        from strainfmu.can.tools.two_processes import check_multicast, private_port
+        from strainfmu.can.demo import check_multicast, private_port
 
         # Refused before the long work, not after it.
         check_multicast(private_port())
@@ -120,7 +120,7 @@ def demo(
 
 def _fly_over_bus(console: Console, folder: Path, duration: float, is_authenticated: bool) -> None:
     """Fly plant and estimator as sender and bridge, and show the results of both."""
-    from strainfmu.can.tools.two_processes import CYCLE_TIME, fly_over_bus
+    from strainfmu.can.demo import CYCLE_TIME, fly_over_bus
     from strainfmu.cli.commands.can_send import score_table
 
     with ConsoleReporter(console).stage(f"CAN bus: sender -> bridge, {duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):

@@ -93,18 +93,19 @@ def open_step(source: Path, zeros: Path | None = None, *, with_loads: bool = Fal
 
 
 class MapStep:
-    """The estimator of a map as the step of a bridge; a nonlinear one starts from the state of the step before."""
+    """An estimator or a map as the step of a bridge; a nonlinear one starts from the state before."""
 
     def __init__(
-        self, inverse_map: InverseMap, zeros: GaugeZeros | None = None, *, with_loads: bool = False
+        self, source: InverseMap | Estimator, zeros: GaugeZeros | None = None, *, with_loads: bool = False
     ) -> None:
-        self._map, self._with_loads = inverse_map, with_loads
+        self._with_loads = with_loads
+        self._estimator = source if isinstance(source, Estimator) else Estimator(source, zeros=zeros)
+        self._map = inverse_map = self._estimator.inverse_map
         self.needs_pressure = inverse_map.manifold is None
         self.sensor_names = inverse_map.thermal.sensor_names
         self._temperatures = temperature_names(inverse_map.thermal)
         self.reading_units = reading_units(inverse_map)
         self._sensors = sensor_names(inverse_map)
-        self._estimator = Estimator(inverse_map, zeros=zeros)
         self._parameters = parameter_names(inverse_map)
         self._stds = parameter_std_names(inverse_map)
         self._flow = other_air_data(is_nonlinear=not self.needs_pressure, has_masses=inverse_map.has_masses)

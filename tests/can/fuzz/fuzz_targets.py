@@ -13,18 +13,16 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from strainfmu.can.bridge.keepers.freshness_file import load_freshness
-from strainfmu.can.cycle.core import bridge_core
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.settings import BridgeSettings
-from strainfmu.can.wire.authenticator import AuthenticationKey, load_key
-from strainfmu.can.wire.crc import protect
-from strainfmu.can.wire.dbc_files import database_of
-from strainfmu.can.wire.dbc_mapping import mapped_layout
-from strainfmu.can.wire.frame import Frame
-from strainfmu.can.wire.frame_layout import InputLayout
-from strainfmu.can.wire.profiles import PROFILES, SECURED_PROFILE, profile_layout
-from strainfmu.can.wire.strain_encoder import StrainEncoder
+from strainfmu.can.authentic import AuthenticationKey, load_freshness, load_key
+from strainfmu.can.dbc_files import database_of
+from strainfmu.can.dbc_mapping import mapped_layout
+from strainfmu.can.encoder import StrainEncoder
+from strainfmu.can.frame import Frame, protect
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.machine import input_machine
+from strainfmu.can.options import BridgeSettings
+from strainfmu.can.profiles import PROFILES, SECURED_PROFILE, profile_layout
+from strainfmu.can.quality import Quality
 from strainfmu.cosim.estimators.step import StepResult
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
@@ -52,7 +50,7 @@ def frames_from(data: bytes) -> None:
     if not data:
         return
     layout = layouts()[data[0] % len(PROFILES)]
-    core = bridge_core(layout, step, BridgeSettings(), start=0.0, own_keys=[0x380])
+    core = input_machine(layout, step, BridgeSettings(), start=0.0, own=[0x380])
     keys = [frame.layout.identifier for frame in layout.frames] + [0x380, 0x7FF]
     encoder = StrainEncoder(layout)
     index, time, number = 1, 0.0, 0
@@ -110,7 +108,7 @@ def database_from(data: bytes) -> None:
             parameter_names=("parameter.fin", "parameter.power"),
             parameter_std_names=("parameter_std.fin",),
         )
-        core = bridge_core(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
+        core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
     except InputError:
         return
     for number in range(4):
@@ -154,7 +152,7 @@ def authentication_from(data: bytes) -> None:
     layout = layouts()[-1]
     assert layout.is_authenticated
     judge, trip = TrueStrains(), 3
-    core = bridge_core(layout, judge, BridgeSettings(), start=0.0, own_keys=[0x380])
+    core = input_machine(layout, judge, BridgeSettings(), start=0.0, own=[0x380])
     items = {item.layout.key: item.layout for item in layout.frames}
     encoder, history = StrainEncoder(layout, trip), list[Frame]()
     number, first, time, index = 0, 0, 0.0, 0

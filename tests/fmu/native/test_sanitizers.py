@@ -26,9 +26,9 @@ pytestmark = pytest.mark.slow
 
 CORPUS = Path(__file__).parent / "corpus"
 TESTS = Path(__file__).parents[2]
-COMPILED_IN_PYTHON = ("can/cycle", "can/e2e", "can/fuzz", "can/wire/test_bus_library.py", "estimator/zeros")
+COMPILED_IN_PYTHON = ("can", "estimator/zeros")
 """Tests of what Python calls in the library: samples, tares, and the bridge."""
-OF_PROCESS_MEMORY = "tests/can/cycle/test_endurance.py::test_some_seconds_without_growth"
+OF_PROCESS_MEMORY = "tests/can/test_endurance.py::test_some_seconds_without_growth"
 """A test of the memory of the process, of which a sanitizer keeps what is freed, and a record of each place."""
 
 

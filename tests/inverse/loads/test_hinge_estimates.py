@@ -18,12 +18,12 @@ from shape_case import flown, grid_conditions, shape_map, shape_structure, shape
 from builder.aero.loads.hinge_moments import hinge_operator
 from builder.aero.loads.sections import bending_operator
 from builder.vehicle.map.options import BendingMoment, HingeMoment, Region
-from strainfmu.can.bridge.results.frames import ResultFrames
-from strainfmu.can.bridge.results.layouts import result_layouts
-from strainfmu.can.cycle.estimate.result import CycleResult
-from strainfmu.can.cycle.states.quality import Quality
-from strainfmu.can.tools.dbc_export import write_dbc
-from strainfmu.can.wire.profiles import Identifiers
+from strainfmu.can.machine import Result
+from strainfmu.can.profiles import Identifiers
+from strainfmu.can.quality import Quality
+from strainfmu.can.result_frames import ResultFrames
+from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.setup import write_dbc
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import load_groups_of
 from strainfmu.errors import InputError
@@ -171,7 +171,7 @@ def test_frames_of_the_bus(profile: str, form: str, tmp_path: Path) -> None:
             layouts = result_layouts(form, Identifiers(), CYCLE, load_groups_of(ready.step))
             step = ready.step(strain[2], q[2], CYCLE)
         valid = np.ones(len(strain[2]), dtype=bool)
-        result = CycleResult(
+        result = Result(
             time=1.0,
             quality=Quality.VALID,
             causes=0,

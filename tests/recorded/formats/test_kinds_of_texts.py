@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from strainfmu.can.tools.log_frames import is_bus_log
+from strainfmu.can.log_frames import is_bus_log
 from strainfmu.errors import InputError
 from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.samples import Samples, open_recording

@@ -1,0 +1,291 @@
+/* The age of strains by the sample times of their sender.
+
+   Let T be the sender's time of a sample and theta(T) what our time is ahead of its clock then. A frame that comes at `a`
+   was sampled before, and what a sender has heard at its time H <= T was sent before at our time `sent`:
+
+       theta <= a - T = upper,        theta >= sent - H = lower.
+
+   Both clocks' rates differ by at most the tolerance r, so that both bounds widen by r each second. A sample has the age
+
+       now - T - upper <= age <= now - T - lower.
+
+   The first is the age of a result, the difference of both its uncertainty. Whatever the clocks do, the age is at most
+   now - sent for the result that the state of the same cycle names, because T >= H.
+
+   For how long the result was known at T the sender's clock says, which makes the second bound close. But that clock may
+   have been set ahead meanwhile. A step of the counter by n cycles goes with a step of the clock by n periods; by what it is
+   longer (`off` > 0), and by cycles that did not come, it may have been set ahead: that time is `unseen`. A longer step
+   makes theta smaller, a shorter one larger; both bounds take that in. Where the time goes back, or by more than a period
+   off, nothing holds any more.
+
+   A sender that names results needs no other proof: a recording names old ones. The lower bound of a sender that names none
+   is an assumption: the path was empty when its clock was first read, or when somebody confirmed it. Then theta = upper, and
+   the bound only widens. A time that goes on nowhere, three cycles in a row, is a restart: unproven until somebody confirms
+   it, or the sender of before is back. */
+
+#include <math.h>
+
+#include "bus.h"
+#include "rounding.h"
+
+static const double SETTLE = 30.0; /* for which a bound widens where restarts are accepted [s] */
+static const double LONGEST_DELAY = 10.0; /* above what a sender can state [s] */
+static const double EPSILON = 1e-6;
+
+/* By how much sample times of `bits` are ahead of others, which wrap. */
+int64_t ticks_ahead(int64_t ticks, int64_t than, int bits) {
+    const int unused = 64 - bits;
+    const uint64_t ahead = ((uint64_t)ticks - (uint64_t)than) << unused;
+    return ahead >> 63 ? -(int64_t)((~ahead + 1) >> unused) : (int64_t)(ahead >> unused);
+}
+
+/* The same in seconds of a clock that may have wrapped meanwhile: it has gone on for about as long as ours, `passed`. */
+static double time_ahead(const SbPlan *p, int64_t ticks, int64_t than, double tick, double passed) {
+    const double ahead = tick * (double)ticks_ahead(ticks, than, p->bits);
+    const double range = tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
+    return ahead + range * (double)whole_number((passed - ahead) / range);
+}
+
+/* --- the step from the cycle before ----------------------------------------------------------------------------------- */
+
+typedef struct {
+    double time, off, unseen; /* by the sender's clock; by what it is longer than by its counter, and than one cycle [s] */
+    int steps, goes_on;
+} Step;
+
+/* The step of a cycle. A counter that has gone round has its rounds from the time. */
+static Step step_of(const SbPlan *p, const SbState *s, int64_t ticks, int counter, double tick) {
+    Step step = {0.0, 0.0, 0.0, 0, 1};
+    if (!s->has_seen) {
+        return step;
+    }
+    step.time = time_ahead(p, ticks, s->seen_ticks, tick, s->first - s->seen_at);
+    if (p->modulus && counter >= 0 && s->seen_counter >= 0) {
+        step.steps = (counter - s->seen_counter + p->modulus) % p->modulus;
+        const double rounds = (step.time / p->cycle - step.steps) / p->modulus;
+        step.steps += rounds > 0.5 && rounds < 1e6 ? p->modulus * (int)(rounds + 0.5) : 0;
+        step.off = step.time - step.steps * p->cycle;
+    } else { /* our own clock counts */
+        const double cycles = (s->first - s->seen_at) / p->cycle;
+        step.steps = cycles > 0.0 && cycles < 1e9 ? (int)(cycles + 0.5) : 0;
+        step.off = step.time > s->first - s->seen_at + p->cycle ? step.time - (s->first - s->seen_at) : 0.0;
+    }
+    step.goes_on = step.time > 0.0 && fabs(step.off) < p->cycle;
+    step.unseen = (step.off > 0.0 ? step.off : 0.0) + (step.steps > 1 ? (step.steps - 1) * p->cycle : 0.0);
+    return step;
+}
+
+/* The bounds at the reading of a clock, widened since the last one. */
+static SbClock widened(const SbPlan *p, const SbClock *clock, int64_t ticks, double tick, double local) {
+    SbClock k = *clock;
+    const double passed = local > k.at ? local - k.at : 0.0;
+    k.source += time_ahead(p, ticks, k.ticks, tick, local - k.at);
+    k.upper += p->tolerance * passed;
+    k.lower -= p->tolerance * passed;
+    k.ticks = ticks;
+    k.at = local;
+    return k;
+}
+
+static void anchor(SbClock *k, int64_t ticks, double local) {
+    *k = (SbClock){.is_set = 1, .has_lower = 1, .is_assumed = 1, .ticks = ticks, .at = local, .upper = local,
+                   .lower = local};
+}
+
+/* Age and uncertainty of a result, and causes: certainly too old, or not known well enough. */
+static uint32_t state_age(const SbPlan *p, SbResult *r, const SbClock *k, double now) {
+    r->age = now - k->source - k->upper;
+    r->uncertainty = k->has_lower ? k->upper - k->lower + k->doubt : NAN;
+    if (r->age > p->max_age) {
+        return SB_OLD;
+    }
+    return r->age + r->uncertainty <= p->max_age ? 0 : SB_AGE_UNKNOWN;
+}
+
+/* Whether a clock explains a reading; `k` is then the clock behind it. */
+static int fits(const SbPlan *p, const SbClock *clock, SbClock *k, int64_t ticks, double tick, double local, double now) {
+    *k = widened(p, clock, ticks, tick, local);
+    const double arrived = local - k->source;
+    const int is_ahead = arrived < k->lower - k->doubt - p->cycle;
+    k->upper = arrived < k->upper ? arrived : k->upper;
+    k->lower = k->lower > k->upper ? k->upper : k->lower;
+    if (p->accepts && k->lower < k->upper - p->tolerance * SETTLE) {
+        k->lower = k->upper - p->tolerance * SETTLE;
+    }
+    return !is_ahead && now - k->source - k->upper <= p->max_age;
+}
+
+/* From now on nothing proves that the sender is no recording, or not late, unless restarts need no proof. */
+static void begin_unproven(const SbPlan *p, SbState *s) {
+    if (!p->accepts) {
+        s->proven = s->is_unproven ? s->proven : s->clock;
+        s->has_proven = 1;
+        s->is_unproven = 1;
+    }
+}
+
+/* The sender of before is back if its clock explains three cycles in a row, of which the first went on nowhere; `is_odd`: it
+   may go on with what came between, as the end of a recording leads to the present. */
+static void look_for_proven(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, int is_odd,
+                            double now) {
+    SbClock k;
+    if (!s->is_unproven || !s->has_proven) {
+        return;
+    }
+    const int is_explained = fits(p, &s->proven, &k, ticks, tick, s->first, now);
+    k.n_returned = is_explained && (s->proven.n_returned || !step->goes_on || is_odd) ? s->proven.n_returned + 1 : 0;
+    if (is_explained) {
+        s->proven = k;
+    } else {
+        s->proven.n_returned = 0;
+    }
+    if (s->proven.n_returned >= p->late_limit) {
+        s->clock = s->proven;
+        s->clock.n_returned = s->clock.n_odd = 0;
+        s->has_proven = s->is_unproven = 0;
+    }
+}
+
+/* --- a sender that names the results it has heard ------------------------------------------------------------------------ */
+
+static uint32_t date_by_echo(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, const Echo *echo,
+                             double now) {
+    const double local = s->first;
+    const int has_begun = s->clock.is_set && step->goes_on;
+    uint32_t causes = s->clock.is_set && !step->goes_on ? SB_JUMP : 0;
+    SbClock k = {.is_set = 1, .ticks = ticks, .at = local, .upper = INFINITY, .lower = -INFINITY};
+    if (has_begun) {
+        k = widened(p, &s->clock, ticks, tick, local);
+        k.lower -= step->unseen;
+        k.upper -= step->off < 0.0 ? step->off : 0.0;
+    }
+    const double arrived = local - k.source;
+    k.upper = arrived < k.upper ? arrived : k.upper;
+    if (echo->is_known) {
+        k.doubt = k.is_assumed ? 0.0 : k.doubt;
+        const double known = has_begun ? echo->delay - (s->unseen - echo->unseen) : 0.0;
+        const double lower = echo->ready - k.source + (known > 0.0 ? known : 0.0);
+        k.lower = !k.has_lower || k.is_assumed || lower > k.lower ? lower : k.lower;
+        k.has_lower = 1;
+        k.is_assumed = 0;
+    } else if (!k.has_lower && s->is_confirmed) {
+        k.lower = k.upper;
+        k.has_lower = k.is_assumed = 1;
+    }
+    if (k.has_lower && !k.is_assumed && k.lower > k.upper + EPSILON) { /* a step that no counter has shown: this cycle's bounds hold */
+        k.upper = arrived;
+        k.lower = echo->is_known ? echo->ready - k.source : -INFINITY;
+        k.has_lower = echo->is_known;
+        causes |= SB_JUMP;
+    }
+    k.lower = k.lower > k.upper ? k.upper : k.lower;
+    s->clock = k;
+    s->is_confirmed = 0;
+    return causes | state_age(p, &s->result, &k, now);
+}
+
+/* --- other senders ---------------------------------------------------------------------------------------------------------- */
+
+static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, double now) {
+    SbClock k;
+    s->is_confirmed = 0;
+    if (!s->clock.is_set) {
+        anchor(&s->clock, ticks, s->first);
+    }
+    const int is_explained = fits(p, &s->clock, &k, ticks, tick, s->first, now);
+    look_for_proven(p, s, ticks, tick, step, !is_explained, now);
+    if (is_explained || fits(p, &s->clock, &k, ticks, tick, s->first, now)) {
+        /* Sampled late, or a clock that was set by less than a cycle; a counter that alone ran ahead says nothing. */
+        const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - (s->first - s->seen_at)) < 0.25 * p->cycle;
+        if (fabs(step->off) > 0.25 * p->cycle && step->time > 0.0 && !ran_ahead) {
+            k.doubt = k.doubt + step->off > 0.0 ? k.doubt + step->off : 0.0;
+            k.upper -= step->off < 0.0 ? step->off : 0.0;
+        }
+        k.n_odd = 0;
+        s->clock = k;
+        s->n_late = 0;
+        return state_age(p, &s->result, &k, now);
+    }
+    SbClock *c = &s->clock;
+    const int is_ahead = now - k.source - k.upper <= p->max_age;
+    c->n_odd = !step->goes_on || (is_ahead && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
+    s->n_late++;
+    if (c->n_odd >= p->late_limit) {
+        begin_unproven(p, s);
+        anchor(&s->clock, ticks, s->first);
+        s->n_late = 0;
+        state_age(p, &s->result, &s->clock, now);
+        return SB_JUMP | SB_OLD;
+    }
+    s->result.age = is_ahead ? NAN : now - k.source - k.upper;
+    s->result.uncertainty = NAN;
+    return SB_OLD | (step->goes_on ? 0 : SB_JUMP);
+}
+
+/* --- all --------------------------------------------------------------------------------------------------------------------- */
+
+/* Synchronised clocks: the whole delay is age, and a recording is as old as it is. */
+static uint32_t date_by_system_time(const SbPlan *p, SbState *s, int64_t ticks, double tick, double now) {
+    const double range = tick * (p->bits < 64 ? (double)(UINT64_C(1) << p->bits) : 0x1p64);
+    const double behind = remainder_of(s->first + p->shift - tick * (double)ticks, range);
+    const double delay = behind >= 0.5 * range ? behind - range : behind;
+    s->is_confirmed = 0;
+    s->result.age = delay + (now - s->first);
+    s->result.uncertainty = p->synchronised;
+    if (delay < -p->synchronised - 1e-3) {
+        return SB_OLD | SB_JUMP;
+    }
+    return s->result.age > p->max_age ? SB_OLD : s->result.age + p->synchronised > p->max_age ? SB_AGE_UNKNOWN : 0;
+}
+
+uint32_t clock_date(const SbPlan *p, SbState *s, int64_t ticks, int counter, double tick, const Echo *echo, double now) {
+    const Step step = step_of(p, s, ticks, counter, tick);
+    const int has_state = p->state >= 0 && slots_of(s)[p->state].here;
+    if (p->is_answered && s->expects_state && !has_state && !step.goes_on) {
+        s->result.age = s->result.uncertainty = NAN;
+        return SB_OLD | SB_JUMP; /* strains of another time whose session is not stated */
+    }
+    s->unseen += s->has_seen && step.goes_on ? step.unseen : LONGEST_DELAY;
+    uint32_t causes;
+    if (p->synchronised >= 0.0) {
+        causes = date_by_system_time(p, s, ticks, tick, now);
+    } else if (p->is_answered && s->expects_state && (echo->is_named || !p->accepts)) {
+        causes = date_by_echo(p, s, ticks, tick, &step, echo, now);
+    } else {
+        causes = date_by_anchor(p, s, ticks, tick, &step, now);
+    }
+    s->step_time = step.time;
+    s->goes_on = s->has_seen && step.goes_on;
+    s->step_count = s->has_seen && step.time > 0.0 ? step.steps : 0; /* a sender of another period goes on nowhere */
+    s->seen_ticks = ticks;
+    s->seen_counter = counter;
+    s->seen_at = s->first;
+    s->has_seen = 1;
+    return causes;
+}
+
+/* The delay of a frame beyond the smallest one, by its own clock; 0 if it is too large. Three in a row are a restart. */
+int line_read(const SbPlan *p, SbLine *line, const SbSlot *slot, int64_t ticks, double time, double *delay) {
+    const int bits = p->signal[slot->sample_time].length;
+    SbLine k = *line;
+    k.source += slot->tick * (double)ticks_ahead(ticks, k.ticks, bits);
+    k.upper += p->tolerance * (time > k.at ? time - k.at : 0.0);
+    k.ticks = ticks;
+    k.at = time;
+    const double arrived = time - k.source, longest = slot->hold;
+    if (!line->is_set || arrived < k.upper) {
+        k.upper = arrived;
+    }
+    *delay = arrived - k.upper;
+    if (line->is_set && *delay > longest && ++line->n_late < p->late_limit) {
+        return 0;
+    }
+    if (*delay > longest) {
+        k.upper = arrived;
+        *delay = 0.0;
+    }
+    k.is_set = 1;
+    k.n_late = 0;
+    *line = k;
+    return 1;
+}

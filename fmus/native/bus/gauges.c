@@ -1,0 +1,272 @@
+/* Each gauge by its values: no value, range, jump, exactly zero, stuck; and gauges that are frozen together.
+
+   A healthy gauge repeats its reading by chance. Let c be the probability that a reading differs from the one before. m
+   repetitions in a row have the probability (1 - c)^m: a gauge is stuck where that is below RARE.
+
+   c is what has been measured of a gauge that has changed at least twice, and never more than its stated noise gives: rigs
+   are quieter than stated. While all repeat their readings more often than noise allows, nothing is measured. A gauge that
+   has not changed teaches nothing about itself, or one that is stuck from the start would be taken for a quiet one. Its c is
+   the smallest of its living neighbours, and before there are any a START that the quietest rig of use has.
+
+   Of the n gauges of a frame, or of all, k have repeated their readings at least m times. Healthy ones do so with a
+   probability of at most C(n, k) times the product of their (1 - c)^m. Below CHANCE they are frozen. */
+
+#include <math.h>
+
+#include "../core/elementary.h"
+#include "bus.h"
+
+enum { SHORTEST_STUCK = 25, SHORTEST_ZERO = 5, FIRST_LEARN = 32, LATER_LEARN = 256, MEMORY = 2048 };
+
+static const double LN_RARE = -20.72, LN_CHANCE = -27.63, LN_DOUBT = -9.21; /* ln 1e-9, ln 1e-12, ln 1e-4 */
+static const double START = 0.02, SMALLEST_CHANGE = 1e-5;
+static const double LN_2 = 0.6931471805599453, LARGEST_CHOICE = 40.0;
+static const double ROUND_OFF = 1e-15;       /* of scale and offset, on exactly zero [m/m] */
+static const double PACES = 3.0, FADING = 0.9; /* plausible fall to zero in changes of one cycle; factor per cycle on it */
+static const int RUNS[] = {3, 8, 25};         /* an amplifier may sample at one third of the rate at which it sends */
+
+/* --- what a gauge does by chance ---------------------------------------------------------------------------------------- */
+
+static double smaller(double a, double b) { return a < b ? a : b; }
+static double larger(double a, double b) { return a > b ? a : b; }
+
+/* Derive from what has been seen how often readings repeat, and how often in a row is too often. */
+static void learn(const SbPlan *p, SbState *s) {
+    SbGauge *g = gauges_of(s);
+    double of_living = INFINITY;
+    for (int i = 0; i < p->n_gauges; i++) {
+        if (g[i].changes >= 2.0) {
+            of_living = smaller(of_living, g[i].changes / (g[i].readings + 3.0));
+        }
+    }
+    for (int i = 0; i < p->n_gauges; i++) {
+        const int is_living = g[i].changes >= 2.0;
+        const double seen = is_living ? g[i].changes / (g[i].readings + 3.0) : of_living < INFINITY ? of_living : START;
+        const double change = larger(smaller(seen, p->change[i]), SMALLEST_CHANGE);
+        g[i].log_repeat = logarithm(1.0 - smaller(change, 0.99));
+        const double longest = LN_RARE / g[i].log_repeat;
+        g[i].stuck_limit = p->stuck > 0 ? p->stuck : p->stuck == 0 ? INFINITY : larger(longest, SHORTEST_STUCK);
+        g[i].zero_limit = larger(longest, is_living ? SHORTEST_ZERO : SHORTEST_STUCK);
+        if (g[i].readings >= MEMORY) {
+            g[i].readings *= 0.5;
+            g[i].changes *= 0.5;
+        }
+    }
+    s->learn_at = s->cycles + (s->cycles < MEMORY / 4 ? FIRST_LEARN : LATER_LEARN);
+}
+
+void gauges_begin(const SbPlan *p, SbState *s) {
+    SbGauge *g = gauges_of(s);
+    for (int i = 0; i < p->n_gauges; i++) {
+        g[i].last = g[i].last_good = NAN;
+        g[i].good = p->heal;
+        g[i].reason = SB_NO_FRAME;
+    }
+    learn(p, s);
+    s->changed_at = -INFINITY;
+}
+
+/* --- one gauge ------------------------------------------------------------------------------------------------------------ */
+
+/* Keep a good strain and its rate of change [m/m per cycle]. */
+static void keep_pace(const SbPlan *p, SbGauge *g, double strain, double now) {
+    const double change = fabs(strain - g->last_good), since = (now - g->good_time) / p->cycle;
+    const double pace = since > 1.0 ? change / since : change, faded = FADING * g->pace;
+    g->pace = pace > faded ? pace : faded; /* the first good strain has none: NaN is not above */
+    g->last_good = strain;
+    g->good_time = now;
+}
+
+/* Whether a gauge at exactly zero has fallen to it, or been there for too long. Amplifiers send zero on an error (HBK
+   QuantumX: default for integers). A strain that passes through zero may well meet it: only a fall faster than its own pace
+   counts at once. */
+static int is_fault_of_zero(const SbPlan *p, SbGauge *g, double strain, double cycles_apart) {
+    const double usual = p->zero_jump + PACES * g->pace * cycles_apart;
+    g->zeros++;
+    return fabs(strain - g->last_good) > usual || g->zeros >= g->zero_limit;
+}
+
+/* Take in a reading; the fault that it shows, SB_IS_USED for none. */
+static int read_gauge(const SbPlan *p, const SbSlot *t, SbGauge *g, const SbSignal *signal, int64_t raw, int refuse_all,
+                      int teaches) {
+    const double value = signal_value(signal, raw), strain = value * signal->factor;
+    const double change = strain - g->last;
+    int fault = SB_IS_USED;
+    if (refuse_all || signal_is_code(p, signal, raw) || signal_is_outside(signal, raw, value)) {
+        fault = SB_NO_VALUE;
+    }
+    if (signal_is_code(p, signal, raw) || strain != strain) { /* it says nothing about the gauge */
+        g->run = g->zeros = 0;
+        return SB_NO_VALUE;
+    }
+    const int repeats = g->is_seen && raw == g->last_raw;
+    g->run = repeats ? g->run + 1 : 0;
+    if (teaches && g->is_seen && g->run < g->stuck_limit) {
+        g->readings += 1.0;
+        g->changes += !repeats;
+    }
+    const int is_stuck = g->run >= g->stuck_limit;
+    const int is_zero = (raw == 0 || fabs(strain) <= ROUND_OFF) && is_fault_of_zero(p, g, strain, t->period / p->cycle);
+    g->zeros = raw == 0 || fabs(strain) <= ROUND_OFF ? g->zeros : 0;
+    g->last_raw = raw;
+    g->last = strain;
+    g->is_seen = 1;
+    if (!fault) {
+        fault = !(fabs(strain) <= p->sensor_range) ? SB_OUT_OF_RANGE
+                : fabs(change) > p->rate_limit     ? SB_JUMPS
+                : is_stuck                         ? SB_IS_FROZEN
+                : is_zero                          ? SB_ZERO
+                                                   : SB_IS_USED;
+    }
+    return fault;
+}
+
+/* --- gauges together -------------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    int n, k, n_fresh;
+    double log_probability;
+} Group;
+
+/* Gauges of a frame, or of all (slot < 0), that have repeated their readings at least m times. */
+static Group group_of(const SbPlan *p, const SbState *s, int slot, int m) {
+    Group group = {0, 0, 0, 0.0};
+    for (int i = 0; i < p->n_slots; i++) {
+        const SbSlot *t = &p->slot[i];
+        if (t->kind > SB_HELD || (slot >= 0 && i != slot)) {
+            continue;
+        }
+        for (int k = t->first; k < t->first + t->n_signals; k++) {
+            const SbGauge *g = &gauges_of(s)[p->signal[k].target];
+            const int repeats = slots_of(s)[i].present && g->run >= m;
+            group.n++;
+            group.k += repeats;
+            group.log_probability += repeats ? m * g->log_repeat : 0.0;
+        }
+    }
+    return group;
+}
+
+/* Mark gauges that are frozen together; 1 if there are any. */
+static int find_frozen(const SbPlan *p, SbState *s, int slot, int m) {
+    const Group group = group_of(p, s, slot, m);
+    const double choice = group.k < group.n ? smaller(group.n * LN_2, LARGEST_CHOICE) : 0.0;
+    if (group.k < 2 || group.log_probability + choice >= LN_CHANCE) {
+        return 0;
+    }
+    for (int i = 0; i < p->n_slots; i++) {
+        const SbSlot *t = &p->slot[i];
+        if (t->kind > SB_HELD || (slot >= 0 && i != slot) || !slots_of(s)[i].present) {
+            continue;
+        }
+        for (int k = t->first; k < t->first + t->n_signals; k++) {
+            SbGauge *g = &gauges_of(s)[p->signal[k].target];
+            if (g->run >= m && g->reason == SB_IS_USED) {
+                g->reason = SB_IS_FROZEN;
+            }
+        }
+    }
+    return 1;
+}
+
+/* --- all -------------------------------------------------------------------------------------------------------------------- */
+
+/* Whether all gauges read exactly zero although there is a load: one of them has fallen to it, or none has ever changed. */
+static int are_dead(const SbPlan *p, const SbState *s, double now) {
+    double largest = 0.0, changes = 0.0;
+    for (int i = 0; i < p->n_gauges; i++) {
+        changes += gauges_of(s)[i].changes;
+        const double last = fabs(gauges_of(s)[i].last_good);
+        largest = last > largest ? last : largest;
+    }
+    return stated_pressure(p, s, now) > 0.0 && (largest > p->zero_jump || changes == 0.0);
+}
+
+/* The time since the last change [s]: by the sample times, where they agree with ours to a cycle. */
+static double unchanged_for(const SbPlan *p, const SbState *s, int64_t ticks) {
+    const double since = s->first - s->changed_at;
+    if (ticks < 0 || s->changed_ticks < 0) {
+        return since;
+    }
+    const double by_clock = p->tick * (double)ticks_ahead(ticks, s->changed_ticks, p->bits);
+    return fabs(by_clock - since) < p->cycle ? by_clock : since;
+}
+
+/* Check the gauges of the frames that are new; the reasons against them are left for find_valid, which adds the frames'.
+   `repeated` is for how long no gauge has changed where noise does not allow that, else 0 [s]; `doubted` where it hardly
+   does. */
+uint32_t gauges_check(const SbPlan *p, SbState *s, int refuse_all, int64_t ticks, double *repeated, double *doubted) {
+    SbGauge *gauge = gauges_of(s);
+    int n_running = 0, shortest = INT32_MAX, n_fresh = 0, n_present = 0, n_zero = 0;
+    double log_repeat = 0.0;
+    for (int i = 0; i < p->n_slots; i++) {
+        const SbSlot *t = &p->slot[i];
+        const SbSlotState *q = &slots_of(s)[i];
+        if (t->kind > SB_HELD || !q->present) {
+            continue;
+        }
+        for (int k = t->first; k < t->first + t->n_signals; k++) {
+            const SbSignal *signal = &p->signal[k];
+            SbGauge *g = &gauge[signal->target];
+            n_present++;
+            if (q->fresh) {
+                const int64_t raw = signal_raw(signal, data_of(s) + t->data);
+                g->reason = read_gauge(p, t, g, signal, raw, refuse_all, !s->all_repeat);
+                n_fresh++;
+                if (g->is_seen && t->kind == SB_STRAIN) {
+                    shortest = g->run < shortest ? g->run : shortest;
+                    log_repeat += g->log_repeat;
+                }
+                n_running += g->run >= RUNS[0];
+            }
+            n_zero += g->is_seen && (g->last_raw == 0 || fabs(g->last) <= ROUND_OFF);
+        }
+    }
+    uint32_t causes = 0;
+    s->all_frozen = 0;
+    for (int r = 0; n_running >= 2 && p->stuck != 0 && r < 3; r++) {
+        for (int i = -1; i < p->n_slots; i++) {
+            if (i < 0 || p->slot[i].kind <= SB_HELD) {
+                causes |= find_frozen(p, s, i, RUNS[r]) ? SB_FROZEN : 0;
+            }
+        }
+    }
+    const int is_dead = n_fresh && n_zero == n_present && are_dead(p, s, s->first);
+    int n_used = 0;
+    for (int i = 0; i < p->n_slots; i++) {
+        const SbSlot *t = &p->slot[i];
+        const SbSlotState *q = &slots_of(s)[i];
+        for (int k = t->first; t->kind <= SB_HELD && k < t->first + t->n_signals; k++) {
+            const int target = p->signal[k].target;
+            SbGauge *g = &gauge[target];
+            if (q->present && q->fresh) {
+                g->reason = is_dead && g->reason == SB_IS_USED ? SB_ZERO : g->reason;
+                g->good = g->reason == SB_IS_USED ? g->good + (g->good < p->heal) : 0;
+                if (g->reason == SB_IS_USED) {
+                    keep_pace(p, g, g->last, s->first);
+                    g->reason = g->good >= p->heal ? SB_IS_USED : SB_HEALING;
+                }
+            }
+            g->reason = is_dead && q->present && g->reason == SB_IS_USED ? SB_ZERO : g->reason;
+            reason_of(s)[target] = (uint8_t)g->reason;
+            n_used += q->present && g->reason == SB_IS_USED;
+        }
+    }
+    s->all_frozen = causes & SB_FROZEN && n_used == 0;
+    if (n_fresh) {
+        s->cycles += 1.0;
+        const int is_read = shortest < INT32_MAX, is_repeated = is_read && shortest > 0;
+        const double since = is_repeated ? unchanged_for(p, s, ticks) : 0.0, chance = shortest * log_repeat;
+        *repeated = chance < LN_CHANCE ? since : 0.0;
+        *doubted = chance < LN_DOUBT && chance >= LN_CHANCE ? since : 0.0;
+        s->all_repeat = is_repeated && chance < LN_DOUBT;
+        if (is_read && !is_repeated) {
+            s->changed_at = s->first;
+            s->changed_ticks = ticks;
+        }
+        if (s->cycles >= s->learn_at) {
+            learn(p, s);
+        }
+    }
+    return causes;
+}

@@ -1,0 +1,579 @@
+"""The bridge: a listener with a loop of its own on a bus, which is opened again when it fails.
+
+Where messages have the time at which this host received them, the loop receives, estimates and sends in one
+thread: what waits in the socket is as old as it is. Elsewhere a thread of python-can receives and states the time.
+"""
+
+from __future__ import annotations
+
+import gc
+import queue
+import sys
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from strainfmu.can.frame import MalformedFrame, error_line, import_can
+from strainfmu.can.listener import HOST_STAMPED, BusListener, Clock
+from strainfmu.can.opening import OpenBus, kernel_drops, shut_down
+from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass, Quality
+from strainfmu.cosim.estimators.step import health_name
+from strainfmu.errors import StrainfmuError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+PERCENTILES = (50.0, 99.0, 99.9, 100.0)
+
+
+@dataclass(eq=False, kw_only=True)
+class BridgeSummary:
+    """Summary of a run.
+
+    Attributes
+    ----------
+    duration, cpu : of the run, and processor time of the whole process in it [s].
+    account : of all frames.
+    qualities : results by quality.
+    healths : estimates by state of health.
+    navigated : number of results with both Mach number and altitude.
+    latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
+    sent, send_failures, failures, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
+    kernel_drops : datagrams that the system dropped, None where that is not known.
+    period_text : the sender's period in words, "" where it was not measured.
+    last_fault : last failure of the bus.
+    """
+
+    duration: float
+    cpu: float
+    account: FrameAccount
+    qualities: Counter[Quality] = field(default_factory=Counter)
+    healths: Counter[int] = field(default_factory=Counter)
+    navigated: int = 0
+    latency: np.ndarray = field(default_factory=lambda: np.empty(0))
+    sent: int = 0
+    send_failures: int = 0
+    failures: int = 0
+    malformed: int = 0
+    last_malformed: str = ""
+    reconnects: int = 0
+    kernel_drops: int | None = None
+    period_text: str = ""
+    last_fault: str = ""
+
+
+def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
+    """Return the rows of the table of a run."""
+    rows = [("duration", f"{summary.duration:.1f} s")]
+    load = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
+    rows.append(("processor time", f"{summary.cpu:.2f} s, {load:.1f} % of one core"))
+    rows += [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
+    rows += health_rows(summary.healths, summary.navigated)
+    rows += [(f"frames: {name}", f"{count}") for name, count in summary.account.rows()]
+    rows.append(("frames: not accounted for", f"{summary.account.unaccounted}"))
+    if summary.account.unknown:
+        rows.append(("unknown identifiers", summary.account.unknown_text()))
+    if len(summary.latency):
+        values = 1e3 * np.percentile(summary.latency, PERCENTILES)
+        text = ", ".join(f"p{p:g} {v:.2f}" for p, v in zip(PERCENTILES, values, strict=True))
+        rows.append(("last frame in to results out", f"{text} ms"))
+    rows.append(("frames sent", f"{summary.sent}, {summary.send_failures} failed"))
+    drops = "not known" if summary.kernel_drops is None else str(summary.kernel_drops)
+    rows.append(("dropped by the system", drops))
+    rows.append(("failed receptions", f"{summary.failures}"))
+    rows.append(("messages that are no frames", f"{summary.malformed}"))
+    if summary.last_malformed:
+        rows.append(("the last of these", summary.last_malformed))
+    if summary.period_text:
+        rows.append(("sender's period", summary.period_text.removeprefix("period: ")))
+    if summary.reconnects or summary.last_fault:
+        rows.append(("bus reopened", f"{summary.reconnects} times; last fault: {summary.last_fault}"))
+    return rows
+
+
+def health_rows(healths: Counter[int], navigated: int) -> list[tuple[str, str]]:
+    """Return rows of estimates by state of health, and of results with navigation if there are any."""
+    rows = [(f"health {health_name(state)}", f"{n}") for state, n in sorted(healths.items())]
+    if navigated:
+        rows.append(("results with Mach number and altitude", f"{navigated}"))
+    return rows
+
+
+def summary_table(summary: BridgeSummary) -> Table:
+    """Return the table of a run, for a rich console."""
+    from rich.table import Table
+
+    table = Table(title="Bridge", show_header=False)
+    for name, text in summary_rows(summary):
+        table.add_row(name, text)
+    return table
+
+
+QUEUED_CYCLES = 50
+"""Maximum number of cycles that wait between two threads; beyond it frames are dropped."""
+
+HAND_OVER = 5e-4
+"""Longest time for which a thread that records or publishes keeps Python to itself while the bridge waits [s]."""
+
+ERRORS_PER_SECOND = 200
+"""Failed receptions within a second after which the bus counts as broken; single ones are ignored. Messages that
+are no frames are no such failures."""
+
+FRAMES_AFTER = 1.0
+"""Time from the start at which a user is shown which frames have come [s]; longer where frames come seldom."""
+
+_KEPT_SKIPS = 10_000
+_LONGEST_WAIT = 0.1
+_BUS_OFF = BusState.BUS_OFF
+
+
+# --- reception ---------------------------------------------------------------------------------------------------
+
+Received = tuple[Any, float]
+"""A message, None for none, and when it was read [s]; or a time that no later message precedes."""
+
+
+class Inbox(Protocol):
+    """Where the messages of a bus come from."""
+
+    dropped: int
+    """Messages that were dropped since the last look."""
+
+    def get(self, timeout: float) -> Received:
+        """Return the next message, or none that came within ``timeout`` [s]; raise what python-can raises."""
+        ...
+
+    def close(self) -> None:
+        """End reception; the bus is shut down next."""
+        ...
+
+
+class DirectInbox:
+    """Reads a bus whose messages have the time of this host."""
+
+    dropped = 0
+
+    def __init__(self, bus: Any, clock: Clock) -> None:
+        self._receive, self._clock = bus.recv, clock
+
+    def get(self, timeout: float) -> Received:
+        """Return as :meth:`Inbox.get`."""
+        begin = self._clock()
+        message = self._receive(timeout)
+        return (None, begin + timeout) if message is None else (message, self._clock())
+
+    def close(self) -> None:
+        """Do nothing: there is no thread."""
+
+
+class ThreadedInbox:
+    """Has a thread of python-can read a bus, so that messages have a time although they wait."""
+
+    def __init__(self, bus: Any, clock: Clock, limit: int) -> None:
+        self._clock, self._limit, self.dropped = clock, limit, 0
+        self._waiting: queue.SimpleQueue[tuple[Any, float]] = queue.SimpleQueue()
+        self._notifier = import_can().Notifier(bus, [self], timeout=_LONGEST_WAIT)
+
+    def __call__(self, message: Any) -> None:
+        """Put a message, or the error of a reception, behind those that wait."""
+        if self._waiting.qsize() < self._limit:
+            self._waiting.put((message, self._clock()))
+        else:
+            self.dropped += 1
+
+    on_error = __call__
+
+    def get(self, timeout: float) -> Received:
+        """Return as :meth:`Inbox.get`."""
+        begin = self._clock()
+        try:
+            message, when = self._waiting.get(timeout > 0.0, timeout)
+        except queue.Empty:
+            return None, min(begin + timeout, self._clock())
+        if isinstance(message, Exception):
+            raise message
+        return message, when
+
+    def close(self) -> None:
+        """End the thread."""
+        self._notifier.stop()
+
+
+def is_of_sender(error: BaseException) -> bool:
+    """Return whether a failed reception is due to what was sent: a message that is no frame.
+
+    python-can reports contents that it cannot unpack as it reports a broken socket, but by another cause.
+    """
+    if isinstance(error, MalformedFrame):
+        return True
+    cause = error.__cause__
+    return isinstance(error, import_can().CanError) and cause is not None and not isinstance(cause, OSError)
+
+
+def is_open(bus: Any) -> bool:
+    """Return whether the bus still has its socket; a bus without one counts as open."""
+    try:
+        return bool(bus.fileno() >= 0) or type(bus).__name__ not in HOST_STAMPED[:2]
+    except (NotImplementedError, AttributeError):
+        return True
+    except (OSError, ValueError):
+        return False
+
+
+# --- a bridge that is too slow, a bus that is lost ---------------------------------------------------------------
+
+
+class Backlog:
+    """Decides by the waiting time of its frames whether a cycle is answered or skipped.
+
+    A bridge that is slower than its input and answers every cycle answers all of them too late. So once a cycle
+    has waited for half of ``max_age``, cycles are skipped until one has waited for at most one cycle. Gaps are
+    rare and long, because the answer after a gap is at best DEGRADED. A bridge whose answers take less than half a
+    cycle, and that was only held up, catches up without a gap: it skips what cannot be answered in time, no more.
+
+    Parameters
+    ----------
+    max_age : maximum age of strains that are used [cycles]; half of it is left for the answer itself.
+    cycle_time : [s].
+    """
+
+    _QUICK, _FORGETTING = 0.5, 0.05
+    _MOST_SKIPPED = 25
+    """Cycles skipped in a row: the next is answered, even if its strains are STALE by then."""
+
+    def __init__(self, max_age: float, cycle_time: float) -> None:
+        self._caught_up = cycle_time
+        self._longest = max(0.5 * max_age * cycle_time, self._caught_up)
+        self._behind = False
+        self._skipped = 0
+        self._in_time, self._quick = max_age * cycle_time, self._QUICK * cycle_time
+        self._answer_time: float | None = None
+
+    def answered(self, seconds: float) -> None:
+        """Note that the answer of a cycle took so long [s]."""
+        known = self._answer_time
+        self._answer_time = seconds if known is None else known + self._FORGETTING * (seconds - known)
+
+    def is_answered(self, waited: float) -> bool:
+        """Return whether a cycle is answered whose frames have waited for ``waited`` [s]."""
+        if self._answer_time is not None and self._answer_time <= self._quick:
+            self._behind = waited > self._in_time - self._answer_time
+        else:
+            self._behind = waited > (self._caught_up if self._behind else self._longest)
+        self._skipped = self._skipped + 1 if self._behind and self._skipped < self._MOST_SKIPPED else 0
+        return self._skipped == 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BackOffSettings:
+    """Waiting before each attempt to open a lost bus again: exponential back-off, a bounded number of attempts.
+
+    Attributes
+    ----------
+    first, longest : waiting time before the first attempt, and the longest ever [s]; it doubles in between.
+    attempts : attempts in a row before the bridge gives up.
+    settle : time [s] a bus must work before the count starts again.
+    """
+
+    first: float = 0.1
+    longest: float = 5.0
+    attempts: int = 10
+    settle: float = 2.0
+
+
+class BackOff:
+    """Counts attempts; all times come from the caller's monotonic clock [s]."""
+
+    def __init__(self, settings: BackOffSettings) -> None:
+        self._settings = settings
+        self._failures = 0
+        self._opened: float | None = None
+        self.due: float | None = None
+        self.reconnects = 0
+
+    @property
+    def exhausted(self) -> bool:
+        """No further attempt is allowed."""
+        return self._failures > self._settings.attempts
+
+    def failed(self, now: float) -> None:
+        """Note that the bus, or an attempt to open it, failed; :attr:`due` is the time of the next attempt."""
+        if self._opened is not None and now - self._opened >= self._settings.settle:
+            self._failures = 0
+        self._opened = None
+        wait = min(self._settings.first * 2.0**self._failures, self._settings.longest)
+        self._failures += 1
+        self.due = now + wait
+
+    def opened(self, now: float) -> None:
+        """Note that a new bus is open."""
+        self._opened, self.due = now, None
+        self.reconnects += 1
+
+
+@contextmanager
+def undisturbed(hand_over: float) -> Iterator[None]:
+    """Let no thread keep Python to itself for longer than ``hand_over`` [s], and collect little garbage at a time.
+
+    To look among all objects that a run begins with takes 70 ms or more, twice a minute at 1 kHz.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(min(hand_over, before))
+    gc.collect()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        sys.setswitchinterval(before)
+
+
+# --- the loop ----------------------------------------------------------------------------------------------------
+
+
+class Bridge:
+    """Runs a listener on a bus until it is stopped.
+
+    Parameters
+    ----------
+    listener : takes in the frames.
+    open_bus : opens the bus, also after it failed.
+    max_age : maximum age of strains that are used [cycles].
+
+    Attributes
+    ----------
+    skips : intervals in which the bridge was too slow to answer all cycles, behind the first of two frames up to
+        the second
+        [s].
+    last_fault : last failure of the bus, "" if there was none.
+    """
+
+    def __init__(
+        self,
+        listener: BusListener,
+        open_bus: OpenBus,
+        max_age: float = 5.0,
+        back_off: BackOffSettings | None = None,
+        queued_cycles: int = QUEUED_CYCLES,
+    ) -> None:
+        self.listener, self.machine, self._open_bus = listener, listener.machine, open_bus
+        self._clock = listener.taps.clock
+        layout = self.machine.layout
+        self._limit = queued_cycles * max(layout.cycle_length, 1)
+        self._backlog = Backlog(max_age, layout.cycle_time)
+        self._answering, self._is_skipping = 0.0, False
+        self.skips: list[tuple[float, float]] = []
+        self._back_off = BackOff(back_off or BackOffSettings())
+        self._bus: Any = None
+        self._inbox: Inbox | None = None
+        self._drops = 0
+        self._drops_known = False
+        self._failures = 0
+        self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
+        self._stop = self._is_confirmed = False
+        self.last_fault = ""
+        self.say: Callable[[str], None] | None = None
+        """Shows a line to the user."""
+        slowest = max([frame.layout.cycle_time or layout.cycle_time for frame in layout.frames])
+        self._frames_at = self._clock() + max(FRAMES_AFTER, 3.0 * slowest)
+        self._start, self._cpu = self._clock(), time.process_time()
+
+    def stop(self) -> None:
+        """End :meth:`run`; may be called from a signal handler or another thread."""
+        self._stop = True
+
+    def confirm(self) -> None:
+        """Take the sender for proven and its delay for the smallest; may be called from a signal handler."""
+        self._is_confirmed = True
+
+    def run(self, duration: float | None = None) -> BridgeSummary:
+        """Run until stopped, or for ``duration`` [s]; return the summary.
+
+        Raises
+        ------
+        StrainfmuError
+            The bus cannot be opened, is lost and cannot be opened again, or the FMU failed for good.
+        """
+        with undisturbed(HAND_OVER):
+            self._connect()
+            end = inf if duration is None else self._clock() + duration
+            try:
+                while not self._stop and (now := self._clock()) < end:
+                    self._turn(now, end)
+            finally:
+                self._disconnect()
+        self.machine.finish(self.listener.known)
+        return self.summary()
+
+    def _turn(self, now: float, end: float) -> None:
+        """Wait for a message or for the next event, and process it."""
+        if self._is_confirmed:
+            self._is_confirmed = False
+            self.machine.confirm()
+        if self.say is not None and now >= self._frames_at:
+            self.say(self.machine.frames_text())
+            self.say = None
+        listener, due = self.listener, self._back_off.due
+        event = min(self.machine.next_event, listener.next_status, end, inf if due is None else due)
+        wait = min(max(event - now, 0.0), _LONGEST_WAIT)
+        if self._inbox is None:
+            time.sleep(wait)
+            listener.advance(self._clock())
+        elif received := self._received(wait):
+            message, when = received
+            if message is None:
+                listener.advance(when)
+            else:
+                self._take(message, when)
+        if self._bus is not None and (listener.is_broken or self.machine.bus_state is _BUS_OFF):
+            self._lose_bus(listener.failure if listener.is_broken else "bus off")
+        if due is not None and self._clock() >= due:
+            self._reconnect(self._clock())
+
+    def _received(self, wait: float) -> Received | None:
+        """Return what the inbox has; None after a failure, which may have been the bus's last."""
+        assert self._inbox is not None
+        try:
+            received = self._inbox.get(wait)
+        except Exception as error:  # whatever an interface raises, the bridge must go on, or open the bus again
+            if is_of_sender(error):
+                self.listener.count_malformed(error)
+            else:
+                self._note_failure(error)
+            return None
+        if self._inbox.dropped:
+            dropped, self._inbox.dropped = self._inbox.dropped, 0
+            self.machine.count(FrameClass.OVERRUN, self.listener.known, dropped)
+            self.machine.note(Cause.OVERLOAD)
+        return received
+
+    def _take(self, message: Any, when: float) -> None:
+        """Have the listener take in a message; cycles that have waited for too long are not answered."""
+        listener, begin = self.listener, self._clock()
+        n_answered = listener.answered
+        listener.take(message, when)
+        now = self._clock()
+        self._answering += now - begin
+        if listener.answered > n_answered:
+            self._backlog.answered(self._answering / (listener.answered - n_answered))
+            self._answering = 0.0
+        is_skipping = not self._backlog.is_answered(begin - listener.known)
+        if self._is_skipping:
+            self.skips[-1] = self.skips[-1][0], listener.known
+        if is_skipping != self._is_skipping:
+            self._is_skipping = is_skipping
+            self.machine.skip(is_skipping)
+            if is_skipping and len(self.skips) < _KEPT_SKIPS:
+                self.skips.append((listener.known, listener.known))
+        if now >= listener.next_status:
+            listener.send_status(now)
+
+    def _note_failure(self, error: Exception) -> None:
+        """Count a failed reception; give the bus up if it is broken."""
+        now = self._clock()
+        self._failures += 1
+        self._failure_times.append(now)
+        is_full = len(self._failure_times) == ERRORS_PER_SECOND
+        is_known = isinstance(error, import_can().CanError | OSError)
+        if (is_full and now - self._failure_times[0] < 1.0) or not is_known or not is_open(self._bus):
+            self._lose_bus(error_line(error))
+
+    # --- the bus -------------------------------------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        """Open a new bus and receive from it."""
+        self._bus = self._open_bus()
+        is_stamped = type(self._bus).__name__ in HOST_STAMPED
+        self._inbox = (
+            DirectInbox(self._bus, self._clock)
+            if is_stamped
+            else ThreadedInbox(self._bus, self._clock, self._limit)
+        )
+        self._failure_times.clear()
+        self.listener.use(self._bus)
+
+    def _disconnect(self) -> None:
+        """End reception and shut the bus down, in this order."""
+        self.listener.use(None)
+        if self._inbox is not None:
+            self._inbox.close()
+            self._inbox = None
+        if self._bus is not None:
+            drops = kernel_drops(self._bus)
+            self._drops_known |= drops is not None
+            self._drops += drops or 0
+            shut_down(self._bus)
+            self._bus = None
+
+    def _lose_bus(self, reason: str) -> None:
+        """Give up a bus that failed; it is opened again after a while."""
+        self.last_fault = reason
+        self._disconnect()
+        now = self._clock()
+        self.machine.restart(now)
+        self.machine.bus_state = BusState.DISCONNECTED
+        self._back_off.failed(now)
+
+    def _reconnect(self, now: float) -> None:
+        """Try to open a new bus.
+
+        Raises
+        ------
+        StrainfmuError
+            The number of attempts is used up.
+        """
+        try:
+            self._connect()
+        except StrainfmuError as error:
+            self.last_fault = str(error)
+            self._back_off.failed(now)
+            if self._back_off.exhausted:
+                raise StrainfmuError(f"the bus was lost and could not be opened again: {error}") from error
+            return
+        self._back_off.opened(now)
+        self.listener.reconnects = self._back_off.reconnects
+        if self._back_off.exhausted:
+            self._disconnect()
+            raise StrainfmuError(f"the bus was lost again and again: {self.last_fault}")
+        self.machine.restart(now)
+
+    # --- what it has done ----------------------------------------------------------------------------------------
+
+    @property
+    def reconnects(self) -> int:
+        """How often the bus was reopened."""
+        return self._back_off.reconnects
+
+    def account(self) -> FrameAccount:
+        """Return the account of all frames so far."""
+        return self.machine.account
+
+    def summary(self) -> BridgeSummary:
+        """Return the summary of the run so far."""
+        listener = self.listener
+        return BridgeSummary(
+            duration=self._clock() - self._start,
+            cpu=time.process_time() - self._cpu,
+            account=self.account(),
+            qualities=Counter(listener.qualities),
+            healths=Counter(listener.healths),
+            navigated=listener.navigated,
+            latency=np.array(listener.latency),
+            sent=listener.sent,
+            send_failures=listener.send_failures,
+            malformed=listener.malformed,
+            last_malformed=listener.last_malformed,
+            failures=self._failures,
+            reconnects=self._back_off.reconnects,
+            kernel_drops=self._drops if self._drops_known else None,
+            period_text=self.machine.period_text,
+            last_fault=self.last_fault,
+        )

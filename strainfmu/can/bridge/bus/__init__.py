@@ -1,1 +1,0 @@
-"""The bus itself: opened by python-can, read and written below it, opened again when it fails."""

@@ -1,1 +1,0 @@
-"""What a bridge keeps in files: the freshness value across runs, and the zeros of a tare."""

@@ -1,1 +1,0 @@
-"""Results out: their frames on the bus, composed and sent."""

@@ -1,1 +1,0 @@
-"""Frames in: accepted, counted, trusted or not, put together to cycles and decoded to strains."""

@@ -1,1 +1,0 @@
-"""The judgement of each gauge by its values: range, jumps, noise, freezing; and its verdict."""

@@ -1,0 +1,230 @@
+"""The listener of a bus: messages of python-can in, results out, to a function and as frames on the bus.
+
+A bridge is a listener with a loop (:mod:`strainfmu.can.bridge`); a replay gives it the messages of a log.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Any
+
+from strainfmu.can.frame import Frame, MalformedFrame, error_line, from_message, import_can, to_message
+from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.machine import Machine, Result
+from strainfmu.can.quality import Cause, FrameAccount, Quality
+from strainfmu.can.result_frames import BridgeStatus, ResultFrames
+from strainfmu.can.result_layouts import STATUS_PERIOD
+
+Clock = Callable[[], float]
+"""Returns seconds that never go back."""
+
+HOST_STAMPED = ("SocketcanBus", "UdpMulticastBus", "VirtualBus")
+"""Buses of python-can whose messages have the time of this host at their reception, since 1970."""
+
+_LONGEST_WAIT = 60.0
+"""Time for which a message may have waited [s]; one that seems older has a time of another clock."""
+
+FAILURES_IN_A_ROW = 20
+"""Failed transmissions in a row after which the bus counts as broken."""
+
+_GOOD = (Quality.VALID, Quality.UNPROTECTED)
+_LATENCIES = 200_000
+"""Number of latencies kept for the percentiles, the latest ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taps:
+    """The clock of a run and the functions that are called in it, which must not block.
+
+    Attributes
+    ----------
+    on_received, on_sent : called with every frame and its time, in the order of their times; a sent one that comes
+        back is not received once more.
+    on_result : called with every result after it was sent.
+    """
+
+    clock: Clock = time.monotonic
+    on_received: Callable[[Frame], None] | None = None
+    on_sent: Callable[[Frame], None] | None = None
+    on_result: Callable[[Result], None] | None = None
+
+
+class BusListener:
+    """Takes in the messages of a bus and the time; sends the results of its machine.
+
+    Parameters
+    ----------
+    machine : of the input.
+    result_layouts : frames that are sent.
+    configuration : number of the gauge assignment, 0 for none.
+    taps : clock and functions of the run.
+
+    Attributes
+    ----------
+    qualities, healths, navigated : results by quality, estimates by state of health, and results with both Mach
+        number
+        and altitude.
+    latency : from the last frame of a cycle to its results on the bus [s].
+    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
+    sent, send_failures : number of frames.
+    failure : last failure to send; ``is_broken``: too many in a row.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        result_layouts: tuple[FrameLayout, ...],
+        configuration: int = 0,
+        taps: Taps | None = None,
+    ) -> None:
+        self.machine, self.taps = machine, taps or Taps()
+        first = int(machine.plan.record["first_result"][0])
+        self._frames, self._clock = ResultFrames(result_layouts, configuration, first), self.taps.clock
+        self._bus: Any = None
+        self._is_stamped = False
+        self.known = self._clock()
+        """A time that no later frame precedes [s]."""
+        self.qualities: Counter[Quality] = Counter()
+        self.healths: Counter[int] = Counter()
+        self.latency: deque[float] = deque(maxlen=_LATENCIES)
+        self.navigated = self.answered = 0
+        self.last: Result | None = None
+        self._last_valid: Result | None = None
+        self.malformed, self.last_malformed = 0, ""
+        self.sent = self.send_failures = self._failed_in_a_row = 0
+        self.failure = ""
+        self.reconnects = 0
+        self.next_status = self._clock()
+
+    def use(self, bus: Any) -> None:
+        """Send on ``bus`` from now on, on none if None."""
+        self._bus, self._failed_in_a_row = bus, 0
+        self._is_stamped = type(bus).__name__ in HOST_STAMPED
+        self._errors = () if bus is None else (import_can().CanError, OSError, ValueError)
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether too many transmissions in a row have failed."""
+        return self._failed_in_a_row >= FAILURES_IN_A_ROW
+
+    # --- in ------------------------------------------------------------------------------------------------------
+
+    def on_message_received(self, message: Any) -> None:
+        """Take in a message of python-can."""
+        self.take(message, self._clock())
+
+    __call__ = on_message_received
+
+    def take(self, message: Any, now: float) -> None:
+        """Take in a message that is read at ``now`` [s].
+
+        Its time is when this host received it, where it has stamped it, in whole microseconds, which every log
+        holds exactly.
+        """
+        when = now
+        if self._is_stamped:
+            waited = time.time() - message.timestamp
+            when = round(1e6 * (now - waited)) / 1e6 if 0.0 < waited < _LONGEST_WAIT else now
+        self.known = when = max(when, self.known)
+        try:
+            frame = from_message(message, when)
+        except MalformedFrame as error:
+            self.count_malformed(error)
+        else:
+            self.receive(frame)
+
+    def receive(self, frame: Frame) -> None:
+        """Take in a frame with its time."""
+        machine, tap = self.machine, self.taps.on_received
+        if tap is None:
+            results = machine.receive(frame)
+        else:
+            returned = machine.own.returned
+            results = machine.receive(frame)
+            if machine.own.returned == returned:
+                tap(frame)
+        if results:
+            self._publish(results)
+
+    def advance(self, known: float) -> None:
+        """Answer what is due by ``known`` [s], a time that no later frame precedes."""
+        self.known = max(known, self.known)
+        if results := self.machine.advance(self.known):
+            self._publish(results)
+        if known >= self.next_status:
+            self.send_status(known)
+
+    def count_malformed(self, error: BaseException) -> None:
+        """Count a message that is no frame."""
+        self.malformed += 1
+        self.last_malformed = error_line(error)
+
+    # --- out -----------------------------------------------------------------------------------------------------
+
+    def _publish(self, results: list[Result]) -> None:
+        """Send results, then count them and pass them on."""
+        self.answered += len(results)
+        for result in results:
+            self._send(self._frames.of_result(result))
+            self.qualities[result.quality] += 1
+            self.last = result
+            if result.health is not None:
+                self.healths[result.health] += 1
+            self.navigated += isfinite(result.mach_number) and isfinite(result.altitude)
+            if result.quality in _GOOD:
+                self._last_valid = result
+            if result.arrival == result.arrival:
+                self.latency.append(self._clock() - result.arrival)
+            if self.taps.on_result is not None:
+                self.taps.on_result(result)
+
+    def send_status(self, now: float) -> None:
+        """Send the state of the bridge at ``now`` [s]."""
+        last, machine = self.last, self.machine
+        status = BridgeStatus(
+            time=now,
+            quality=Quality.NO_DATA if last is None else last.quality,
+            bus_state=machine.bus_state,
+            last_valid=self._last_valid,
+            account=machine.account,
+            cycles=self.answered,
+            send_failures=self.send_failures,
+            reconnects=self.reconnects,
+            envelope_score=nan if last is None else last.envelope_score,
+            causes=Cause.NONE if last is None else last.causes,
+            age_uncertainty=nan if last is None else last.age_uncertainty,
+            counter=None if last is None else last.counter,
+            usable=last is not None and last.usable,
+        )
+        self._send(self._frames.of_status(status))
+        # Without catching up: a late status is useless.
+        self.next_status = max(self.next_status + STATUS_PERIOD, now)
+
+    def _send(self, frames: Iterable[Frame]) -> None:
+        """Send ``frames``, each at most once and at once: a result that cannot be sent now would be old later."""
+        if self._bus is None:
+            return
+        sending, tap = self.machine.own.sending, self.taps.on_sent
+        for frame in frames:
+            sending(frame)  # it may come back before the call returns
+            try:
+                self._bus.send(to_message(frame), timeout=0.0)
+            except self._errors as error:
+                self.send_failures += 1
+                self._failed_in_a_row += 1
+                self.failure = error_line(error)
+                continue
+            self._failed_in_a_row = 0
+            self.sent += 1
+            if tap is not None:
+                frame.time = self._clock()
+                tap(frame)
+
+    @property
+    def account(self) -> FrameAccount:
+        """The frames so far."""
+        return self.machine.account

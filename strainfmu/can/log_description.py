@@ -1,0 +1,111 @@
+"""The description next to a log, LOG.json: options, start, end of a bridge. With it a replay repeats the run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from strainfmu.can.frame import error_line
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.profiles import Identifiers
+from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import TARE
+
+SIDECAR_VERSION = 1
+
+_FILES = ("dbc", "mapping", "key_file", "freshness_file", "zeros", TARE, "tare_known", "tare_output")
+"""Options that are files."""
+
+
+def sidecar(path: Path) -> Path:
+    """Return where the description of a log lies."""
+    return path.with_name(f"{path.name}.json")
+
+
+def load_description(path: Path) -> dict[str, Any] | None:
+    """Return the description of the log at ``path``, None if there is none.
+
+    Raises
+    ------
+    InputError
+        It is damaged or of another version.
+    """
+    beside = sidecar(path)
+    if not beside.is_file():
+        return None
+    try:
+        found = json.loads(beside.read_text())
+        if found.get("version") != SIDECAR_VERSION:
+            raise InputError(f"{beside}: expected version {SIDECAR_VERSION}, got {found.get('version')}")
+        return {**found, **_run(found), "options": _options(found["options"])}
+    except KeyError as error:
+        raise InputError(f"{beside}: damaged: no entry {error}") from error
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        raise InputError(f"{beside}: damaged: {error_line(error)[:200]}") from error
+
+
+def _run(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of a description about the run itself, times in s; raise if one is of another kind."""
+    run: dict[str, Any] = {name: _checked(name, found[name], str) for name in ("fmu", "fmu_sha256")}
+    run |= {name: _checked(name, found[name], float) for name in ("start", "log_start")}
+    run["end"] = _checked("end", found.get("end"), float | None)
+    run["freshness"] = _checked("freshness", found.get("freshness"), int | None)
+    run["first_result"] = _checked("first_result", found.get("first_result", 0), int)
+    run["lost"] = _checked("lost", found.get("lost", 0), int)
+    for name in ("skips", "unanswered"):
+        run[name] = [(_checked(name, a, float), _checked(name, b, float)) for a, b in found.get(name, ())]
+    return run
+
+
+def _checked(name: str, value: Any, kind: Any) -> Any:
+    """Return ``value`` if it is of ``kind``, a type or a union; a whole number is a float too.
+
+    Raises
+    ------
+    ValueError
+        It is of another kind, or no finite number.
+    """
+    kinds = get_args(kind) or (kind,)
+    if type(value) is int and float in kinds:
+        value = float(value)
+    is_bool = isinstance(value, bool) and bool not in kinds
+    if is_bool or not isinstance(value, kinds) or (isinstance(value, float) and not isfinite(value)):
+        allowed = " or ".join("null" if one is type(None) else one.__name__ for one in kinds)
+        raise ValueError(f"entry '{name}': expected {allowed}, got {str(value)[:40]!r}")
+    return value
+
+
+def plain_options(options: BridgeOptions) -> dict[str, Any]:
+    """Return the options as JSON holds them; files by their whole path, none of their content."""
+    held = asdict(options)
+    for name in _FILES:
+        held[name] = None if held[name] is None else str(Path(held[name]).resolve())
+    return held
+
+
+def _options(held: Mapping[str, Any]) -> BridgeOptions:
+    """Return the options that :func:`plain_options` gave; raise if one is missing or of another kind."""
+    numbers = _checked("identifiers", held["identifiers"], dict)
+    texts = _checked("bus_options", held["bus_options"], list)
+    options: dict[str, Any] = {
+        "identifiers": Identifiers(
+            **{name: _checked(name, numbers[name], kind) for name, kind in _kinds(Identifiers)}
+        ),
+        "bus_options": tuple(_checked("bus_options", text, str) for text in texts),
+    }
+    for name in _FILES:
+        text = _checked(name, held.get(name), str | None)
+        options[name] = None if text is None else Path(text)
+    for name, kind in _kinds(BridgeOptions):
+        if name not in options and name in held:
+            options[name] = _checked(name, held[name], kind)
+    return BridgeOptions(**options)
+
+
+def _kinds(record: type) -> list[tuple[str, Any]]:
+    """Return the names and types of a dataclass's entries."""
+    return list(get_type_hints(record).items())

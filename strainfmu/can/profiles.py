@@ -1,0 +1,350 @@
+"""The profiles, frame layouts that need no DBC file: each is one file of the folder ``profiles``.
+
+A file states the frames of any number of gauges and sensors; signals.toml holds the signals that profiles share.
+The names of gauges and sensors, their number, identifiers, period and configuration number come from the user: no
+DBC file could hold them all, so that ``strainfmu dbc`` writes one from the same frames.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from strainfmu.can.authentic import AuthenticationKey, Secured
+from strainfmu.can.frame import EXTENDED_FLAG, Protection
+from strainfmu.can.frame_layout import (
+    BIG,
+    FLOW_QUANTITIES,
+    LITTLE,
+    FlowSignal,
+    FrameLayout,
+    InputFrame,
+    InputLayout,
+    SignalLayout,
+)
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
+from strainfmu.units import STRAIN_UNITS
+
+_FOLDER = Path(__file__).parent / "profiles"
+_SHARED = "signals"
+
+SECURED_PROFILE = "fd64-sec"
+
+PROFILES = ("fd64", "classic-le", SECURED_PROFILE)
+
+SENDER = "StrainSender"
+BRIDGE = "StrainBridge"
+
+E2E_CRC, E2E_COUNTER = "E2E_CRC", "E2E_Counter"
+"""Signals of the end-to-end protection, which are written when all others are."""
+
+_READING = "reading"
+_UNITS = {"1": "m/m"}
+"""Units of FMI that a DBC file writes otherwise."""
+
+
+@dataclass(frozen=True)
+class Identifiers:
+    """Identifiers of the frames of a profile.
+
+    Attributes
+    ----------
+    base : identifier of the frame of q_inf; strain frames, the trailer and the frame of navigation follow. The
+        frame ahead of it holds the state of the sender; with base 0 there is none.
+    result_base : identifier of the first result frame.
+    is_extended : 29 bit identifiers.
+    """
+
+    base: int = 0x300
+    result_base: int = 0x380
+    is_extended: bool = False
+
+    def checked(self, n_input: int, n_result: int) -> Identifiers:
+        """Return self if ``n_input`` input and ``n_result`` result frames have identifiers of their own.
+
+        Raises
+        ------
+        InputError
+            Identifiers overlap or do not exist.
+        """
+        limit = EXTENDED_FLAG >> 2 if self.is_extended else 0x800
+        first_input = max(self.base - 1, 0)
+        for name, first, count in (
+            ("input", first_input, n_input + self.base - first_input),
+            ("result", self.result_base, n_result),
+        ):
+            if first < 0 or first + count > limit:
+                raise InputError(
+                    f"{name} identifiers: 0x{first:X} and {count - 1} more found, 0 to 0x{limit - 1:X} allowed"
+                )
+        if first_input < self.result_base + n_result and self.result_base < self.base + n_input:
+            raise InputError(
+                f"result identifiers: expected others than the input's, 0x{first_input:X} to "
+                f"0x{self.base + n_input - 1:X}, got 0x{self.result_base:X} and {n_result - 1} more"
+            )
+        return self
+
+
+def configuration_of(profile: str, gauge_names: Sequence[str]) -> int:
+    """Return the 16 bit number that identifies an assignment of gauges to frames.
+
+    The first two bytes of the SHA-256 of profile and gauge names in their order; 0 and 65535 are not used.
+    """
+    digest = hashlib.sha256("\n".join((profile, *gauge_names)).encode()).digest()
+    return 1 + int.from_bytes(digest[:2], "big") % 65534
+
+
+def signal_names(gauge_names: Sequence[str], kind: str = "gauge") -> list[str]:
+    """Return a distinct C identifier for every gauge, or other ``kind`` of sensor, as DBC files require."""
+    names: list[str] = []
+    for number, gauge in enumerate(gauge_names, start=1):
+        name = re.sub(r"\W+", "_", gauge, flags=re.ASCII)[:28]
+        if not re.match(r"[A-Za-z_]", name) or name in names:
+            name = f"{kind}_{number}_{name}"[:32]
+        names.append(name)
+    return names
+
+
+@cache
+def _stated(name: str) -> Mapping[str, Any]:
+    """Return what the file of a profile states, and of the profile that it is like, or the shared signals."""
+    return tomllib.loads((_FOLDER / f"{name}.toml").read_text("utf-8"))
+
+
+LARGEST_DYNAMIC_PRESSURE: float = _stated(_SHARED)[DYNAMIC_PRESSURE]["maximum"]
+"""Dynamic pressure [Pa] above which there are no coefficients."""
+
+
+@cache
+def _profile(name: str) -> Mapping[str, Any]:
+    """Return what a profile states; what it is like states the entries and signals that it does not."""
+    own = _stated(name)
+    before = _profile(own["like"]) if "like" in own else {"signal": _stated(_SHARED)}
+    return {**_merged(before, own), "signal": {**before["signal"], **own.get("signal", {})}}
+
+
+def _merged(before: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of ``before``, in their order, replaced by entries of ``own``, table by table."""
+    merged = {**before, **own}
+    for name, entry in own.items():
+        if isinstance(entry, Mapping) and isinstance(before.get(name), Mapping):
+            merged[name] = _merged(before[name], entry)
+    return merged
+
+
+def result_form_of(profile: str) -> str:
+    """Return the form of the result frames for a profile."""
+    return str(_profile(profile)["results"])
+
+
+def shared_signal(field: str, first_bit: int) -> SignalLayout:
+    """Return the signal ``field`` of signals.toml, little endian, at its place in a frame."""
+    return _signal(_stated(_SHARED)[field], first_bit, LITTLE)
+
+
+def header_5() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 5."""
+    return shared_signal("crc_5", 0), shared_signal("counter_5", 16)
+
+
+def header_1() -> tuple[SignalLayout, SignalLayout]:
+    """Return CRC and counter of E2E profile 1."""
+    return shared_signal("crc_1", 0), shared_signal("counter_1", 8)
+
+
+def _signal(stated: Mapping[str, Any], first_bit: int, byte_order: str, **known: Any) -> SignalLayout:
+    """Return a signal; ``byte_order`` is for one that states none, ``known`` are fields that the user gives.
+
+    A big endian signal begins with the highest bit of its first byte.
+    """
+    fields = {name: value for name, value in stated.items() if name in SignalLayout.__dataclass_fields__}
+    fields = {"byte_order": byte_order, **fields, **known}
+    start = first_bit + 7 if fields["byte_order"] == BIG else first_bit
+    choices = tuple((number, text) for number, text in stated.get("choices", ()))
+    return SignalLayout(**{**fields, "start": start, "choices": choices})
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Measured:
+    """A gauge by its number, or another input of the estimator by its name; its signal, and its unit if stated."""
+
+    source: int | str
+    name: str
+    unit: str = ""
+
+
+def profile_layout(
+    profile: str,
+    gauge_names: Sequence[str],
+    cycle_time: float,
+    identifiers: Identifiers | None = None,
+    key: AuthenticationKey | None = None,
+    has_tare: bool = False,
+    readings: Mapping[str, str] | None = None,
+) -> InputLayout:
+    """Return the frames of ``profile`` for gauges in the order of ``gauge_names``, sent every ``cycle_time`` [s].
+
+    ``key`` is the key of profile fd64-sec; without it frames are described, but neither encoded nor checked.
+    ``has_tare`` adds the frame that asks for a tare, ``readings`` the frames of auxiliary sensors and thrust:
+    their units by name of the estimator's input.
+
+    Raises
+    ------
+    InputError
+        There is no such profile, it has no key, or it needs more identifiers than there are.
+    """
+    if profile not in PROFILES:
+        raise InputError(f"profile: expected one of {', '.join(PROFILES)}, got '{profile}'")
+    if key is not None and profile != SECURED_PROFILE:
+        raise InputError(
+            f"key: expected profile {SECURED_PROFILE}, got '{profile}', whose frames are not authenticated"
+        )
+    identifiers, readings = identifiers or Identifiers(), readings or {}
+    names = signal_names(gauge_names)
+    reading_names = signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor")
+    held = {
+        STRAIN: [_Measured(source=index, name=name) for index, name in enumerate(names)],
+        _READING: [
+            _Measured(source=one, name=name, unit=_UNITS.get(unit, unit))
+            for (one, unit), name in zip(readings.items(), reading_names, strict=True)
+        ],
+    }
+    maker = _Maker(
+        _profile(profile), cycle_time, identifiers, configuration_of(profile, (*gauge_names, *readings))
+    )
+    frames = maker.frames(held, has_tare)
+    state = next((frame for frame in frames if frame.session is not None), None)
+    identifiers.checked(len(frames) - (state is not None), 1)
+    return InputLayout(
+        name=profile,
+        n_gauges=len(names),
+        strain_frames=tuple(frame for frame in frames if frame.gauges),
+        flow_frames=tuple(frame for frame in frames if frame.flow),
+        trailer=next((frame for frame in frames if frame.is_trailer), None),
+        command=next((frame for frame in frames if frame.request is not None), None),
+        state=state,
+        cycle_time=cycle_time,
+        key=key,
+        shares_clock=True,
+    )
+
+
+@dataclass(frozen=True)
+class _Maker:
+    """Makes the frames of a profile of what its file states, with period [s], identifiers and configuration."""
+
+    profile: Mapping[str, Any]
+    cycle_time: float
+    identifiers: Identifiers
+    configuration: int
+
+    def frames(self, held: Mapping[str, Sequence[_Measured]], has_tare: bool) -> list[InputFrame]:
+        """Return all frames in the order of their identifiers; ``held`` are gauges and readings."""
+        made: list[InputFrame] = []
+        alone: list[InputFrame] = []
+        for name, stated in self.profile["frame"].items():
+            if "request" in stated["fields"] and not has_tare:
+                continue
+            if "place" in stated:
+                if self.identifiers.base + stated["place"] >= 0:
+                    alone.append(self._frame(name, stated, stated["place"], 0, ()))
+                continue
+            repeated = next((kind for kind in held if kind in stated["fields"]), None)
+            if repeated is None:
+                made.append(self._frame(name, stated, len(made), 0, ()))
+                continue
+            size = stated["per_frame"]
+            for number, first in enumerate(range(0, len(held[repeated]), size)):
+                chosen = held[repeated][first : first + size]
+                made.append(self._frame(f"{name}{number + 1}", stated, len(made), number, chosen))
+        return [*made, *alone]
+
+    def _frame(
+        self, name: str, stated: Mapping[str, Any], place: int, number: int, chosen: Sequence[_Measured]
+    ) -> InputFrame:
+        """Return the frame at the ``place`` of all, the ``number`` of its kind, with the ``chosen`` signals."""
+        signals: list[SignalLayout] = []
+        roles: dict[str, int] = {}
+        tick = InputFrame.tick
+        for field, first_bit in stated["fields"].items():
+            definition = self.profile["signal"][field]
+            role = definition.get("role", field)
+            roles[role] = len(signals)
+            tick = definition.get("tick", tick) if role == "sample_time" else tick
+            signals += self._signals(role, definition, first_bit, chosen)
+        first = roles.get(STRAIN, roles.get(_READING, 0))
+        indices = tuple(range(first, first + len(chosen))) if STRAIN in roles else ()
+        flow = [(one, roles[one]) for one in roles if one in FLOW_QUANTITIES]
+        if _READING in roles:
+            flow = [(str(one.source), first + index) for index, one in enumerate(chosen)]
+        layout = FrameLayout(
+            name=name,
+            identifier=self.identifiers.base + place,
+            length=stated["length"],
+            signals=tuple(signals),
+            is_extended=self.identifiers.is_extended,
+            is_fd=self.profile["fd"],
+            cycle_time=self.cycle_time,
+            sender=SENDER,
+            comment=stated["comment"],
+        )
+        if "end_to_end" in stated:
+            layout = self._protected(layout, stated["end_to_end"], number, roles.get("message_counter"))
+        return InputFrame(
+            layout=layout,
+            indices=indices,
+            gauges=tuple(int(one.source) for one in chosen) if indices else (),
+            to_strain=tuple(STRAIN_UNITS[signals[index].unit] for index in indices),
+            flow=tuple(FlowSignal(quantity=quantity, index=index) for quantity, index in flow),
+            sample_time=roles.get("sample_time"),
+            tick=tick,
+            status=roles.get("status"),
+            configuration=roles.get("configuration"),
+            request=roles.get("request"),
+            session=roles.get("session"),
+            heard_counter=roles.get("heard_counter"),
+            heard_time=roles.get("heard_time"),
+            heard_delay=roles.get("heard_delay"),
+            is_trailer=stated.get("ends_cycle", False),
+        )
+
+    def _signals(
+        self, role: str, definition: Mapping[str, Any], first_bit: int, chosen: Sequence[_Measured]
+    ) -> list[SignalLayout]:
+        """Return the signal of a role; of strains and readings one for each of the ``chosen``, side by side."""
+        order = self.profile["byte_order"]
+        if role == "configuration":
+            return [_signal(definition, first_bit, order, initial=self.configuration)]
+        if role not in (STRAIN, _READING):
+            return [_signal(definition, first_bit, order)]
+        return [
+            _signal(
+                definition,
+                first_bit + definition["length"] * index,
+                order,
+                name=one.name,
+                unit=one.unit or definition.get("unit", ""),
+                comment=definition["comment"].replace("INPUT", str(one.source)),
+            )
+            for index, one in enumerate(chosen)
+        ]
+
+    def _protected(
+        self, layout: FrameLayout, stated: Mapping[str, Any], number: int, freshness: int | None
+    ) -> FrameLayout:
+        """Return a frame, ``number`` of its kind, with its protection; ``freshness`` is the message counter."""
+        data_id = self.configuration if stated["data_id"] == "configuration" else stated["data_id"] + number
+        if freshness is None:
+            return replace(layout, protection=Protection(stated["profile"], data_id))
+        end = layout.signals[freshness].start // 8
+        protection = Protection(stated["profile"], data_id, end)
+        return replace(layout, protection=protection, secured=Secured(data_id, end))

@@ -1,0 +1,352 @@
+"""What goes over the bus about a result, and its words; the account of received frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum, IntFlag
+from math import isnan
+from typing import Any
+
+from strainfmu.can.frame import EXTENDED_FLAG, Frame
+from strainfmu.estimator.health import HealthState
+
+LISTED_IDENTIFIERS = 64
+"""Maximum number of unknown identifiers counted one by one: a babbling bus must not fill the memory."""
+
+
+class FrameClass(Enum):
+    """Fate of a frame, in the order of bus.h."""
+
+    __hash__ = object.__hash__
+
+    USED = "used"
+    OWN = "own frame"
+    SECOND_BRIDGE = "result of another bridge"
+    UNKNOWN_IDENTIFIER = "unknown identifier"
+    ERROR_FRAME = "error frame"
+    REMOTE_FRAME = "remote frame"
+    WRONG_FORMAT = "wrong length or format"
+    SHED = "shed: sender babbles"
+    CORRUPT = "CRC does not fit"
+    NOT_AUTHENTIC = "authenticator does not fit"
+    NOT_FRESH = "freshness value not new"
+    WRONG_CONFIGURATION = "other configuration"
+    OLD_SESSION = "of an earlier run of the sender"
+    REPEATED = "repeated counter"
+    WRONG_SEQUENCE = "counter out of sequence"
+    LATE = "older than its cycle"
+    NOT_TRUSTED = "E2E state not VALID"
+    UNVERIFIED = "in a cycle whose CRC does not fit or is missing"
+    TOO_OLD = "in a cycle that is too old, frozen or of a clock that jumped"
+    NOT_USABLE = "right, but holds no usable value"
+    OVERRUN = "dropped: queue full"
+    SKIPPED = "skipped: newer cycles waited"
+    UNFINISHED = "in a cycle that was open at the end"
+
+
+NUMBER_OF = {kind: number for number, kind in enumerate(FrameClass)}
+"""Number of a class in compiled code."""
+
+
+@dataclass(kw_only=True)
+class FrameAccount:
+    """Counts of frames by class at one time.
+
+    Attributes
+    ----------
+    received : number of all frames.
+    pending : number of frames in the open cycle.
+    classes : number of frames in each class.
+    unknown : count per unknown key, of the first LISTED_IDENTIFIERS keys.
+    first_time, last_time : of the first and the last frame of a class, local monotonic clock [s].
+    """
+
+    received: int = 0
+    pending: int = 0
+    classes: dict[FrameClass, int] = field(default_factory=lambda: dict.fromkeys(FrameClass, 0))
+    unknown: dict[int, int] = field(default_factory=dict)
+    first_time: dict[FrameClass, float] = field(default_factory=dict)
+    last_time: dict[FrameClass, float] = field(default_factory=dict)
+
+    @property
+    def rejected(self) -> int:
+        """Number of frames in any class but USED."""
+        return sum(self.classes.values()) - self.classes[FrameClass.USED]
+
+    @property
+    def unaccounted(self) -> int:
+        """Number of received frames less those in a class or pending: 0, or the bridge has a defect."""
+        return self.received - self.pending - sum(self.classes.values())
+
+    def rows(self) -> list[tuple[str, int]]:
+        """Return the rows to show: received, then every class that is not empty."""
+        rows = [("received", self.received)]
+        rows += [(kind.value, count) for kind, count in self.classes.items() if count]
+        if self.pending:
+            rows.append(("in an open cycle", self.pending))
+        return rows
+
+    def unknown_text(self) -> str:
+        """Return the unknown identifiers with their counts, most frequent first."""
+        ranked = sorted(self.unknown.items(), key=lambda item: -item[1])
+        return ", ".join(f"0x{key & ~EXTENDED_FLAG:X}: {count}" for key, count in ranked[:8])
+
+
+def account_of(record: Any, unknown: dict[int, int]) -> FrameAccount:
+    """Return the account that compiled code keeps in ``record``."""
+    times = [
+        {kind: time for kind, time in zip(FrameClass, record[name].tolist(), strict=True) if not isnan(time)}
+        for name in ("first", "last")
+    ]
+    return FrameAccount(
+        received=int(record["received"]),
+        pending=int(record["pending"]),
+        classes=dict(zip(FrameClass, record["count"].tolist(), strict=True)),
+        unknown=dict(unknown),
+        first_time=times[0],
+        last_time=times[1],
+    )
+
+
+class Quality(IntEnum):
+    """Verdict on one result. The numbers go over the bus and never change; 15 is kept for "not available"."""
+
+    __hash__ = int.__hash__  # in C; Enum's own is a Python function
+
+    NO_DATA = 0
+    """Nothing trustworthy has been received since the start. No coefficients."""
+    VALID = 1
+    """Every gauge valid, fresh and end-to-end protected; the estimate is healthy."""
+    UNPROTECTED = 2
+    """As VALID, but without end-to-end protection of the input: complete, fresh and plausible, not proven."""
+    DEGRADED = 3
+    """Some gauges are left out, or the bridge is at its limits; sigma has grown accordingly."""
+    SUSPECT = 4
+    """The strains fit no known pressure, one gauge does not fit the others, or the flight is outside what the map
+    covers, where its sigma need not hold. Coefficients for information."""
+    STALE = 5
+    """The input is too old, or does not change. No coefficients."""
+    INVALID = 6
+    """Nothing can be computed. No coefficients."""
+    UNCONFIRMED = 7
+    """Not proven to be the newest strains of the one sender: delay may hide, a restart may be a recording, or a
+    second sender or bridge is on the bus, or its period is another. Coefficients for information."""
+
+    has_coefficients: bool
+    """Coefficients are published with this quality."""
+
+
+_WITH_COEFFICIENTS = {Quality.VALID, Quality.UNPROTECTED, Quality.DEGRADED, Quality.SUSPECT, Quality.UNCONFIRMED}
+for _quality in Quality:  # once, as it is asked for several times a cycle
+    _quality.has_coefficients = _quality in _WITH_COEFFICIENTS
+
+
+class Cause(IntFlag):
+    """Why a result is not VALID, or less proven than before; 32 bits that go over the bus and never change.
+
+    Bit 15 is none: in frames with room for 16 bits it says that there are causes above it.
+    """
+
+    __bool__ = int.__bool__  # in C, too
+
+    NONE = 0
+    PARTIAL_CYCLE = 1 << 0
+    """Frames of the cycle are missing."""
+    GAUGE_INVALID = 1 << 1
+    """A gauge reports no value, is out of range, frozen, exactly zero or jumps."""
+    NOT_TRUSTED = 1 << 2
+    """The E2E state machine of a frame is not VALID."""
+    CYCLE_CRC = 1 << 3
+    """The CRC or counter over the cycle does not fit."""
+    OLD = 1 << 4
+    """The strains are older than allowed."""
+    FROZEN = 1 << 5
+    """No gauge of the cycle has changed for longer than allowed."""
+    SILENT = 1 << 6
+    """No cycle was received in time."""
+    DYNAMIC_PRESSURE = 1 << 7
+    """q_inf is missing, too old or not plausible."""
+    CLOCK_JUMP = 1 << 8
+    """The sender's clock or counter jumped: a restart."""
+    SENDER_STATUS = 1 << 9
+    """The sender itself reports that its values are degraded or not to be used."""
+    HEALTH = 1 << 10
+    """The estimator reports it in health.state."""
+    STEP_FAILED = 1 << 11
+    """The FMU refused the step, or an output is not finite."""
+    OVERLOAD = 1 << 12
+    """Frames were dropped or shed because time was short."""
+    BUS = 1 << 13
+    """The bus is passive, off, or was reopened."""
+    NAVIGATION = 1 << 14
+    """Mach number, altitude or a flow parameter was known and is not any more: fewer tests of the
+    envelope, the quality is as before."""
+    HIDDEN_DELAY = 1 << 16
+    """As much delay as is allowed was taken for a slow clock of the sender; more of it may hide."""
+    UNPROVEN_RESTART = 1 << 17
+    """The sender's time has jumped, and nothing proves that it is not a recording."""
+    SECOND_SENDER = 1 << 18
+    """Frames with correct CRC whose counter belongs to other strains, or again and again out of sequence."""
+    SECOND_BRIDGE = 1 << 19
+    """Result frames on our identifiers that are not ours."""
+    TARE_RUNNING = 1 << 20
+    """Strains are collected for the zeros of the gauges; the quality is as before, as with the next two."""
+    TARE_REFUSED = 1 << 21
+    """A tare was asked for, and loads are not known or the strains are no zeros: zeros are as before."""
+    ZEROS_TAKEN = 1 << 22
+    """The zeros of the gauges are new: strains of a tare are taken off from now on."""
+    TEMPERATURE = 1 << 23
+    """A temperature was known and is not any more: sigma is larger, the quality is as before."""
+    NOT_AUTHENTIC = 1 << 24
+    """Frames were refused whose authenticator does not fit, or whose freshness value is not new; the quality is as
+    before, for what is used is authentic."""
+    SENSOR = 1 << 25
+    """The reading of an auxiliary sensor, or thrust, was known and is not any more: the sensor is
+    left out, as health says."""
+    PERIOD = 1 << 26
+    """The sender's period is not the stated one, so limits counted in cycles are wrong."""
+    REPEATS = 1 << 27
+    """The strains are an earlier cycle's, bit by bit, which noise does not allow: not used."""
+
+
+MORE_CAUSES = 1 << 15
+"""In frames with room for 16 bits: the result has causes above bit 15, which another frame holds."""
+
+
+def low_causes(causes: Cause) -> int:
+    """Return the causes in 16 bits."""
+    return (int(causes) & (MORE_CAUSES - 1)) | (MORE_CAUSES if int(causes) >> 16 else 0)
+
+
+# --- the bus --------------------------------------------------------------------------------------------------
+
+_CONTROLLER, _BUS_OFF, _RESTARTED = 0x04, 0x40, 0x100
+_WARNING, _PASSIVE, _ACTIVE = 0x0C, 0x30, 0x40
+"""Bits of an error frame's identifier, and of its second byte if the controller reports its state."""
+
+
+class BusState(IntEnum):
+    """State of the controller; the numbers go over the bus and never change."""
+
+    ERROR_ACTIVE = 0
+    ERROR_WARNING = 1
+    ERROR_PASSIVE = 2
+    BUS_OFF = 3
+    DISCONNECTED = 4
+
+
+def state_after(state: BusState, frame: Frame) -> BusState:
+    """Return the state that the error frame ``frame`` leaves the controller in."""
+    if frame.identifier & _BUS_OFF:
+        return BusState.BUS_OFF
+    if frame.identifier & _RESTARTED:
+        return BusState.ERROR_ACTIVE
+    if frame.identifier & _CONTROLLER and len(frame.data) > 1:
+        flags = frame.data[1]
+        if flags & _PASSIVE:
+            return BusState.ERROR_PASSIVE
+        if flags & _WARNING:
+            return BusState.ERROR_WARNING
+        if flags & _ACTIVE:
+            return BusState.ERROR_ACTIVE
+    return state
+
+
+# --- words ----------------------------------------------------------------------------------------------------
+
+HEALING = "healing: good again, not long enough"
+REASONS = (
+    "",
+    "no frame",
+    "frame not trusted",
+    "no value or out of signal range",
+    "beyond sensor range",
+    "jumps",
+    "frozen",
+    "exactly zero",
+    HEALING,
+    FrameClass.UNVERIFIED.value,
+    FrameClass.REPEATED.value,
+    FrameClass.WRONG_SEQUENCE.value,
+    FrameClass.TOO_OLD.value,
+)
+"""Why a gauge is not used, in the order of bus.h; "" of one that is."""
+
+QUALITY_WORDS = {
+    Quality.NO_DATA: "nothing trustworthy received since the start",
+    Quality.VALID: "every gauge valid, fresh and protected",
+    Quality.UNPROTECTED: "complete and plausible, but the input has no end-to-end protection",
+    Quality.DEGRADED: "gauges left out or frames dropped: sigma has grown",
+    Quality.SUSPECT: "for information only: 3 sigma need not hold",
+    Quality.STALE: "input too old: no coefficients",
+    Quality.INVALID: "nothing can be computed: no coefficients",
+    Quality.UNCONFIRMED: "for information only: not proven to be the newest strains of the one sender",
+}
+
+CAUSE_WORDS = {
+    Cause.PARTIAL_CYCLE: "frames of the cycle are missing",
+    Cause.GAUGE_INVALID: "a gauge has no value or fails a check",
+    Cause.NOT_TRUSTED: "a frame is not trusted end to end",
+    Cause.CYCLE_CRC: "CRC or counter over the cycle does not fit",
+    Cause.OLD: "strains are older than allowed",
+    Cause.FROZEN: "strains do not change",
+    Cause.SILENT: "no frames in time",
+    Cause.DYNAMIC_PRESSURE: "dynamic pressure is missing, old or not plausible",
+    Cause.CLOCK_JUMP: "the sender's clock or counter jumped: a restart",
+    Cause.SENDER_STATUS: "the sender reports a fault",
+    Cause.HEALTH: "the estimator reports it in its health",
+    Cause.STEP_FAILED: "the estimator refused the step",
+    Cause.OVERLOAD: "frames were dropped: no time for them",
+    Cause.BUS: "the bus is passive, off or was reopened",
+    Cause.NAVIGATION: "Mach number, altitude or a parameter is no longer known",
+    Cause.TEMPERATURE: "a temperature is no longer known: sigma is larger",
+    Cause.SENSOR: "an auxiliary sensor or thrust is no longer known: it is left out",
+    Cause.REPEATS: "strains of an earlier cycle, bit by bit: the sender repeats a buffer",
+    Cause.PERIOD: "period: the sender's differs from the expected one",
+    Cause.NOT_AUTHENTIC: "a frame is not from the sender that holds the key, or is older than one seen before",
+    Cause.TARE_RUNNING: "strains are collected for a tare",
+    Cause.TARE_REFUSED: "a tare was asked for and refused: zeros are as before",
+    Cause.ZEROS_TAKEN: "a tare was taken: the zeros of the gauges are new",
+    Cause.HIDDEN_DELAY: "older than stated, perhaps: a slow clock, a growing delay, or cycles lost before",
+    Cause.UNPROVEN_RESTART: "a restart that may be a recording, or strains that stay late: confirm the sender",
+    Cause.SECOND_SENDER: "a second sender of the same frames",
+    Cause.SECOND_BRIDGE: "a second bridge answers on the same identifiers",
+}
+
+BUS_WORDS = {
+    BusState.ERROR_ACTIVE: "in order",
+    BusState.ERROR_WARNING: "errors on the bus",
+    BusState.ERROR_PASSIVE: "many errors on the bus: passive",
+    BusState.BUS_OFF: "bus off",
+    BusState.DISCONNECTED: "disconnected, to be reopened",
+}
+
+HEALTH_WORDS = {
+    HealthState.OK: "residual as expected",
+    HealthState.INCONSISTENT: "the strains fit no known pressure",
+    HealthState.NO_COEFFICIENTS: "no usable dynamic pressure",
+    HealthState.INVALID: "no gauge gives a valid strain, or all read exactly zero",
+    HealthState.DEGRADED: "gauges or navigation left out, sigma has grown",
+    HealthState.UNIDENTIFIED: "too few gauges identify the state",
+    HealthState.SUSPECT: "one gauge does not fit the others",
+    HealthState.OUTSIDE: "outside what the map covers",
+}
+
+
+def all_words() -> dict[str, dict[str, str]]:
+    """Return the words by kind and name; a cause or state without words is its name in lower case."""
+    kinds: dict[str, Mapping[Enum, str | None]] = {
+        "quality": {member: QUALITY_WORDS.get(member) for member in Quality},
+        "cause": {member: CAUSE_WORDS.get(member) for member in Cause},
+        "bus": {member: BUS_WORDS.get(member) for member in BusState},
+        "health": {member: HEALTH_WORDS.get(member) for member in HealthState},
+    }
+    return {
+        kind: {member.name: words or _plain(member.name) for member, words in found.items()}
+        for kind, found in kinds.items()
+    }
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ").lower()

@@ -1,0 +1,213 @@
+"""The composition of result and status frames from results and the state of the bridge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isnan, nan
+from operator import itemgetter
+
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.machine import Result
+from strainfmu.can.profiles import E2E_COUNTER, E2E_CRC
+from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass, Quality, low_causes
+from strainfmu.can.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES, OtherLoadSignals
+from strainfmu.can.signals import SignalPlan
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+
+_NOTHING = [nan] * 5
+_HEADER, _NO_HEADER = (E2E_CRC, E2E_COUNTER), (0, 0)
+"""Signals that are written when all others are, and their values until then: whole numbers are encoded fastest."""
+_LARGEST_UNCERTAINTY = 6553.4
+"""Largest uncertainty of an age in a frame [ms]; it stands for all above."""
+_LARGEST_SCORE = 25.4
+"""Largest envelope score of a classic frame; it stands for all above."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BridgeStatus:
+    """Contents of the status frames, which are sent every STATUS_PERIOD.
+
+    Attributes
+    ----------
+    last_valid : the last result of quality VALID or UNPROTECTED, or None.
+    envelope_score : of the last result [1], NaN for none.
+    causes, age_uncertainty, counter, usable : of the last result; the uncertainty [s], NaN for none.
+    account : of all frames so far.
+    cycles : number of results so far.
+    """
+
+    time: float
+    quality: Quality
+    bus_state: BusState
+    last_valid: Result | None
+    account: FrameAccount
+    cycles: int
+    send_failures: int
+    reconnects: int
+    envelope_score: float = nan
+    causes: Cause = Cause.NONE
+    age_uncertainty: float = nan
+    counter: int | None = None
+    usable: bool = False
+
+
+class ResultFrames:
+    """Composes result and status frames, each with its own counter.
+
+    Parameters
+    ----------
+    layouts : of :func:`result_layouts`.
+    configuration : number of the gauge assignment, as in the input's frames; 0 for none.
+    first : counter of the first result.
+    """
+
+    def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int, first: int = 0) -> None:
+        self._configuration = configuration
+        self._others = OtherLoadSignals(layouts)
+        names = (*_RESULT_NAMES, *self._others.names)
+        of_result = [layout for layout in layouts if layout.cycle_time is not None]
+        self._of_result = [_ResultFrame(layout, names, first) for layout in of_result]
+        no_result = [layout for layout in layouts if layout.cycle_time is None]
+        self._of_status = [_ResultFrame(layout, _STATUS_NAMES) for layout in no_result if layout.name != DETAIL]
+        self._details = [_ResultFrame(layout, _DETAIL_NAMES) for layout in no_result if layout.name == DETAIL]
+
+    def of_result(self, result: Result) -> list[Frame]:
+        """Return the frames of one result; frames of a result with further causes hold their details too."""
+        values = _result_values(result, self._configuration)
+        if self._others:
+            outputs = result.other_outputs if result.quality.has_coefficients else {}
+            values = (*values, *self._others.values(outputs).values())
+        frames = [frame.compose(values) for frame in self._of_result]
+        if int(result.causes) >> 16:
+            details = _detail_values(
+                result.quality, result.causes, result.age_uncertainty, result.counter, result.usable
+            )
+            frames += [frame.compose(details) for frame in self._details]
+        return frames
+
+    def of_status(self, status: BridgeStatus) -> list[Frame]:
+        """Return the frames of the bridge's status, and the details of the last result."""
+        values = _status_values(status, self._configuration)
+        details = _detail_values(
+            status.quality, status.causes, status.age_uncertainty, status.counter, status.usable
+        )
+        return [frame.compose(values) for frame in self._of_status] + [
+            frame.compose(details) for frame in self._details
+        ]
+
+
+class _ResultFrame:
+    """One frame, with its counter; ``names`` are the signals of the values that it is composed of."""
+
+    def __init__(self, layout: FrameLayout, names: Sequence[str], first: int = 0) -> None:
+        assert layout.protection is not None
+        self._plan = SignalPlan(layout)
+        self._pick = itemgetter(*[names.index(signal.name) for signal in layout.signals])
+        self._counter, self._modulus = first, layout.protection.counter_modulus
+        self._frame = Frame(
+            identifier=layout.identifier,
+            data=b"",
+            is_extended=layout.is_extended,
+            is_fd=layout.is_fd,
+            bitrate_switch=layout.is_fd,
+        )
+
+    def compose(self, values: Sequence[float]) -> Frame:
+        """Return the next frame with its signals among ``values``."""
+        counter = self._counter
+        self._counter = (counter + 1) % self._modulus
+        return self._frame.with_data(self._plan.protected(self._pick(values), counter))
+
+
+_RESULT_NAMES = (
+    *_HEADER,
+    *COEFFICIENT_NAMES,
+    *SIGMA_NAMES,
+    *("Quality", "Health", "Usable", "SampleTime", "ChiSquare", "Age", "Causes", "GaugesUsed", "AnsweredCounter"),
+    *("Configuration", "UsedPressure", "EnvelopeScore8"),
+)
+
+
+def _result_values(result: Result, configuration: int) -> tuple[float, ...]:
+    """Return the values of _RESULT_NAMES, NaN where a result has none."""
+    quality, health, score = result.quality, result.health, result.envelope_score
+    published = quality.has_coefficients
+    coefficients = result.coefficients.tolist() if published else _NOTHING
+    deviations = result.coefficients_std.tolist() if published else _NOTHING
+    return (
+        *_NO_HEADER,
+        *coefficients,
+        *deviations,
+        int(quality),
+        nan if health is None else health,
+        int(result.usable),
+        nan if result.sample_time is None else result.sample_time,
+        result.chi_square,
+        1e3 * result.age,
+        low_causes(result.causes),
+        min(result.valid.tobytes().count(1), 255),
+        result.counter or 0,
+        configuration,
+        result.dynamic_pressure,
+        nan if isnan(score) else min(score, _LARGEST_SCORE),
+    )
+
+
+_DETAIL_NAMES = (*_HEADER, "Quality", "AllCauses", "Usable", "AgeUncertainty", "AnsweredCounter")
+
+
+def _detail_values(
+    quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None, usable: bool
+) -> tuple[float, ...]:
+    """Return the values of _DETAIL_NAMES."""
+    return (
+        *_NO_HEADER,
+        int(quality),
+        int(causes),
+        int(usable),
+        nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
+        counter or 0,
+    )
+
+
+_COUNTS = ("Received", "Used", "Rejected", "Cycles", "Overrun")
+_STATUS_NAMES = (
+    *_HEADER,
+    *LAST_NAMES,
+    *_COUNTS,
+    *(f"{name}16" for name in _COUNTS),
+    *("LastAge", "LastAge16", "Quality", "BusState", "SendFailures", "Reconnects", "Drift", "EnvelopeScore"),
+    "Configuration",
+)
+
+
+def _status_values(status: BridgeStatus, configuration: int) -> tuple[float, ...]:
+    """Return the values of _STATUS_NAMES."""
+    last, account = status.last_valid, status.account
+    age = nan if last is None else 1e3 * (status.time - last.time + last.age)
+    classes = account.classes
+    counts = (
+        account.received,
+        classes[FrameClass.USED],
+        account.rejected,
+        status.cycles,
+        classes[FrameClass.OVERRUN],
+    )
+    return (
+        *_NO_HEADER,
+        *(_NOTHING if last is None else last.coefficients.tolist()),
+        # Counts wrap: every layout takes as many of the low bits as its signal has.
+        *[count % 2**32 for count in counts],
+        *[count % 2**16 for count in counts],
+        min(age, 2**32 - 2.0) if not isnan(age) else nan,
+        min(age, 655_340.0) if not isnan(age) else nan,
+        int(status.quality),
+        int(status.bus_state),
+        status.send_failures % 2**16,
+        min(status.reconnects, 255),
+        nan,  # the drift, which earlier versions have measured
+        status.envelope_score,
+        configuration,
+    )

@@ -1,0 +1,411 @@
+"""The set-up of a bridge: from the options of the command line to a bridge that is ready to run; its DBC file."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.can.authentic import AuthenticationKey, FreshnessKeeper, freshness_file, load_key
+from strainfmu.can.bridge import Bridge
+from strainfmu.can.frame import import_can
+from strainfmu.can.frame_layout import NAVIGATION, FrameLayout, InputLayout
+from strainfmu.can.listener import BusListener, Clock, Taps
+from strainfmu.can.machine import Machine, input_machine
+from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, BusSettings, open_bus
+from strainfmu.can.options import RESULT_FORMS, BridgeOptions, BridgeSettings, checked_cycle_time
+from strainfmu.can.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
+from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.tare import Taring, ZerosKeeper
+from strainfmu.cosim.estimators.step import (
+    OTHER_LOAD_OUTPUTS,
+    PARAMETERS,
+    Step,
+    load_groups_of,
+    other_inputs,
+    parameter_names_of,
+    parameter_std_names_of,
+    reading_units_of,
+    sensor_names_of,
+)
+from strainfmu.errors import InputError
+from strainfmu.estimator.other_loads import LoadGroup
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.files import write_bytes_atomically
+from strainfmu.interface.input_names import OTHER_AIR_DATA
+
+UNPROTECTED_TEXT = (
+    "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
+    "no result is VALID"
+)
+"""Word at the start of a bridge whose input is not protected end to end."""
+
+UNLOADED_TEXT = (
+    "tare: strains of own weight and of ambient air count as zeros; state them as tare.known where they matter"
+)
+"""Word at the start of a bridge that takes tares without knowing of loads on the ground."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadyBridge:
+    """A bridge and its description; its machine began at ``start`` [s] by its clock.
+
+    ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
+    ``zeros`` keeps the zeros of tares; None where tares are not taken.
+    ``start_lines`` say what a user must know before the run: options that were not given, lack of protection.
+    """
+
+    bridge: Bridge
+    n_gauges: int
+    layout_name: str
+    start: float
+    freshness: FreshnessKeeper | None = None
+    zeros: ZerosKeeper | None = None
+    start_lines: tuple[str, ...] = ()
+
+
+@contextmanager
+def make_bridge(
+    fmu: Path,
+    options: BridgeOptions,
+    taps: Taps | None = None,
+    on_zeros: Callable[[GaugeZeros], None] = lambda _: None,
+    outputs: tuple[str, ...] = (),
+) -> Iterator[ReadyBridge]:
+    """Load the FMU, connect a bridge to it, and free the FMU at the end.
+
+    Parameters
+    ----------
+    on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
+    outputs : other outputs of the estimator that results hold, as far as it has them.
+
+    Raises
+    ------
+    InputError
+        An option, a file or the FMU is wrong.
+    StrainfmuError
+        Something needed is not installed, or the FMU cannot be loaded.
+    """
+    import_can()
+    from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
+    from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
+    from strainfmu.cosim.estimators.zeros_file import load_zeros
+
+    taps, bus = taps or Taps(), bus_settings(options)
+    key_of(options)  # refused before the FMU is unpacked
+    outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *outputs)
+    inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
+    with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
+        if options.zeros is not None:
+            step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
+            on_zeros(given)
+        start = taps.clock()
+        machine, results, configuration, taring = make_machine(
+            step, options, step.gauge_names, start=start, first=secrets.randbelow(256), now=taps.clock
+        )
+        keeper = freshness_keeper(machine, options)
+        if keeper is not None:
+            stack.enter_context(keeper)
+        zeros = None
+        if taring is not None:
+            path, source = options.tare_output or Path("zeros.toml"), f"{options.interface}:{options.channel}"
+            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source, on_zeros))
+            taring.on_end = zeros.ended
+        listener = BusListener(machine, results, configuration, taps)
+        bridge = Bridge(listener, lambda: open_bus(bus), options.max_age)
+        lines = [] if machine.layout.is_protected else [UNPROTECTED_TEXT]
+        if options.interface == VIRTUAL:
+            lines.append(VIRTUAL_TEXT)
+        if options.tare is not None and options.tare_known is None:
+            lines.append(UNLOADED_TEXT)
+        yield ReadyBridge(
+            start_lines=tuple(lines),
+            bridge=bridge,
+            n_gauges=step.n_gauges,
+            layout_name=machine.layout.name,
+            start=start,
+            freshness=keeper,
+            zeros=zeros,
+        )
+
+
+def freshness_keeper(machine: Machine, options: BridgeOptions) -> FreshnessKeeper | None:
+    """Return what remembers the freshness value of a machine, None if its frames are not authenticated."""
+    authentication, key = machine.authentication, machine.layout.key
+    if authentication is None or key is None or options.key_file is None:
+        return None
+    path = options.freshness_file or freshness_file(options.key_file, "bridge")
+    return FreshnessKeeper(path, key, authentication=authentication, cycle_time=machine.layout.cycle_time)
+
+
+def make_machine(
+    step: Step,
+    options: BridgeOptions,
+    gauge_names: Sequence[str],
+    *,
+    start: float,
+    first: int = 0,
+    now: Clock | None = None,
+    is_answered: bool = True,
+) -> tuple[Machine, tuple[FrameLayout, ...], int, Taring | None]:
+    """Return a machine that begins at ``start`` [s], the frames of its results, the number of the gauge
+    assignment, tares.
+
+    ``now`` is the clock of a live run, None for results that are sent when they are ready. Without ``is_answered``
+    no result goes out.
+
+    Raises
+    ------
+    InputError
+        An option or a file is wrong.
+    """
+    checked_cycle_time(options.cycle_time, "cycle time")
+    settings = BridgeSettings.of(options)
+    layout, configuration = input_layout(options, gauge_names, reading_units_of(step), step)
+    groups = load_groups_of(step)
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time, groups)
+    options.identifiers.checked(1, len(results))
+    protection = results[0].protection
+    modulus = 256 if protection is None else protection.counter_modulus
+    machine = input_machine(
+        layout,
+        step,
+        settings,
+        start=start,
+        own=[frame.key for frame in results],
+        dynamic_pressure=options.dynamic_pressure,
+        is_answered=is_answered,
+        counters=(first % modulus, modulus),
+        now=now,
+    )
+    taring = _taring(step, options, gauge_names, settings)
+    machine.on_cycle = None if taring is None else taring.take
+    return machine, results, configuration, taring
+
+
+def _taring(
+    step: Step, options: BridgeOptions, gauge_names: Sequence[str], settings: BridgeSettings
+) -> Taring | None:
+    """Return what takes the zeros of the gauges on command, None if the options do not allow it."""
+    if options.tare is None:
+        return None
+    set_zeros = getattr(step, "set_zeros", None)
+    if set_zeros is None:
+        raise InputError("tare.map: expected an estimator that takes zero offsets of its gauges")
+    require_zero_inputs = getattr(step, "require_zero_inputs", None)  # of an FMU
+    if require_zero_inputs is not None:
+        require_zero_inputs()
+    from strainfmu.estimator.estimator import Estimator
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+
+    held = load_inverse_map(options.tare)
+    if tuple(held.gauge_names[: held.n_strain_gauges]) != tuple(gauge_names):
+        raise InputError(f"{options.tare}: expected a map of the estimator's gauges, got one of others")
+    known = None
+    if options.tare_known is not None:
+        from strainfmu.cosim.estimators.zeros_file import load_known_strain
+
+        known = load_known_strain(options.tare_known, gauge_names)
+    judge = Estimator(held.without_tables())
+    return Taring(judge, set_zeros, options.tare_cycles, said_for=round(settings.alarm_cycles), known=known)
+
+
+def input_layout(
+    options: BridgeOptions,
+    gauge_names: Sequence[str],
+    readings: Mapping[str, str] | None = None,
+    step: Step | None = None,
+    needs_key: bool = True,
+) -> tuple[InputLayout, int]:
+    """Return the input frames of a profile or a DBC file, and the number of the gauge assignment.
+
+    ``readings`` are the units of the estimator's inputs for auxiliary sensors and thrust, by name; ``step`` is the
+    estimator, whose other inputs a mapping may name. Without ``needs_key`` frames are described only.
+
+    Raises
+    ------
+    InputError
+        A file or an option is wrong.
+    """
+    key, readings = key_of(options) if needs_key else None, readings or {}
+    of_all = (*gauge_names, *readings)
+    if options.dbc is None or options.mapping is None:
+        layout = profile_layout(
+            options.profile,
+            gauge_names,
+            cycle_time=options.cycle_time,
+            identifiers=options.identifiers,
+            key=key,
+            has_tare=options.tare is not None,
+            readings=readings,
+        )
+        return layout, configuration_of(options.profile, of_all)
+    if options.tare is not None:
+        raise InputError("tare.map: expected with a profile, whose frames hold the command, got it with input.dbc")
+    from strainfmu.can.dbc_files import load_database, load_mapping
+    from strainfmu.can.dbc_mapping import mapped_layout
+
+    layout = mapped_layout(
+        load_database(options.dbc),
+        load_mapping(options.mapping),
+        gauge_names=gauge_names,
+        name=str(options.mapping),
+        sensor_names=() if step is None else sensor_names_of(step),
+        parameter_names=() if step is None else parameter_names_of(step),
+        parameter_std_names=() if step is None else parameter_std_names_of(step),
+        flow_names=() if step is None else other_inputs(step),
+        readings=readings,
+    )
+    return layout, configuration_of(options.dbc.name, of_all)
+
+
+def map_input_layout(
+    options: BridgeOptions, source: Path, needs_key: bool = True
+) -> tuple[InputLayout, tuple[str, ...], dict[str, str]]:
+    """Return the input frames for the gauges of a map or an FMU, their names, and the units of its other readings.
+
+    ``needs_key`` as of :func:`input_layout`.
+
+    Raises
+    ------
+    InputError
+        A file or an option is wrong.
+    """
+    from strainfmu.cosim.estimators.source import open_step
+
+    names, readings = map_gauge_names(source), map_reading_units(source)
+    if options.dbc is None:
+        return input_layout(options, names, readings, needs_key=needs_key)[0], names, readings
+    with open_step(source) as ready:
+        return input_layout(options, names, readings, ready.step)[0], names, readings
+
+
+def key_of(options: BridgeOptions) -> AuthenticationKey | None:
+    """Return the key of authenticated frames, None of others.
+
+    Raises
+    ------
+    InputError
+        There is a key where none is used, or none where one is needed, or the file holds none.
+    StrainfmuError
+        The package cryptography is not installed.
+    """
+    is_needed = options.dbc is None and options.profile == SECURED_PROFILE
+    for name, path in (("input.key", options.key_file), ("input.freshness", options.freshness_file)):
+        if path is not None and not is_needed:
+            raise InputError(f"{name}: expected with profile {SECURED_PROFILE} alone, got it with other frames")
+    if not is_needed:
+        return None
+    if options.key_file is None:
+        raise InputError(f"input.key: expected a key file for profile {SECURED_PROFILE}, got none")
+    return load_key(options.key_file)
+
+
+def map_gauge_names(source: Path) -> tuple[str, ...]:
+    """Return the strain gauges of a map or an FMU."""
+    if source.suffix == ".fmu":
+        from strainfmu.cosim.estimators.description import gauge_names_of
+
+        return gauge_names_of(source)
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+
+    found = load_inverse_map(source)
+    return tuple(found.gauge_names[: found.n_strain_gauges])
+
+
+def map_reading_units(source: Path) -> dict[str, str]:
+    """Return the unit of each auxiliary sensor and of thrust by name of the input of a map or an FMU."""
+    if source.suffix == ".fmu":
+        from strainfmu.cosim.estimators.description import reading_units_in
+
+        return reading_units_in(source)
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+    from strainfmu.interface.sensor_variables import reading_units
+
+    return reading_units(load_inverse_map(source))
+
+
+def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
+    """Return the groups of the loads that a map or an FMU gives in addition to the five."""
+    if source.suffix == ".fmu":
+        from strainfmu.cosim.estimators.description import load_groups_in
+
+        return load_groups_in(source)
+    from strainfmu.estimator.map.inverse_map import load_inverse_map
+    from strainfmu.estimator.map.offers import groups_of_outputs
+
+    return groups_of_outputs(load_inverse_map(source))
+
+
+def result_form(options: BridgeOptions, layout: InputLayout) -> str:
+    """Return the form of the result frames, stated or the input's.
+
+    Raises
+    ------
+    InputError
+        There is no such form.
+    """
+    form = options.result_form
+    if form is None:
+        if options.dbc is None:
+            return result_form_of(options.profile)
+        return "fd" if any(frame.layout.is_fd for frame in layout.frames) else "classic-le"
+    if form not in RESULT_FORMS:
+        raise InputError(f"results.form: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")
+    return form
+
+
+def bus_settings(options: BridgeOptions) -> BusSettings:
+    """Return the bus; options that are numbers become numbers."""
+    chosen: dict[str, object] = {}
+    for item in options.bus_options:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--bus-option: expected KEY=VALUE, got '{item}'")
+        words = {"true": True, "false": False}
+        try:
+            chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
+        except ValueError:
+            chosen[key.strip()] = text
+    return BusSettings(interface=options.interface, channel=options.channel, options=chosen)
+
+
+def write_dbc(source: Path, output: Path, options: BridgeOptions) -> int:
+    """Write the DBC file of the frames for a map, or its FMU; return its number of frames.
+
+    With a DBC file of the user's own as input, it holds the frames of the results alone.
+
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
+    StrainfmuError
+        cantools is not installed, or the file cannot be written.
+    """
+    from strainfmu.can.dbc_writer import dbc_text
+
+    layouts = all_layouts(source, options)
+    of_input = f"profile {options.profile}" if options.dbc is None else f"results for {options.dbc.name}"
+    text = dbc_text(layouts, f"{source.name}, {of_input}")
+    write_bytes_atomically(output, text.encode("cp1252", "replace"))
+    return len(layouts)
+
+
+def all_layouts(source: Path, options: BridgeOptions) -> list[FrameLayout]:
+    """Return every frame of a profile, input, then results; of a user's own DBC file the results alone.
+
+    Raises
+    ------
+    InputError
+        The map or an option is wrong.
+    """
+    checked_cycle_time(options.cycle_time, "cycle time")
+    layout, _, _ = map_input_layout(options, source, needs_key=False)
+    identifiers = options.identifiers
+    results = result_layouts(result_form(options, layout), identifiers, layout.cycle_time, map_load_groups(source))
+    n_input = len(layout.frames) - (layout.state is not None)
+    identifiers.checked(n_input if options.dbc is None else 1, len(results))
+    of_input = [frame.layout for frame in layout.frames] if options.dbc is None else []
+    return [*of_input, *results]

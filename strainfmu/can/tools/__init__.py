@@ -1,1 +1,0 @@
-"""Tools around the bridge: send strains, inject faults, record, replay, export a DBC file."""

@@ -1,1 +1,0 @@
-"""The wire: frames, the signals in them, CRC and counter, profiles and DBC files."""

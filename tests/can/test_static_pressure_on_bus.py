@@ -1,0 +1,164 @@
+"""A user's mapping gives the nonlinear estimator p_inf, and deviations of navigation as numbers or signals."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+from math import isnan, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from can_case import CYCLE
+from flight_fmu import whole_map
+from flight_maps import NOISE_STD, exact_response
+
+from strainfmu.can.dbc_files import database_of
+from strainfmu.can.dbc_mapping import mapped_layout
+from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.options import BridgeSettings
+from strainfmu.can.quality import Cause
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import Step, other_inputs
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import INERTIAL_NAMES, LAST_INPUTS
+from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.input_names import OTHER_AIR_DATA
+
+pytestmark = pytest.mark.fast
+
+N_D, AIR, MACH, STATIC = whole_map().n_gauges, 0x300, 6.0, 5500.0
+Q = 0.7 * STATIC * MACH**2
+STRAIN = exact_response(MACH, 0.03, 0.01, STATIC)[:N_D]
+MAPPING: dict[str, Any] = {
+    "dynamic_pressure": {"signal": "Air.q", "std": 4e3},
+    "mach_number": {"signal": "Air.mach", "std": "Air.mach_std"},
+    "static_pressure": {"signal": "Air.p", "std": "Air.p_std"},
+}
+SENT = {"q": Q, "mach": MACH, "mach_std": 0.1, "p": STATIC / 100.0, "p_std": 2.0}
+"""Of the frame of air data; the static pressure in hPa."""
+
+
+def flown_map(has_tables: bool = True) -> InverseMap:
+    whole = replace(whole_map(), noise_std=np.full(N_D, NOISE_STD))
+    return whole if has_tables else replace(whole, manifold=None)
+
+
+def layout_of(mapping: Mapping[str, Any], flow_names: tuple[str, ...]) -> InputLayout:
+    """Return frames of a float64 per gauge, and of air data."""
+    lines, floats = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"], []
+    for number in range(N_D):
+        lines += [f"BO_ {0x100 + number} F{number}: 8 A", ' SG_ v : 0|64@1- (1,0) [0|0] "m/m" B']
+        floats.append(f"SIG_VALTYPE_ {0x100 + number} v : 2;")
+    lines += [f"BO_ {AIR} Air: 20 A"]
+    for place, (name, unit) in enumerate(zip(SENT, ("Pa", "", "", "hPa", "hPa"), strict=True)):
+        lines += [f' SG_ {name} : {32 * place}|32@1- (1,0) [0|0] "{unit}" B']
+        floats.append(f"SIG_VALTYPE_ {AIR} {name} : 1;")
+    lines += [
+        'BA_DEF_ BO_ "VFrameFormat" ENUM "a","b","c","d","e","f","g","h","i","j","k","l","m","n","StandardCAN_FD";'
+    ]
+    lines += ['BA_DEF_DEF_ "VFrameFormat" "a";', f'BA_ "VFrameFormat" BO_ {AIR} 14;']
+    strain = {f"strain[{number + 1}]": f"F{number}.v" for number in range(N_D)}
+    return mapped_layout(
+        database_of("\n".join([*lines, *floats, ""]), "r"),
+        {"cycle_time_ms": 1e3 * CYCLE, "strain": strain, **mapping},
+        gauge_names=[f"g{number}" for number in range(N_D)],
+        name="r",
+        flow_names=flow_names,
+    )
+
+
+def flown(step: Step, lost: int, cycles: int) -> list[Result]:
+    """Return the result of each cycle; the air data are lost from cycle ``lost`` on."""
+    layout = layout_of(MAPPING, other_inputs(step))
+    core = input_machine(layout, step, BridgeSettings(), start=0.0)
+    random, found = np.random.default_rng(4), []
+    for k in range(cycles):
+        strain = STRAIN + NOISE_STD * random.standard_normal(N_D)
+        frames = [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(strain)]
+        if k < lost:
+            frames.insert(0, (AIR, struct.pack("<5f", *SENT.values())))
+        results = []
+        for identifier, data in frames:
+            frame = Frame(identifier=identifier, data=data, time=k * CYCLE, is_fd=identifier == AIR)
+            results += core.receive(frame)
+        found.append((results + core.advance((k + 0.9) * CYCLE))[-1])
+    return found
+
+
+@pytest.mark.parametrize("kind", ["map", "fmu"])
+def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
+    save_inverse_map(flown_map(), source := tmp_path / "map.h5")
+    if kind == "fmu":
+        export_estimator(source, source := tmp_path / "e.fmu", ExportOptions(platforms=["linux64"]))
+    lost, cycles = 15, 40
+    with open_step(source) as ready:
+        assert set(OTHER_AIR_DATA) - set(INERTIAL_NAMES) <= set(other_inputs(ready.step))
+        results = flown(ready.step, lost, cycles)
+    tracker, states = Estimator(flown_map()), set()
+    for result in results:
+        given = {name: result.other_inputs[name] for name in OTHER_AIR_DATA if name in result.other_inputs}
+        is_known = not isnan(result.dynamic_pressure)
+        states.add((is_known, *(not isnan(value) for value in given.values())))
+        expected = tracker.track(result.strain, result.dynamic_pressure, mach_number=result.mach_number, **given)
+        np.testing.assert_allclose(result.coefficients, expected.coefficients, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-5)
+        if is_known:
+            assert given == pytest.approx(
+                {
+                    "dynamic_pressure_std": 4e3,
+                    "mach_number_std": 0.1,
+                    "static_pressure": STATIC,
+                    "static_pressure_std": 200.0,
+                },
+                rel=1e-6,
+            )
+    # Known, then lost all but the number of the mapping.
+    assert states == {(True, True, True, True, True), (False, True, False, False, False)}
+    assert not results[lost - 1].causes & (Cause.NAVIGATION | Cause.DYNAMIC_PRESSURE)
+    assert (
+        results[-1].causes & (Cause.NAVIGATION | Cause.DYNAMIC_PRESSURE)
+        == Cause.NAVIGATION | Cause.DYNAMIC_PRESSURE
+    )
+
+
+def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(tmp_path: Path) -> None:
+    save_inverse_map(flown_map(has_tables=False), tmp_path / "map.h5")
+    with open_step(tmp_path / "map.h5") as ready:
+        taken = tuple(name for name in other_inputs(ready.step) if name in OTHER_AIR_DATA)
+        assert taken == ("dynamic_pressure_std", *LAST_INPUTS)
+        taken = taken[:1]
+        core = input_machine(
+            layout_of({"dynamic_pressure": MAPPING["dynamic_pressure"]}, taken),
+            ready.step,
+            BridgeSettings(),
+            start=0.0,
+        )
+        frames = [(AIR, struct.pack("<5f", *SENT.values()))]
+        frames += [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(STRAIN)]
+        results = []
+        for identifier, data in frames:
+            results += core.receive(Frame(identifier=identifier, data=data, time=0.0, is_fd=identifier == AIR))
+        result = (results + core.advance(0.9 * CYCLE))[-1]
+    expected = Estimator(flown_map(has_tables=False)).step(
+        STRAIN, result.dynamic_pressure, dynamic_pressure_std=4e3
+    )
+    np.testing.assert_allclose(result.coefficients_std, expected.coefficients_std, rtol=1e-12)
+    for name in ("static_pressure", "mach_number"):
+        with pytest.raises(InputError, match=f"{name}: .*expected none, the estimator does not take it"):
+            layout_of({name: MAPPING[name]}, taken)
+
+
+@pytest.mark.parametrize("value", [-1.0, nan, True, [3.0]])
+def test_a_wrong_deviation_gets_one_line(value: object) -> None:
+    mapping = {"static_pressure": {"signal": "Air.p", "std": value}}
+    with pytest.raises(
+        InputError, match=r"r: static_pressure: std: expected 'Message.Signal' or a number from 0 on"
+    ):
+        layout_of(mapping, OTHER_AIR_DATA)
