@@ -35,16 +35,28 @@ def data_id_of(message):
     return message.dbc.attributes["E2EDataID"].value
 
 
-def strain_frames(database, cycle, seconds, strain_of, dynamic_pressure):
-    """Return the frames of one cycle: dynamic pressure first, then strains [um/m], all with one sample time.
+def state_of(session, heard, seconds):
+    """Return the numbers of SenderState: ``heard`` is a result's counter and sample time, and when it came [s]."""
+    if heard is None:
+        return {"Session": session, "HeardCounter": 0, "HeardTime": 2**32 - 1, "HeardDelay": 6553.5}
+    counter, sampled, when = heard
+    delay = min(max(math.floor(1e4 * (seconds - when)) / 10, 0.0), 6553.4)
+    return {"Session": session, "HeardCounter": counter, "HeardTime": sampled, "HeardDelay": delay}
 
-    The frame Navigation is optional. A node without Mach number and altitude does not send it.
+
+def strain_frames(database, cycle, seconds, strain_of, dynamic_pressure, session=1, heard=None):
+    """Return the frames of one cycle: state, dynamic pressure, then strains [um/m], all with one sample time.
+
+    ``session`` is higher at each start. The frame Navigation is optional: a node without it does not send it.
     """
     sent = [m for m in database.messages if "StrainSender" in m.senders and m.name != "Navigation"]
+    order = ["SenderState", "DynamicPressure"]
     frames = []
-    for message in sorted(sent, key=lambda m: m.name != "DynamicPressure"):
-        values = {}
+    for message in sorted(sent, key=lambda m: order.index(m.name) if m.name in order else len(order)):
+        values = state_of(session, heard, seconds) if message.name == "SenderState" else {}
         for signal in message.signals:
+            if signal.name in values:
+                continue
             if signal.name == "SampleTime":
                 values[signal.name] = int(seconds * 1e6) % 2**32
             elif signal.name == "Configuration":
@@ -74,7 +86,7 @@ def main(path, interface, channel, port, cycles=200):
     database = cantools.database.load_file(path)
     result = database.get_message_by_name("LoadEstimate")
     options = {"port": int(port), "hop_limit": 0} if interface == "udp_multicast" else {}
-    answers = {}
+    answers, heard, session = {}, None, int(time.time()) % 2**16
     with can.Bus(interface=interface, channel=channel, **options) as bus:
         start = time.monotonic()
         for cycle in range(cycles):
@@ -83,7 +95,8 @@ def main(path, interface, channel, port, cycles=200):
             def strain_of(name, cycle=cycle, noise=noise):
                 return 50.0 * math.sin(0.05 * cycle + len(name)) + 100.0 + noise.gauss(0.0, 1.0)
 
-            for frame in strain_frames(database, cycle, 0.01 * cycle, strain_of, 95.8e3):
+            now = time.monotonic() - start
+            for frame in strain_frames(database, cycle, now, strain_of, 95.8e3, session, heard):
                 bus.send(frame)
             while time.monotonic() < start + 0.01 * (cycle + 1):
                 message = bus.recv(0.002)
@@ -92,6 +105,8 @@ def main(path, interface, channel, port, cycles=200):
                 if is_intact(message.data, data_id_of(result)):
                     decoded = database.decode_message(message.arbitration_id, message.data)
                     answers[str(decoded["Quality"])] = answers.get(str(decoded["Quality"]), 0) + 1
+                    if decoded["SampleTime"] != 2**32 - 1:
+                        heard = decoded["E2E_Counter"], decoded["SampleTime"], time.monotonic() - start
     print(f"{cycles} cycles sent; answers by quality: {answers}")
     if answers:
         print({name: round(float(decoded[name]), 4) for name in ("C_A", "C_N", "C_Y", "M_P", "M_Y", "Age")})

@@ -135,13 +135,13 @@ def same_number(shown: str, printed: str) -> bool:
 def run_page(name: str, folder: Path, *, slow: bool) -> None:
     """Run the blocks of a page in ``folder``, those marked slow only if ``slow``."""
     names: dict[str, Any] = {"__name__": "__main__"}
-    behind: subprocess.Popen[bytes] | None = None
+    running: list[subprocess.Popen[bytes]] = []
     for snippet in PAGES[name]:
         if snippet.kind in ("skip", "clone") or (snippet.kind in ("slow", "background") and not slow):
             continue
         if snippet.kind == "background":
             command = ["bash", "-c", f"exec {snippet.text}"]
-            behind = subprocess.Popen(command, cwd=folder, env=environment())
+            running.append(subprocess.Popen(command, cwd=folder, env=environment()))
             time.sleep(HEAD_START)
             continue
         if snippet.kind == "file":
@@ -154,10 +154,10 @@ def run_page(name: str, folder: Path, *, slow: bool) -> None:
                 run_python(snippet, names)
         if snippet.output is not None:
             check_output(snippet, printed.getvalue())
-        if behind is not None:
-            behind.send_signal(signal.SIGINT)
-            assert behind.wait(timeout=60) == 0, snippet
-            behind = None
+        while running:
+            process = running.pop()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=60) == 0, snippet
 
 
 @pytest.fixture
@@ -168,6 +168,7 @@ def folder(tmp_path: Path, ic3x_demo: Path, monkeypatch: pytest.MonkeyPatch) -> 
     for snippet in PAGES["docs/tutorials/your_vehicle.md"]:
         if snippet.kind == "file":
             (tmp_path / snippet.value).write_text(snippet.text, encoding="utf-8")
+    shutil.copy(ROOT / "docs" / "tutorials" / "rack.dbc", tmp_path)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
