@@ -173,7 +173,7 @@ def _half(entry: Mass) -> float:
 
 
 def _in_common(strain: FloatArray, section: IntArray) -> list[FloatArray]:
-    """Return errors of the size ``strain`` (n_d, k) that all gauges have in common, and those of each section."""
+    """Return errors of size ``strain`` (n_d, k): one that all gauges have in common, and one of each section."""
     return [strain, *(strain * (section == one)[:, None] for one in np.unique(section))]
 
 
