@@ -11,7 +11,7 @@ from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.sensor_set import base_area, surface_rows
 from builder.inverse.sensors.structural import rows_on_surface
 from builder.structure.as_built.vehicle import AsBuilt
-from builder.truth.revolution.sensors import BuiltSensors, sensor_response
+from builder.truth.revolution.strain import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray

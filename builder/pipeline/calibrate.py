@@ -44,8 +44,7 @@ from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
 from builder.structure.fourier.model import structural_model
 from builder.trial.world import World
-from builder.truth.revolution.flow_table import FlowTable
-from builder.truth.revolution.flows import load_truth_flows
+from builder.truth.revolution.flow_table import FlowTable, load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import refuse_misfits

@@ -105,7 +105,7 @@ def with_fault(scenario: Scenario, fault: LoopFault, loop: ClosedLoop) -> list[R
     row: Row = {
         "load": "flight",
         "samples": len(flights),
-        "holds": sum(result.holds for result, _ in flights),
+        "holds": sum(bool(result.holds) for result, _ in flights),
         **_times("reported", [result.faults[0].reported_after for result, _ in flights]),
         **_times("isolated", [result.faults[0].isolated_after for result, _ in flights]),
         "healthy_out_of_use": healthy,

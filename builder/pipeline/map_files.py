@@ -47,8 +47,7 @@ from builder.structure.structure_file import Structure, load_structure, save_str
 from builder.trial.world import World
 from builder.truth.independent_model import ENGINES_IN_WORDS
 from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import load_flow_table, save_flow_table
-from builder.truth.revolution.flows import independent_flows, truth_inputs
+from builder.truth.revolution.flow_table import independent_flows, load_flow_table, save_flow_table, truth_inputs
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.doubtful_entries import doubtful_entries
 from builder.vehicle.file import Vehicle, load_vehicle

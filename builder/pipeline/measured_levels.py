@@ -22,9 +22,8 @@ from builder.trial.levels import (
 )
 from builder.trial.readings import Readings
 from builder.trial.world import World
-from builder.truth.revolution.flows import truth_knots
-from builder.truth.shape.flights import shape_flights
-from builder.truth.shape.structure import flying_structure, refuse_without_other_model, structure_of_check
+from builder.truth.revolution.flow_table import truth_knots
+from builder.truth.shape import flying_structure, refuse_without_other_model, shape_flights, structure_of_check
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -50,9 +50,9 @@ from builder.structure.solid.model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.trial.world import World
-from builder.truth.revolution.flows import independent_flows
+from builder.truth.revolution.flow_table import independent_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
-from builder.truth.shape.flights import shape_flows
+from builder.truth.shape import shape_flows
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import check_map_size, used_layouts, why_linear
 from builder.workspace import refuse_misfits

@@ -1,50 +1,62 @@
-"""A trial from a vehicle file to its table: map, flows of the independent model, cases, files of results."""
+"""A trial from a vehicle file to its table: maps, flows of the independent model, cases, files of results."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import wraps
+from functools import partial, wraps
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from pydantic import BaseModel
 
+from builder.calibration.score.ground_rows import CALIBRATION, ground_rows, refuse_unknown_tests
+from builder.calibration.score.ground_world import GroundWorld, ground_world
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.journal import Journal
 from builder.campaign.snapshots import load_snapshots
 from builder.figures.comparison.trial import trial_figure
 from builder.figures.drawing.canvas import save
+from builder.manifold.mirror_images import with_mirror_images
+from builder.manifold.snapshot_grid import snapshot_grid
 from builder.pipeline.built_sensors import flown_sensors, sensor_names_of
 from builder.pipeline.chosen_estimator import Estimators, with_estimator
-from builder.pipeline.map_files import make_map
+from builder.pipeline.map_files import (
+    load_map_parts,
+    make_independent_flows,
+    make_map,
+    make_map_parts,
+    make_snapshots,
+)
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.shape_flows import make_shape_flows
 from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
-from builder.pipeline.used_files import MAP, STRUCTURE, open_pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
+from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.structure.fourier.model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure
-from builder.trial.cases import Case, Plan, TrialFile, cases_for, load_trial
+from builder.trial.added import temperature_of
+from builder.trial.cases import Case, GroundTests, Plan, TrialFile, cases_for, load_trial
+from builder.trial.compared import NONLINEAR, ComparedWorld, compared_estimators, knowing, maps_for, refuse_unknown
 from builder.trial.conditions import flown_conditions
 from builder.trial.estimators import available
 from builder.trial.flows import stress_flow_inputs, stress_flows
-from builder.trial.heating import temperature_of
-from builder.trial.run import Score, run_cases, scored
+from builder.trial.other_estimators import REGRESSIONS
+from builder.trial.run import Score, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
 from builder.trial.table import write_table
 from builder.trial.world import World
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
-from builder.truth.revolution.flow_table import save_flow_table
-from builder.truth.revolution.flows import load_truth_flows
+from builder.truth.revolution.flow_table import load_truth_flows, save_flow_table
 from builder.truth.revolution.strain import true_structure
-from builder.truth.shape.structure import flying_structure
+from builder.truth.shape import flying_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.workspace import Workspace
 from strainfmu.errors import InputError
@@ -98,6 +110,17 @@ class TrialOptions:
     scheduler: str | None = None
 
 
+class Flown(NamedTuple):
+    """What the cases of a trial are flown in: the vehicle, a function that makes the world, what it is made from,
+    how it is flown, and what scores a case."""
+
+    vehicle: Vehicle
+    make_world: Callable[[], Any]
+    inputs: dict[str, Any]
+    plan: Plan
+    score: Score = scored
+
+
 def run_trial(
     file: Path, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
 ) -> TrialResult:
@@ -106,23 +129,44 @@ def run_trial(
 
     The map is made by ``build`` in ``folder``, or it is one that is given. Errors are the independent model's; of
     a body of revolution its structure is the Fourier model whatever the map is built on, of any other shape
-    another mesh.
+    another mesh. A trial of estimators of several kinds, and one of ground tests, makes maps of its own: for the
+    errors of each case, or for every vehicle as its test says.
 
     Raises
     ------
     InputError
-        A file is wrong, the map does not fit the vehicle, or there is no independent model of it.
+        A file is wrong, the map does not fit the vehicle or the trial, or there is no independent model of it.
     StrainfmuError
         A file could not be written.
     """
     trial = load_trial(file).changed(options.changes)
-    plan, entry = trial.trial, with_estimator(load_vehicle(vehicle_path), options.estimator)
+    prepare = compared_flown if trial.trial.training else tested_flown if trial.ground else map_flown
+    flown = prepare(trial, vehicle_path, folder, reporter, options)
+    cases = cases_for(flown.vehicle, trial, options.only)
+    inputs = {**flown.inputs, "vehicle": flown.vehicle.model_dump(exclude={"description", "truth"})}
+    tasks = tasks_of(cases, flown.plan, flown.make_world, inputs, flown.score)
+    results = run_tasks(tasks, folder / CASES, reporter, workers=options.workers, scheduler=options.scheduler)
+    rows = list[Row]()
+    for case, result in zip(cases, results, strict=True):
+        if isinstance(result, str):
+            reporter.note(f"{case.error}, {case.size}: left out: {result}")
+        else:
+            rows += result
+    for row in rows:
+        if row["estimator"] == CALIBRATION:
+            reporter.note(line_of_tests(row, rows))
+    return written(flown.vehicle.name, cases, rows, folder, options.formats)
+
+
+def map_flown(
+    trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
+) -> Flown:
+    """Make the map in ``folder``, or take the one that is given, and flows."""
+    entry = with_estimator(load_vehicle(vehicle_path), options.estimator)
     if any(case.heating for case in trial.cases):
         entry = entry.model_copy(update={TEMPERATURE: temperature_of(entry)})
     if options.map_path is None:
-        pipeline, conditions = open_pipeline(entry, folder, reporter, options.given)
-        refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
-        check_before_long_work(pipeline.vehicle, conditions)
+        pipeline = opened(trial, entry, folder, reporter, options)
         if options.flows is not None and pipeline.vehicle.is_of_revolution:
             pipeline.use(LEVEL_FLOWS, options.flows, _content_of_flows(options.flows, pipeline.vehicle))
         make_map(pipeline)
@@ -134,40 +178,72 @@ def run_trial(
         refuse_vehicle(vehicle, trial)
         check_fit(vehicle, inverse_map, options.map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
-        schema = inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION
-        pipeline.use(MAP, options.map_path, content_hash_of(options.map_path, *schema))
+        pipeline.use(MAP, options.map_path, _content_of_map(options.map_path))
     for line in other_physics(vehicle):
         reporter.note(line)
-    cases = cases_for(vehicle, trial, options.only)
-    plan = plan.model_copy(update={"estimators": available(inverse_map, plan.estimators)})
-    make_trial_flows(pipeline, vehicle, cases_for(vehicle, trial), plan, options.flows)
+    plan = trial.trial.model_copy(update={"estimators": available(inverse_map, trial.trial.estimators)})
+    make_trial_flows(pipeline, vehicle, trial, options)
     structure = pipeline.path(STRUCTURE)
-    return finished(
-        pipeline,
-        vehicle,
-        cases,
-        plan,
-        options,
-        make_world=world_of,
-        world=(
-            vehicle,
-            pipeline.path(MAP),
-            pipeline.path(FLOWS),
-            structure if structure.is_file() else None,
-            plan.conditions,
-            plan.seed,
-        ),
-        inputs={
-            "map": content_hash_of(pipeline.path(MAP), inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION),
-            "flows": pipeline.made_from(FLOWS),
-        },
-    )
+    files = pipeline.path(MAP), pipeline.path(FLOWS), structure if structure.is_file() else None
+    inputs = {"map": _content_of_map(pipeline.path(MAP)), "flows": pipeline.made_from(FLOWS)}
+    return Flown(vehicle, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, plan)
+
+
+def compared_flown(
+    trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
+) -> Flown:
+    """Make what maps for the errors of each case are built from, and flows; without scikit-learn its regressions
+    are left out, with a note."""
+    names, training = trial.trial.estimators, trial.trial.training
+    assert training is not None
+    refuse_unknown(names)
+    needing = [name for name in names if name.partition(", ")[0] in REGRESSIONS]
+    if needing and find_spec("sklearn") is None:
+        names = [name for name in names if name not in needing]
+        reporter.note(f"left out, they need strainfmu[rivals]: {', '.join(needing)}")
+    plan = trial.trial.model_copy(update={"estimators": names})
+    pipeline = opened(trial, load_vehicle(vehicle_path), folder, reporter, options)
+    make_map_parts(pipeline)
+    vehicle = knowing(pipeline.flown or pipeline.vehicle, is_exact=False, case=1)
+    for line in other_physics(vehicle):
+        reporter.note(line)
+    snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
+    if not vehicle.is_of_revolution:
+        snapshot_grid(with_mirror_images(snapshots, snapshots.surface))  # refused here, before the long work
+    elif snapshots.station is None:
+        raise InputError("compare: expected a body of revolution with rings of nodes, got a free surface")
+    make_trial_flows(pipeline, vehicle, trial, options)
+    solid = [STRUCTURE] if pipeline.vehicle.structure.model == "solid" else []
+    files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
+    world = partial(compared_world, vehicle, *files, plan.conditions, plan.seed, training)
+    inputs = {"made from": pipeline.made_from(SNAPSHOTS, FLOWS, *solid), "training": training}
+    return Flown(vehicle, world, inputs, plan, partial(scored, make_estimators=compared_estimators))
+
+
+def tested_flown(
+    trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
+) -> Flown:
+    """Make snapshots and flows, which ground tests of vehicles of an independent truth are made from."""
+    plan, tests = trial.trial, trial.ground
+    assert tests is not None
+    refuse_unknown_tests(plan.estimators, trial.cases)
+    pipeline = opened(trial, load_vehicle(vehicle_path), folder, reporter, options)
+    vehicle = pipeline.vehicle
+    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
+    make_snapshots(pipeline)
+    if options.flows is not None:
+        pipeline.use(LEVEL_FLOWS, options.flows, _content_of_flows(options.flows, vehicle))
+    make_independent_flows(pipeline)
+    files = pipeline.path(SNAPSHOTS), pipeline.path(LEVEL_FLOWS)
+    inputs = {"made from": pipeline.made_from(SNAPSHOTS, LEVEL_FLOWS), "ground": tests.model_dump()}
+    world = partial(tested_world, vehicle, *files, plan.conditions, tests)
+    return Flown(vehicle, world, inputs, plan, ground_rows)
 
 
 def opened(
-    trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
-) -> tuple[Pipeline, Vehicle]:
-    """Open the folder of a trial that makes its own maps; return the vehicle, as it flies.
+    trial: TrialFile, vehicle: Vehicle, folder: Path, reporter: Reporter, options: TrialOptions
+) -> Pipeline:
+    """Open the folder of a trial that makes its own maps.
 
     Raises
     ------
@@ -176,40 +252,26 @@ def opened(
     """
     if options.map_path is not None:
         raise InputError("--map: expected none, this trial makes maps for its vehicles and errors; leave it out")
-    pipeline, conditions = open_pipeline(load_vehicle(vehicle_path), folder, reporter, options.given)
-    vehicle = pipeline.flown or pipeline.vehicle
-    refuse_vehicle(vehicle, trial)
+    pipeline, conditions = open_pipeline(vehicle, folder, reporter, options.given)
+    refuse_vehicle(pipeline.flown or pipeline.vehicle, trial)
     check_before_long_work(pipeline.vehicle, conditions)
-    return pipeline, vehicle
+    return pipeline
 
 
-def finished(
-    pipeline: Pipeline,
-    vehicle: Vehicle,
-    cases: list[Case],
-    plan: Plan,
-    options: TrialOptions,
-    *,
-    make_world: Callable[..., Any],
-    world: tuple[Any, ...],
-    inputs: dict[str, Any],
-    score: Score = scored,
-) -> TrialResult:
-    """Run ``cases`` as :func:`~builder.trial.run.run_cases` and write the table."""
-    folder = pipeline.workspace.folder
-    rows = run_cases(
-        cases,
-        plan,
-        folder / CASES,
-        pipeline.reporter,
-        make_world=make_world,
-        world=world,
-        inputs={**inputs, "vehicle": vehicle.model_dump(exclude={"description", "truth"})},
-        score=score,
-        workers=options.workers,
-        scheduler=options.scheduler,
-    )
-    return written(vehicle.name, cases, rows, folder, options.formats)
+SHARES = ("refused", "named", "silent", "gauges_blamed", "cases_blamed")
+"""Of the tests of a case: what the calibration says."""
+
+
+def line_of_tests(said: Row, rows: list[Row]) -> str:
+    """Return what the calibration says of the tests of a case, and largest errors over the exactly known
+    vehicle."""
+    over = [row for row in rows if row["case"] == said["case"] and "over_exact" in row]
+    shares = ", ".join(f"{name.replace('_', ' ')} {said[f'{name}_percent']:.4g} %" for name in SHARES)
+    ratios = dict[str, list[str]]()
+    for row in over:
+        ratios.setdefault(row["estimator"], []).append(f"{row['load']} {row['over_exact']:.2f}")
+    texts = [f"; {name}, rms over exactly known: {' '.join(parts)}" for name, parts in ratios.items()]
+    return f"{said['case']}: {said['samples']} tests, {shares}{''.join(texts)}"
 
 
 def written(vehicle: str, cases: list[Case], rows: list[Row], folder: Path, formats: Sequence[str]) -> TrialResult:
@@ -259,6 +321,38 @@ def world_of(
     return World(**world, inverse_map=made, conditions=conditions, seed=seed)
 
 
+@once
+def compared_world(
+    vehicle: Vehicle,
+    snapshots: Path,
+    structure: Path | None,
+    flows: Path,
+    conditions: int,
+    seed: int,
+    training: int,
+) -> ComparedWorld:
+    """Return the world of a comparison."""
+    parts = load_map_parts(vehicle, snapshots, structure, Silent())
+    return ComparedWorld(
+        **true_world(vehicle, flows, structure),
+        inverse_map=maps_for(vehicle, *parts, is_exact=False)[NONLINEAR],
+        conditions=conditions,
+        seed=seed,
+        snapshots=parts[0],
+        map_structure=parts[1],
+        training=training,
+    )
+
+
+@once
+def tested_world(
+    vehicle: Vehicle, snapshots: Path, flows: Path, conditions: int, options: GroundTests
+) -> GroundWorld:
+    """Return the world of ground tests."""
+    table = load_truth_flows(flows, vehicle)
+    return ground_world(vehicle, load_snapshots(snapshots), table, conditions, options)
+
+
 def true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[str, Any]:
     """Return the independent model of a vehicle: the arguments of a world by name."""
     if vehicle.is_of_revolution:
@@ -275,21 +369,21 @@ def true_world(vehicle: Vehicle, flows: Path, structure: Path | None) -> dict[st
     return {"vehicle": vehicle, "structure": true_shape, "flows": load_snapshots(flows)}
 
 
-def make_trial_flows(
-    pipeline: Pipeline, vehicle: Vehicle, cases: Sequence[Case], plan: Plan, given: Path | None
-) -> None:
+def make_trial_flows(pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, options: TrialOptions) -> None:
     """Make the flows of the independent model, or take the ones that are given.
 
     They go beyond the envelope, but for cases that all fly in the same square of angles.
     """
+    cases_for(vehicle, trial, options.only)  # refused here, before the long work
+    cases = cases_for(vehicle, trial)
     squares = {case.where.square for case in cases}
     square = squares.pop() if len(squares) == 1 else None
     holds = f"flows of the independent model {'beyond' if square is None else 'inside'} the envelope"
-    if given is not None:
-        pipeline.use(FLOWS, given, _content_of_flows(given, vehicle))
+    if options.flows is not None:
+        pipeline.use(FLOWS, options.flows, _content_of_flows(options.flows, vehicle))
         return
     if not vehicle.is_of_revolution:
-        conditions = shape_conditions(vehicle, cases, plan.conditions, plan.seed)
+        conditions = shape_conditions(vehicle, cases, trial.trial.conditions, trial.trial.seed)
         make_shape_flows(pipeline, vehicle, conditions, FLOWS, holds)
         return
 
@@ -300,6 +394,10 @@ def make_trial_flows(
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle, square)}
     pipeline.make(FLOWS, holds, inputs, write)
+
+
+def _content_of_map(path: Path) -> str:
+    return content_hash_of(path, inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION)
 
 
 def _content_of_flows(path: Path, vehicle: Vehicle) -> str:

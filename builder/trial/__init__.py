@@ -2,7 +2,7 @@
 
 :mod:`~builder.trial.cases` reads what is tried, :mod:`~builder.trial.world` flies it,
 :mod:`~builder.trial.readings` says what is read, :mod:`~builder.trial.estimators` estimates,
-:mod:`~builder.trial.score` defines every figure of a score, :mod:`~builder.trial.rules` judges,
+:mod:`~builder.trial.score` defines every figure of a score and judges,
 :mod:`~builder.trial.table` shows, :mod:`~builder.trial.run` runs all of it. :mod:`~builder.trial.bound` is what no
 estimator can be better than, :mod:`~builder.trial.levels` takes alarm levels from a trial.
 """

@@ -14,8 +14,8 @@ states.
 
 The sections of a case stand with what they do: :class:`~builder.trial.conditions.Where`,
 :class:`~builder.trial.faults.Fault`, :class:`~builder.trial.faults.Lost`, :class:`~builder.trial.added.Inertia`,
-:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.ground.GroundTest`,
-:class:`~builder.trial.heating.Heating` and :class:`~builder.trial.motion.Motion`; others are here.
+:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.added.Heating` and
+:class:`~builder.trial.conditions.Motion`; others are here.
 """
 
 from __future__ import annotations
@@ -25,22 +25,74 @@ from math import sqrt
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, PositiveFloat, model_validator
 
 from builder.structure.as_built_kinds import IN_NOISE, KINDS
-from builder.trial.added import Inertia
-from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, is_inside
+from builder.trial.added import Heating, Inertia
+from builder.trial.conditions import FEWER_BEYOND, Motion, Where, edges_of, is_inside
 from builder.trial.faults import Fault, Lost
 from builder.trial.flows import Flow
-from builder.trial.ground import GroundTest, GroundTests
-from builder.trial.heating import Heating
-from builder.trial.motion import Motion
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import Section
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import TEMPERATURE
+
+
+class GroundTest(Section):
+    """The test of one vehicle, and what goes wrong with vehicle, rig and readings.
+
+    Attributes
+    ----------
+    pads : of the test, in addition to its attitudes.
+    reading_std_um_per_m, noise_times : stated standard deviation of a reading; the true one over it.
+    said : part of a line that names the error; empty where nothing is to be said.
+    wrong, and_another : an error of a load case or gauge, which is to be named as such, of
+        :data:`builder.calibration.score.ground_rows.SPOILS`; with one more of any kind.
+    mass_percent : the vehicle is heavier.
+    clamp_m, joint_m : softness, what lengths of the wall would yield as much.
+    modulus_percent : error of Young's modulus of each piece of the wall, of either sign, drawn.
+    taper_percent : the wall of each piece is thicker at its aft end, and thinner at its fore end.
+    second_harmonic_percent : standard deviation of cosine and sine of twice the roll angle in its thickness.
+    tilt_deg : all pads push towards the tail.
+    drift_um_per_m : standard deviation of what zeros drift by until the last case.
+    hysteresis_percent : part of a case's strain that the next one still reads.
+    """
+
+    pads: int = Field(default=12, ge=1)
+    reading_std_um_per_m: PositiveFloat = 0.05
+    noise_times: float = Field(default=1.0, ge=0.0)
+    said: str = ""
+    wrong: str | None = None
+    and_another: bool = False
+    mass_percent: float = 0.0
+    clamp_m: float = Field(default=0.0, ge=0.0)
+    joint_m: float = Field(default=0.0, ge=0.0)
+    modulus_percent: float = 0.0
+    taper_percent: float = 0.0
+    second_harmonic_percent: float = Field(default=0.0, ge=0.0)
+    tilt_deg: float = 0.0
+    drift_um_per_m: float = Field(default=0.0, ge=0.0)
+    hysteresis_percent: float = 0.0
+
+
+class GroundTests(Section):
+    """What all tests have in common.
+
+    Attributes
+    ----------
+    walls : "smooth" vary smoothly along the body; "stated" by the regions and sizes of [calibration].
+    proposed : the test that `strainfmu loadtest` proposes; otherwise pads at even distances.
+    load_cell_percent : error that all loads have in common.
+    draws : of gauge noise for each flight.
+    """
+
+    walls: Literal["smooth", "stated"] = "smooth"
+    proposed: bool = True
+    load_cell_percent: float = Field(default=0.5, ge=0.0)
+    draws: int = Field(default=8, ge=1)
+
 
 FILES = Path(__file__).with_name("files")
 """Trials that are shipped, by name."""
@@ -220,12 +272,15 @@ class Plan(Section):
     vehicles : vehicles at every condition, each with errors and noise of its own; draws of a case in time.
     seed : of all draws.
     estimators : by name, see :mod:`builder.trial.estimators`.
+    training : of estimators of several kinds: flights for each regression, a third as many for its bands. Their
+        maps are built for the errors of each case.
     """
 
     conditions: int = Field(default=200, ge=1, le=1_000_000)
     vehicles: int = Field(default=20, ge=1, le=100_000)
     seed: int = Field(default=1, ge=0, le=2**31 - 1)
     estimators: list[str] = Field(default=["map"], min_length=1)
+    training: int | None = Field(default=None, ge=1200, le=10_000_000)
 
 
 class LoopFault(Section):
@@ -246,19 +301,12 @@ class ClosedLoop(Section):
     fault: list[LoopFault] = Field(min_length=1)
 
 
-class Compare(Section):
-    """Estimators of several kinds: ``training`` flights for each regression, a third as many for its bands."""
-
-    training: int = Field(default=12_000, ge=1200, le=10_000_000)
-
-
 class TrialFile(Section):
     """The whole file: cases, of ground tests or of flights alone, or a closed loop."""
 
     trial: Plan = Plan()
     group: list[Group] = Field(default_factory=list)
     closed_loop: ClosedLoop | None = None
-    compare: Compare | None = None
     ground: GroundTests | None = None
 
     @property
@@ -267,16 +315,8 @@ class TrialFile(Section):
         return [case for group in self.group for case in group.cases]
 
     def changed(self, changes: Mapping[str, Any]) -> TrialFile:
-        """Return the file with other entries of its sections [trial] and [compare], by name."""
-        sections = {name: part for name in ("trial", "compare") if (part := getattr(self, name)) is not None}
-        return self.model_copy(
-            update={
-                name: part.model_copy(
-                    update={key: changes[key] for key in type(part).model_fields if key in changes}
-                )
-                for name, part in sections.items()
-            }
-        )
+        """Return the file with other entries of its section [trial], by name."""
+        return self.model_copy(update={"trial": self.trial.model_copy(update=changes)})
 
 
 PROPERTIES: dict[str, Callable[[Vehicle], bool]] = {

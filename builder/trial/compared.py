@@ -26,14 +26,11 @@ from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km
 from builder.trial.estimators import EstimateReadings, Estimates, known_by, with_inputs
-from builder.trial.random_walk import of_random_walk
+from builder.trial.other_estimators import REGRESSIONS, of_random_walk, of_regression, training_flights
 from builder.trial.readings import ANGLES, Readings
-from builder.trial.regressions import REGRESSIONS, of_regression
-from builder.trial.training_flights import training_flights
 from builder.trial.world import World
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
-from builder.truth.revolution.flows import truth_surface
-from builder.truth.shape.flights import at_conditions, on_nodes
+from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on, truth_surface
+from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -1,5 +1,5 @@
 """Where vehicles fly in a trial: random conditions inside the envelope of a map, between its snapshots, and
-beyond.
+beyond; and motion in time.
 
 The envelope is the vehicle file's: Mach number and altitude from smallest to largest, and the total incidence up
 to the largest of the conditions, at any roll angle of the wind where the map has full symmetry. Mach number and
@@ -20,7 +20,7 @@ from pydantic import Field
 from builder.truth.revolution.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.sections import Altitude, Section
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition
 
@@ -105,7 +105,7 @@ def flown_conditions(
         largest = envelope_incidence(vehicle)
         if table is not None:
             _refuse_beyond(band[1] * largest, table.incidence_knots[-1], "total incidence [rad]")
-        conditions = [_rolled(one, float(random.uniform(*band)) * largest, random) for one in conditions]
+        conditions = [at_any_roll(one, float(random.uniform(*band)) * largest, random) for one in conditions]
     if where.mach is not None:
         listed = vehicle.conditions.mach_number
         mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
@@ -198,7 +198,8 @@ def _incidences(where: Where, vehicle: Vehicle) -> tuple[float, float] | None:
     return (least, 1.0) if least < 1.0 else None
 
 
-def _rolled(condition: FlightCondition, incidence: float, random: np.random.Generator) -> FlightCondition:
+def at_any_roll(condition: FlightCondition, incidence: float, random: np.random.Generator) -> FlightCondition:
+    """Return ``condition`` at a total ``incidence`` [rad] and a roll angle of the wind that is drawn."""
     alpha, beta = wind_angles(incidence, float(random.uniform(0.0, 2.0 * pi)))
     return replace(condition, angle_of_attack=alpha, sideslip_angle=beta)
 
@@ -400,3 +401,77 @@ def wind_angles(total_incidence: float, roll_angle: float) -> tuple[float, float
     beta = -np.arcsin(across * np.sin(roll_angle))
     alpha = np.arctan2(across * np.cos(roll_angle), np.cos(total_incidence))
     return float(alpha), float(beta)
+
+
+SWING = 0.7
+"""Largest incidence of a swing, and the one about which steps and gusts act, over the largest of the envelope."""
+
+RISE = 0.1
+"""Time [s] in which a gust rises, and falls."""
+
+
+class Motion(Section):
+    """One flight over time.
+
+    Attributes
+    ----------
+    seconds, time_step : length of the flight, and between samples [s].
+    turn_deg_s : largest rate of the flow direction, which swings in a plane through the axis.
+    step_deg, gust_deg : change of the incidence every second.
+    mach_drift, pressure_drift : rate of an error of the given M [1/s], and of the given p_inf over it [1/s].
+    lost_rows : opposite rows of gauges without a reading from the middle of the flight on.
+    no_strain : seconds in the middle of the flight without any reading.
+    """
+
+    seconds: float = Field(gt=0.0)
+    time_step: float = Field(default=0.01, gt=0.0)
+    turn_deg_s: float = 0.0
+    step_deg: float = 0.0
+    gust_deg: float = 0.0
+    mach_drift: float = 0.0
+    pressure_drift: float = 0.0
+    lost_rows: int = Field(default=0, ge=0, le=2)
+    no_strain: float = 0.0
+
+    @property
+    def time(self) -> FloatArray:
+        """(n,) of the samples [s]."""
+        return self.time_step * np.arange(float(round(self.seconds / self.time_step)))
+
+    def conditions(self, vehicle: Vehicle, random: np.random.Generator) -> list[FlightCondition]:
+        """Return the flight conditions in time; Mach number, altitude, plane and phase are drawn."""
+        listed = vehicle.conditions.mach_number
+        mach = float(random.uniform(min(listed), max(listed)))
+        altitude = 1e3 * float(random.uniform(*listed_altitudes_km(vehicle)))
+        plane, phase = random.uniform(0.0, 2.0 * pi, 2).tolist()
+        incidence = self._incidence(envelope_incidence(vehicle), phase)
+        angles = [wind_angles(abs(angle), plane + (pi if angle < 0.0 else 0.0)) for angle in incidence.tolist()]
+        return [
+            FlightCondition(mach_number=mach, angle_of_attack=alpha, sideslip_angle=beta, altitude=altitude)
+            for alpha, beta in angles
+        ]
+
+    def _incidence(self, largest: float, phase: float) -> FloatArray:
+        """Return (n,) signed incidence [rad] in the plane of the motion."""
+        swing, time = SWING * largest, self.time
+        if self.turn_deg_s > 0.0:
+            return np.asarray(swing * np.sin(radians(self.turn_deg_s) / swing * time + phase))
+        in_second = np.mod(time + phase, 1.0)
+        rising = np.minimum(in_second, 2.0 * RISE - in_second) / RISE
+        gust = radians(self.gust_deg) * np.maximum(rising, 0.0)
+        step = radians(self.step_deg) * np.mod(np.floor(time + phase), 2.0)
+        return np.asarray(swing * np.sin(phase) * 0.5 + gust + step)
+
+    def gives(self, roll_angle: FloatArray, random: np.random.Generator) -> BoolArray:
+        """Return (n, n_d) whether each gauge, at ``roll_angle`` (n_d,) [rad], gives a reading."""
+        time, middle = self.time, 0.5 * self.seconds
+        given = np.ones((len(time), len(roll_angle)), dtype=bool)
+        if self.lost_rows:
+            rows = np.round(np.mod(roll_angle, 2.0 * pi), 6)
+            first = random.choice(np.unique(rows))
+            opposite = np.isclose(np.cos(rows - first), -1.0)
+            lost = (rows == first) | (opposite & (self.lost_rows > 1))
+            given[np.ix_(time >= middle, lost)] = False
+        if self.no_strain > 0.0:
+            given[np.abs(time - middle) < 0.5 * self.no_strain] = False
+        return given

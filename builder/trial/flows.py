@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -13,15 +15,21 @@ from builder.aero.deflections import deflections_of
 from builder.aero.engine import FlowKey
 from builder.aero.engines.local_inclination import tangent_cone_pressure_ratio
 from builder.aero.engines.newtonian import NewtonianEngine
-from builder.aero.surface.mesh import mesh_of_grid
+from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.leeward import other_leeward
 from builder.reporting import Reporter
 from builder.trial.conditions import stress_knots
-from builder.truth.revolution.flow_table import FlowTable, cosine_series
-from builder.truth.revolution.flows import flow_table, solved_flows, truth_engine, truth_surface
+from builder.truth.revolution.flow_table import (
+    FlowTable,
+    cosine_series,
+    flow_table,
+    solved_flows,
+    truth_engine,
+    truth_surface,
+)
 from builder.vehicle.file import Vehicle
 from builder.vehicle.toml.sections import Section
 from strainfmu.arrays import BoolArray, FloatArray
@@ -77,12 +85,18 @@ class Flow(Section):
 
     def table(self, vehicle: Vehicle, own: FlowTable) -> FlowTable:
         """Return it as harmonics, instead of the harmonics of ``own``."""
+        surface, n_m = truth_surface(vehicle), own.harmonic.shape[3]
         if self.engine is not None:
-            return (newtonian_flows if self.engine == "newtonian" else _tangent_cones)(vehicle, own)
+            at = self._ratio_at(vehicle, mesh_of_grid(surface))
+            knots = product(own.mach_knots.tolist(), own.incidence_knots.tolist())
+            # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
+            ratio = [at(FlightCondition(mach, incidence, 0.0, 0.0)) for mach, incidence in knots]
+            series = np.array([cosine_series(surface.as_map(one), n_m) for one in ratio])
+            harmonic, engine = series.reshape(own.harmonic.shape), {"engine": self.engine}
+            return replace(own, harmonic=harmonic, provenance=own.provenance | engine)
         harmonic = own.harmonic.copy()
         harmonic[..., 0] += self.raised
         if self.spot is not None:
-            surface, n_m = truth_surface(vehicle), harmonic.shape[3]
             amplitude = cosine_series(self.spot.around(surface.roll_angle), n_m)
             harmonic = harmonic + self.spot.size * np.outer(self.spot.along(surface.x), amplitude)
         return replace(own, harmonic=harmonic)
@@ -92,7 +106,7 @@ class Flow(Section):
         conditions = own.conditions()
         ambient = np.array([condition.ambient_pressure for condition in conditions])[:, None]
         if self.engine is not None:
-            at = _newtonian_at(vehicle, own) if self.engine == "newtonian" else _cones_at(own.surface.node_normal)
+            at = self._ratio_at(vehicle, own.surface)
             return replace(own, pressure=ambient * np.array([at(condition) for condition in conditions]))
         shape: FloatArray | float = self.raised
         if self.spot is not None:
@@ -101,58 +115,26 @@ class Flow(Section):
             shape = self.spot.size * self.spot.around(np.arctan2(y, z) - leeward) * self.spot.along(x)
         return replace(own, pressure=own.pressure + ambient * shape)
 
+    def _ratio_at(self, vehicle: Vehicle, surface: SurfaceMesh) -> Callable[[FlightCondition], FloatArray]:
+        """Return p / p_inf at the nodes of ``surface`` by condition.
 
-def newtonian_flows(vehicle: Vehicle, table: FlowTable) -> FlowTable:
-    """Return the pressure of modified Newtonian theory, Prandtl-Meyer leeward, at the knots of ``table``.
-
-    Source: :mod:`builder.aero.engines.local_inclination`.
-    """
-    engine = NewtonianEngine(mesh_of_grid(truth_surface(vehicle)), leeward="prandtl_meyer")
-    # Without sideslip the leeward meridian is at roll angle 0, as the table counts.
-    return _other_table(
-        vehicle,
-        table,
-        lambda mach, incidence: engine.solve((mach, incidence, 0.0)).arrays["pressure_ratio"],
-        "newtonian",
-    )
-
-
-def _tangent_cones(vehicle: Vehicle, table: FlowTable) -> FlowTable:
-    at = _cones_at(mesh_of_grid(truth_surface(vehicle)).node_normal)
-    return _other_table(
-        vehicle, table, lambda mach, incidence: at(FlightCondition(mach, incidence, 0.0, 0.0)), "tangent cones"
-    )
+        Source: :mod:`builder.aero.engines.local_inclination`. Leeward of a body of revolution is Prandtl-Meyer.
+        """
+        if self.engine == "tangent cones":
+            return partial(_tangent_cones, surface.node_normal)
+        if vehicle.is_of_revolution:
+            engine = NewtonianEngine(surface, leeward="prandtl_meyer")
+        else:
+            stagnation = vehicle.aerodynamics.stagnation or "rayleigh_pitot"
+            engine = NewtonianEngine(surface, stagnation, other_leeward(vehicle), deflections_of(vehicle, surface))
+        return lambda condition: engine.pressure_ratio(engine.solve(engine.flow_key(condition)), condition)
 
 
-def _cones_at(normal: FloatArray) -> Callable[[FlightCondition], FloatArray]:
-    """Return p / p_inf of tangent cones at nodes with outer ``normal`` (n_p, 3), by condition."""
-
-    def at(condition: FlightCondition) -> FloatArray:
-        alpha, beta = condition.angle_of_attack, condition.sideslip_angle
-        stream = np.array([np.cos(alpha) * np.cos(beta), -np.sin(beta), np.sin(alpha) * np.cos(beta)])
-        return tangent_cone_pressure_ratio(condition.mach_number, -normal @ stream)
-
-    return at
-
-
-def _newtonian_at(vehicle: Vehicle, flows: Snapshots) -> Callable[[FlightCondition], FloatArray]:
-    """Return p / p_inf of newtonian theory at the nodes of ``flows``, with another leeward side, by condition."""
-    surface, stagnation = flows.surface, vehicle.aerodynamics.stagnation or "rayleigh_pitot"
-    engine = NewtonianEngine(surface, stagnation, other_leeward(vehicle), deflections_of(vehicle, surface))
-    return lambda condition: engine.pressure_ratio(engine.solve(engine.flow_key(condition)), condition)
-
-
-def _other_table(
-    vehicle: Vehicle, table: FlowTable, ratio_at: Callable[[float, float], FloatArray], engine: str
-) -> FlowTable:
-    """Return ``table`` with p / p_inf of ``ratio_at`` (M, total incidence [rad]) at the nodes of the surface."""
-    surface, n_m = truth_surface(vehicle), table.harmonic.shape[3]
-    harmonic = np.empty_like(table.harmonic)
-    for i, mach in enumerate(table.mach_knots.tolist()):
-        for j, incidence in enumerate(table.incidence_knots.tolist()):
-            ratio = ratio_at(mach, incidence)
-            harmonic[i, j] = cosine_series(surface.as_map(ratio), n_m)
-    return replace(table, harmonic=harmonic, provenance={**table.provenance, "engine": engine})
+def _tangent_cones(normal: FloatArray, condition: FlightCondition) -> FloatArray:
+    """Return p / p_inf of tangent cones at nodes with outer ``normal`` (n_p, 3)."""
+    alpha, beta = condition.angle_of_attack, condition.sideslip_angle
+    stream = np.array([np.cos(alpha) * np.cos(beta), -np.sin(beta), np.sin(alpha) * np.cos(beta)])
+    return tangent_cone_pressure_ratio(condition.mach_number, -normal @ stream)
 
 
 def stress_flow_inputs(vehicle: Vehicle, square: float | None = None) -> dict[str, Any]:

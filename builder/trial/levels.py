@@ -8,7 +8,7 @@ the stated rate of false alarms is met on such data, drawn over conditions, vehi
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -67,21 +67,6 @@ LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class AlarmLevels:
-    """Factors on the alarm levels of chi-square and of the squared largest |z|, and what they were set from.
-
-    The levels are in proportion to r (1 - ``slope`` + ``slope`` r), r the expected chi-square over that at the
-    mean strain.
-    """
-
-    chi_square_scale: float
-    outlier_scale: float
-    slope: float
-    samples: int
-    rate_before: float
-
-
 def stated_readings(world: World, flights: Flights, random: np.random.Generator, vehicles: int) -> Readings:
     """Return what ``vehicles`` as stated read in each of ``flights``."""
     return joined(list(read_own_vehicles(world, HARDWARE, flights, vehicles, random)))
@@ -120,17 +105,25 @@ def with_alarm_levels(inverse_map: InverseMap, flights: Readings) -> InverseMap:
     """
     chi_square, outlier, expected = linear_tests(inverse_map, flights)
     incidence = np.array([one.total_incidence for one in flights.conditions])
-    levels = alarm_levels(chi_square, outlier, expected, incidence[flights.flight])
-    agrees = max(levels.chi_square_scale, levels.outlier_scale) <= LARGEST_SCALE
-    facts = {**asdict(levels), "stated_rate": FALSE_ALARM_PROBABILITY, "used": agrees}
+    scales, slope = alarm_levels(chi_square, outlier, expected, incidence[flights.flight])
+    agrees = bool(scales.max() <= LARGEST_SCALE)
+    facts = {
+        "chi_square_scale": float(scales[0]),
+        "outlier_scale": float(scales[1]),
+        "slope": slope,
+        "samples": len(chi_square),
+        "rate_before": float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
+        "stated_rate": FALSE_ALARM_PROBABILITY,
+        "used": agrees,
+    }
     noted = replace(inverse_map, provenance={**inverse_map.provenance, "alarm_levels": facts})
     if not agrees:
         return noted
     return replace(
         noted,
-        chi_square_scale=inverse_map.chi_square_scale * levels.chi_square_scale,
-        outlier_scale=inverse_map.outlier_scale * levels.outlier_scale,
-        level_slope=levels.slope,
+        chi_square_scale=inverse_map.chi_square_scale * float(scales[0]),
+        outlier_scale=inverse_map.outlier_scale * float(scales[1]),
+        level_slope=slope,
     )
 
 
@@ -147,22 +140,16 @@ def alarm_scales(ratios: FloatArray) -> FloatArray:
 
 def alarm_levels(
     chi_square: FloatArray, outlier: FloatArray, expected: FloatArray, incidence: FloatArray
-) -> AlarmLevels:
-    """Return the levels from chi-square and the squared largest |z| (n,), each over its present level.
+) -> tuple[FloatArray, float]:
+    """Return factors (2,) on the levels of chi-square and of the squared largest |z| (n,), each over its present
+    level, and the slope a of the levels.
 
-    Present levels are in proportion to ``expected`` (n,), the expected chi-square over that at the mean strain;
-    ``incidence`` (n,) is the incidence of the flights [rad].
+    Present levels are in proportion to ``expected`` (n,), r, the expected chi-square over that at the mean strain;
+    the new ones are in proportion to r (1 - a + a r). ``incidence`` (n,) is the incidence of the flights [rad].
     """
     ratios = np.stack([chi_square, outlier])
     slope = level_slope(ratios, expected, incidence)
-    scales = alarm_scales(ratios / (1.0 + slope * (expected - 1.0)))
-    return AlarmLevels(
-        chi_square_scale=float(scales[0]),
-        outlier_scale=float(scales[1]),
-        slope=slope,
-        samples=len(chi_square),
-        rate_before=float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
-    )
+    return alarm_scales(ratios / (1.0 + slope * (expected - 1.0))), slope
 
 
 def level_slope(ratios: FloatArray, expected: FloatArray, incidence: FloatArray) -> float:

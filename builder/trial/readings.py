@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -167,14 +168,13 @@ def read_case(
     strain = flights.read(built, rows, None if exact else random)
     n, n_d = len(strain), len(gauges.station)
 
-    def of(name: str) -> FloatArray:
-        return np.repeat([float(getattr(condition, name)) for condition in conditions], n // len(conditions))
-
+    each = n // len(conditions)
+    of: Column = partial(_column, conditions, each=each)
     leeward, dynamic, inertia, how = of("leeward_roll_angle"), of(DYNAMIC_PRESSURE), case.inertia, case.over_time
     force = np.zeros((n, 2)) if inertia is None else inertia.force(leeward, random)
-    known = _navigation(of) if case.air.navigation else {}
+    known = navigation_at(conditions, each) if case.air.navigation else {}
     if case.air.parameters_percent:
-        true = np.repeat([condition.parameters for condition in conditions], n // len(conditions), axis=0)
+        true = np.repeat([condition.parameters for condition in conditions], each, axis=0)
         known |= _parameters(world.inverse_map, case.air, true, random)
     known[DYNAMIC_PRESSURE] = dynamic * (1.0 + np.reshape(built.dynamic_pressure, -1))
     known = _given(world.vehicle, case.air, known, of, force, random)
@@ -205,9 +205,9 @@ def read_case(
     made = Readings(
         strain=strain,
         known=known,
-        truth=np.repeat(truth, n // len(conditions), axis=0),
+        truth=np.repeat(truth, each, axis=0),
         vehicle=np.full(n, number) if vehicles is None else number + np.arange(n),
-        flight=np.repeat(np.arange(len(flights.conditions))[rows], n // len(conditions)),
+        flight=np.repeat(np.arange(len(flights.conditions))[rows], each),
         time=time,
         conditions=tuple(flights.conditions),
         quiet=quiet if case.motion is not None and exact else None,
@@ -276,21 +276,19 @@ def _is_exact(case: Case) -> bool:
     return not case.built.stated and not case.built.set and not case.built.middle
 
 
-def navigation_at(conditions: Sequence[FlightCondition]) -> dict[str, Any]:
-    """Return exact Mach number, p_inf and altitude.
+def navigation_at(conditions: Sequence[FlightCondition], each: int = 1) -> dict[str, Any]:
+    """Return exact Mach number, p_inf and altitude, ``each`` so many times.
 
     Each is a measurement of its own, and so is the dynamic pressure that is given with them.
     """
-    return _navigation(lambda name: np.array([getattr(condition, name) for condition in conditions]))
+    names = {MACH_NUMBER: MACH_NUMBER, STATIC_PRESSURE: AMBIENT_PRESSURE, ALTITUDE: ALTITUDE}
+    known = {given: _column(conditions, name, each) for given, name in names.items()}
+    return {**known, Q_SOURCE: float(QSource.INDEPENDENT)}
 
 
-def _navigation(of: Column) -> dict[str, Any]:
-    return {
-        MACH_NUMBER: of(MACH_NUMBER),
-        STATIC_PRESSURE: of(AMBIENT_PRESSURE),
-        ALTITUDE: of(ALTITUDE),
-        Q_SOURCE: float(QSource.INDEPENDENT),
-    }
+def _column(conditions: Sequence[FlightCondition], name: str, each: int) -> FloatArray:
+    """Return a quantity of each of ``conditions``, ``each`` so many times."""
+    return np.repeat([float(getattr(condition, name)) for condition in conditions], each)
 
 
 def _with_errors(known: dict[str, Any], noise: Noise, random: np.random.Generator) -> dict[str, Any]:

@@ -21,11 +21,10 @@ from builder.trial.cases import Case, Plan
 from builder.trial.estimators import EstimateReadings, Estimates, of_map, together, with_zeros
 from builder.trial.faults import Lost, NoSuchGaugesError
 from builder.trial.readings import ANGLES, BATCH, Readings, joined, read_case, read_motion, read_own_vehicles
-from builder.trial.rules import NONE, judged
-from builder.trial.score import ALL, ROLLING, Row, rows_of
+from builder.trial.score import ALL, NONE, ROLLING, Row, judged, rows_of
 from builder.trial.world import World
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import FlowReachError
+from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import fingerprint, write_bytes_atomically
@@ -203,73 +202,81 @@ def labelled(case: Case, estimator: str, rows: list[Row]) -> list[Row]:
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What a worker needs: the case, how it is flown, and the arguments of the function that makes the world."""
+    """What a worker needs: the case, how it is flown, a function that makes the world, and one that returns the
+    rows of the case there; it imports both. ``key`` names the file of the rows."""
 
     key: str
     case: Case
     plan: Plan
-    world: tuple[Any, ...]
+    make_world: Callable[[], Any]
+    score: Score = scored
 
 
-def run_task(make_world: Callable[..., Any], score: Score, task: Task) -> tuple[Task, list[Row] | str]:
-    """Score one case; of a case beyond the flows, or without such gauges, return why it is left out."""
+Refused = tuple[type[StrainfmuError], ...]
+"""Errors that leave a task out, and let the others go on."""
+
+BEYOND: Refused = (FlowReachError, NoSuchGaugesError)
+"""The flows do not reach a case, or there are no such gauges to lose."""
+
+
+def run_task(task: Task, refused: Refused = BEYOND) -> tuple[Task, list[Row] | str]:
+    """Return the rows of a task, or the line of an error that is ``refused``."""
     try:
-        rows = score(make_world(*task.world), task.case, task.plan)
-    except (FlowReachError, NoSuchGaugesError) as error:
-        return task, f"{task.case.error}, {task.case.size}: left out: {error}"
+        rows = task.score(task.make_world(), task.case, task.plan)
+    except refused as error:
+        return task, "; ".join(str(error).splitlines())
     return task, [row for of_estimator in rows.values() for row in of_estimator]
 
 
-def run_cases(
-    cases: Sequence[Case],
-    plan: Plan,
-    folder: Path,
-    reporter: Reporter,
-    *,
-    make_world: Callable[..., Any],
-    world: tuple[Any, ...],
-    inputs: dict[str, Any],
-    score: Score = scored,
-    workers: int = 1,
-    scheduler: str | None = None,
-) -> list[Row]:
-    """Return the rows of all cases; the ones in ``folder`` that were made from the same inputs are not made again.
-
-    Parameters
-    ----------
-    make_world, world : a function that a worker imports, and its arguments: paths and numbers.
-    inputs : what the world is made from.
-    score : makes the rows of a case; a worker imports it.
-    workers, scheduler : local processes, or the address of a Dask scheduler whose workers share the files.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    effort = plan.model_dump()
-    tasks = [
+def tasks_of(
+    cases: Sequence[Case], plan: Plan, make_world: Callable[[], Any], inputs: dict[str, Any], score: Score = scored
+) -> list[Task]:
+    """Return the tasks of ``cases`` in one world, which is made from ``inputs``."""
+    entries = {"version": VERSION, "plan": plan.model_dump(), **inputs}
+    return [
         Task(
-            key=fingerprint({"version": VERSION, "plan": effort, "case": case.model_dump(), **inputs}),
+            key=fingerprint({**entries, "case": case.model_dump()}),
             case=case,
             plan=plan,
-            world=world,
+            make_world=make_world,
+            score=score,
         )
         for case in cases
     ]
-    todo = [task for task in tasks if not _file(folder, task).is_file()]
-    run = partial(run_task, make_world, score)
-    with reporter.stage("Cases" if len(todo) == len(tasks) else f"Cases: {len(todo)} of {len(tasks)}") as progress:
+
+
+def run_tasks(
+    tasks: Sequence[Task],
+    folder: Path,
+    reporter: Reporter,
+    *,
+    title: str = "Cases",
+    refused: Refused = BEYOND,
+    workers: int = 1,
+    scheduler: str | None = None,
+    memory: str = WORKER_MEMORY,
+) -> list[list[Row] | str]:
+    """Return the rows of each task, or why it is left out; the ones whose rows are in ``folder`` are not done
+    again.
+
+    ``workers`` are local processes of ``memory`` each, ``scheduler`` is the address of a Dask scheduler whose
+    workers share the files.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {task.key: folder / f"{task.key}.json" for task in tasks}
+    todo, lines = [task for task in tasks if not files[task.key].is_file()], dict[str, str]()
+    run = partial(run_task, refused=refused)
+    with reporter.stage(title if len(todo) == len(tasks) else f"{title}: {len(todo)} of {len(tasks)}") as progress:
         if workers == 1 and scheduler is None:
-            results: Any = map(run, todo)
+            results: Iterator[tuple[Task, list[Row] | str]] = map(run, todo)
         else:
-            results = on_dask(run, todo, scheduler, workers, reporter.note, WORKER_MEMORY)
+            results = on_dask(run, todo, scheduler, workers, reporter.note, memory)
         for number, (task, rows) in enumerate(results, start=1):
             if isinstance(rows, str):
-                reporter.note(rows)
+                lines[task.key] = rows
             else:
-                text = json.dumps(rows, default=float)
-                write_bytes_atomically(_file(folder, task), text.encode())
+                write_bytes_atomically(files[task.key], json.dumps(rows, default=float).encode())
             progress(number, len(todo))
-    done = [_file(folder, task) for task in tasks if _file(folder, task).is_file()]
-    return [row for path in done for row in json.loads(path.read_text(encoding="utf-8"))]
-
-
-def _file(folder: Path, task: Task) -> Path:
-    return folder / f"{task.key}.json"
+    return [
+        lines[key] if key in lines else json.loads(path.read_text(encoding="utf-8")) for key, path in files.items()
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,49 +17,22 @@ from builder.trial.cases import Built, Case
 from builder.trial.conditions import flown_conditions
 from builder.trial.faults import Gauges
 from builder.trial.flows import Flow
-from builder.truth.as_built import drawn
-from builder.truth.flights import Flights
+from builder.truth.flights import Flights, drawn
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at
-from builder.truth.revolution.sensors import BuiltSensors, sensor_readings
 from builder.truth.revolution.strain import (
-    TrueFlights,
+    FlyingSensors,
     TrueStructure,
     flights_of_harmonics,
     true_flights,
     without_faint_harmonics,
 )
-from builder.truth.shape.flights import at_conditions, shape_flights
-from builder.truth.shape.structure import ShapeStructure, on_nodes_of
+from builder.truth.shape import ShapeStructure, at_conditions, on_nodes_of, shape_flights
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
-
-
-class FlyingSensors(Protocol):
-    """Auxiliary sensors of a vehicle that flies."""
-
-    def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
-        """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for
-        None."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SensedFlights(TrueFlights):
-    """Flights of a body of revolution with auxiliary ``sensors``; ``harmonic`` (k, n_x, n_m) of p / p_inf."""
-
-    sensors: FlyingSensors
-    harmonic: FloatArray
-
-    def read(
-        self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
-    ) -> FloatArray:
-        """Return (k, n_d + n_s) readings of one vehicle; ``random`` draws errors of its sensors, None has none."""
-        sensors = self.sensors.built(built, random)
-        sensed = sensor_readings(sensors, self.harmonic[rows], self.conditions[rows])
-        return np.hstack([super().read(built, rows), sensed])
 
 
 @dataclass(eq=False, kw_only=True)
@@ -168,11 +141,8 @@ class World:
             flown = flights_of_harmonics(vehicle, structure, own + share * (other - own), conditions)
         else:
             flown = true_flights(vehicle, structure, table, conditions)
-        flown = without_faint_harmonics(flown)
-        if self.sensors is None:
-            return flown
-        harmonic = harmonics_at(table, mach, incidence)
-        return SensedFlights(**vars(flown), sensors=self.sensors, harmonic=harmonic)
+        harmonic = None if self.sensors is None else harmonics_at(table, mach, incidence)
+        return replace(without_faint_harmonics(flown), sensors=self.sensors, harmonic=harmonic)
 
     @cached_property
     def _operator(self) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from builder.structure.fourier.model import refuse_beyond_fourier
-from builder.truth.shape.structure import refuse_without_other_model
+from builder.truth.shape import refuse_without_other_model
 from builder.vehicle.file import Vehicle
 
 ENGINES_IN_WORDS = {

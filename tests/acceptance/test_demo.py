@@ -207,7 +207,7 @@ def test_every_command_runs_on_the_result(
     assert validate_fmu(str(tmp_path / "again.fmu")) == []
     monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
     monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
-    monkeypatch.setattr("builder.trial.regressions.COST_TRAINING", 60)
+    monkeypatch.setattr("builder.trial.other_estimators.COST_TRAINING", 60)
     code, printed, _ = run("bench", ic3x_demo)
     assert code == 0
     assert "bare product" in printed

@@ -29,12 +29,11 @@ from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.structure.as_built.vehicle import exactly_built
 from builder.structure.fourier.model import StructuralModel, structural_model
 from builder.trial.conditions import held_out_conditions
-from builder.truth.as_built import drawn
+from builder.truth.flights import drawn
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.revolution.strain import (
     TrueStructure,
     true_flights,
-    true_strain,
     without_faint_harmonics,
 )
 from builder.vehicle.conditions.flight_conditions import ConditionSet
@@ -111,7 +110,7 @@ def independent_data(
     """(n, n_d) strain and (n, 5) coefficients of the vehicle of the file, by the model that did not build the
     map."""
     flights = true_flights(vehicle, *truth, conditions)
-    return true_strain(truth[0], flights, exactly_built(len(truth[0].names))), flights.coefficients
+    return flights.read(exactly_built(len(truth[0].names))), flights.coefficients
 
 
 @pytest.mark.parametrize("case", [1, 2])

@@ -15,8 +15,7 @@ from published_run import check_published_run
 from builder.pipeline.demonstration.demo import run_demo, vehicle_as_built
 from builder.reporting import Silent
 from builder.structure.structure_file import load_structure
-from builder.truth.shape.flight_path import flights_along, flows_along
-from builder.truth.shape.structure import flying_structure
+from builder.truth.shape import flights_along, flows_along, flying_structure
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.estimator.estimator import Estimator

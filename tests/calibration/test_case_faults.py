@@ -14,7 +14,7 @@ from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_load_cases
-from builder.calibration.score.wrong_cases import Spoil, case_spoils, gauge_spoils, with_another
+from builder.calibration.score.ground_rows import GAUGE_SPOILS, Spoil, case_spoils, with_another
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import as_built_std
 from builder.structure.loads.applied import PadForce
@@ -47,7 +47,7 @@ def blamed_of(model: ReadingsModel, spoil: Spoil, seed: list[int]) -> tuple[dict
 def test_sound_tests_and_faulty_gauges_blame_no_case(model: ReadingsModel) -> None:
     sound: Spoil = lambda reading, random, applied: {}  # noqa: E731
     for draw in range(10):
-        for number, spoil in enumerate((sound, *gauge_spoils(model.structure.gauges.names).values())):
+        for number, spoil in enumerate((sound, *GAUGE_SPOILS.values())):
             blamed, wanted = blamed_of(model, spoil, [draw, 1, number])
             assert set(blamed) <= set(wanted)
 

@@ -15,7 +15,7 @@ from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.trial.conditions import held_out_conditions
 from builder.trial.world import World
-from builder.truth import as_built
+from builder.truth import flights as truth_flights
 from builder.truth.flights import Flights
 from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
 from builder.truth.revolution.strain import TrueFlights, TrueStructure
@@ -67,7 +67,7 @@ def calibrated_world(vehicle: Vehicle, true: TrueStructure, table: FlowTable) ->
 def read(world: World, flights: Flights, number: int, count: int) -> FloatArray:
     """Return what vehicles read in a flight, all errors that are stated drawn."""
     random = np.random.default_rng(number)
-    built = as_built.drawn(world.vehicle.noise, flights.counts, random, count=count)
+    built = truth_flights.drawn(world.vehicle.noise, flights.counts, random, count=count)
     return flights.read(built, slice(number, number + 1), random)
 
 

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import get_args
-
 import numpy as np
 import pytest
 from coarse_vehicle import COARSE
 
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_load_cases
-from builder.calibration.score.ground_rows import CALIBRATION, add_over_exact, ground_rows, row_of
+from builder.calibration.score.ground_rows import (
+    CALIBRATION,
+    add_over_exact,
+    ground_rows,
+    refuse_unknown_tests,
+    row_of,
+    spoil_of,
+    with_errors,
+)
 from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
-from builder.calibration.score.tested import Said
-from builder.calibration.score.wrong_cases import case_spoils, gauge_spoils, spoil_of, with_errors
 from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.vehicle import Counts, exactly_built
-from builder.trial.cases import Case, Plan
+from builder.trial.cases import Case, GroundTest, GroundTests, Plan
 from builder.trial.estimators import Estimates
-from builder.trial.ground import GroundTest, GroundTests, Wrong
 from builder.trial.readings import Readings
-from builder.trial.rules import MISSED, judged
-from builder.trial.score import Row
+from builder.trial.score import MISSED, Row, judged
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
@@ -42,12 +42,12 @@ def load_test(attitudes: bool) -> LoadTest:
 
 
 @pytest.mark.fast
-def test_the_file_knows_every_error_of_cases_and_gauges() -> None:
-    assert set(get_args(Wrong)) == {*case_spoils(load_test(True)), *gauge_spoils(GAUGES), "wrong load"}
-    for name in get_args(Wrong):
-        assert callable(spoil_of(GroundTest(wrong=name), load_test(True)))
+def test_errors_that_a_test_cannot_have_are_refused() -> None:
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .* in this test, got 'attitude'"):
         spoil_of(GroundTest(wrong="attitude"), load_test(False))
+    case = Case.model_validate({"error": "a", "class": "beyond", "ground": {"wrong": "kgs"}})
+    with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .*, wrong load; got 'kgs'"):
+        refuse_unknown_tests((), [case])
 
 
 @pytest.mark.fast
@@ -66,9 +66,11 @@ def test_errors_of_a_vehicle_are_what_the_file_says() -> None:
 
 @pytest.mark.fast
 def test_what_the_calibration_says_is_counted_by_test() -> None:
-    sound = Said(refused=False, named=False, gauges_blamed=0.0, cases_blamed=0.0, per_reading=1.0)
-    blaming = Said(refused=False, named=True, gauges_blamed=0.5, cases_blamed=0.0, per_reading=3.0)
-    refused = Said(refused=True, named=True, gauges_blamed=0.0, cases_blamed=0.0, per_reading=np.nan)
+    names = ("refused", "named", "silent", "gauges_blamed", "cases_blamed", "per_reading")
+    sound, blaming, refused = (
+        dict(zip(names, values, strict=True))
+        for values in ((0, 0, 0, 0.0, 0.0, 1.0), (0, 1, 0, 0.5, 0.0, 3.0), (1, 1, 0, 0.0, 0.0, np.nan))
+    )
     row = row_of([sound, sound, blaming, refused])
     assert [row[f"{name}_percent"] for name in ("refused", "named", "refused_or_named")] == [25.0, 50.0, 50.0]
     assert [row[f"{name}_percent"] for name in ("blamed", "gauges_blamed", "silent")] == [25.0, 12.5, 0.0]
@@ -117,22 +119,6 @@ def test_flights_are_of_the_pressure_above_that_of_the_air(vehicle: Vehicle, rat
     expected = (ratio - 1.0) * ambient * base / (dynamic * vehicle.reference_quantities().area)
     np.testing.assert_allclose(found.coefficients[:, 0], expected, rtol=1e-3, atol=1e-12)
     np.testing.assert_allclose(found.coefficients[:, 1:], 0.0, atol=1e-9)
-
-
-@pytest.mark.fast
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--map", "map.h5"), "--map: expected none, this trial makes maps for its vehicles"),
-        (("--estimators", "map"), "estimators: expected linear Case 1, linear Case 2, nonlinear, "),
-    ],
-)
-def test_wrong_options_are_refused_in_one_line(
-    arguments: tuple[str, str], message: str, tmp_path: Path, run: Callable[..., tuple[int, str, str]]
-) -> None:
-    code, _, line = run("trial", "ground_test", *arguments, "-o", tmp_path / "none")
-    assert (code, line.count("\n"), message in line) == (2, 1, True)
-    assert not (tmp_path / "none").exists()
 
 
 KNOWN = ("linear Case 2, known exactly", "linear Case 2, before the test", "linear Case 2", "load equations")

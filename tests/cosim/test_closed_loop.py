@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,7 @@ def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario) -> None:
     assert (row["case"], row["samples"], row["holds"], row["healthy_out_of_use"]) == ("dropout", count, count, 0)
     assert (row["reported_first_ms"], row["reported_last_ms"]) == pytest.approx((10.0, 10.0))
     assert (row["reported_never"], row["isolated_never"]) == (0, count)
+    assert json.loads(json.dumps(row))["holds"] == count
 
 
 def test_the_nonlinear_estimator_needs_tables(files: SlenderFiles, tmp_path: Path) -> None:

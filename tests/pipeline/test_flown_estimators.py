@@ -1,4 +1,6 @@
-"""Both estimators on the strains of one flight, on a vehicle whose flow is known in closed form."""
+"""The score of a flight, on a recording made by hand."""
+
+from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +13,7 @@ from scaled_maps import scaled_map
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
-from builder.pipeline.demonstration.flight_trial import AIR_DATA, flown_estimators
+from builder.pipeline.demonstration.flight_trial import AIR_DATA, flown_estimators, score_flight
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError
@@ -20,6 +22,46 @@ from strainfmu.flight_condition import FlightCondition
 from strainfmu.interface.fmi_variables import strain_names
 
 pytestmark = pytest.mark.fast
+
+
+def recording(truth: np.ndarray, estimate: np.ndarray, sigma: float) -> Recording:
+    """Return a recording of n samples of five coefficients (n, 5)."""
+    names = [f"plant.{name}" for name in COEFFICIENT_NAMES]
+    names += [f"estimator.{name}" for name in COEFFICIENT_NAMES]
+    names += [f"estimator.sigma.{name}" for name in COEFFICIENT_NAMES]
+    health = np.zeros((len(truth), 1))
+    values = np.hstack([truth, estimate, np.full_like(truth, sigma), health])
+    cost = np.array([[1e-4, 2e-5]] * (len(truth) - 1))
+    return Recording(
+        time=np.arange(len(truth)) * 0.01,
+        names=(*names, "estimator.health.state"),
+        units=("1",) * (len(names) + 1),
+        values=values,
+        instances=("plant", "estimator"),
+        step_cost=cost,
+    )
+
+
+def test_errors_and_coverage_of_known_numbers() -> None:
+    truth = np.zeros((4, 5))
+    truth[:, 1] = [0.0, 1.0, 2.0, 4.0]
+    estimate = truth + 0.02
+    estimate[0, 1] += 0.08
+    score = score_flight(recording(truth, estimate, 0.01))
+    rms = np.sqrt((0.1**2 + 3 * 0.02**2) / 4)
+    assert score["rms_error"]["C_N"] == pytest.approx(rms, rel=1e-12)
+    assert score["rms_error_of_range"]["C_N"] == pytest.approx(rms / 4.0, rel=1e-12)
+    assert list(score["coverage"].values()) == [1.0, 0.75, 1.0, 1.0, 1.0]
+    assert score["undetected"]["C_N"] == 0.25
+    assert score["step_time"] == {"plant": 1e-4, "estimator": 2e-5}
+
+
+def test_a_constant_coefficient_has_no_range() -> None:
+    score = score_flight(recording(np.zeros((3, 5)), np.full((3, 5), 0.01), 0.01))
+    assert set(score["rms_error_of_range"].values()) == {None}
+    np.testing.assert_allclose(list(score["rms_error"].values()), 0.01)
+
+
 N_D, K = STATIONS * ROWS, 15
 
 

@@ -149,11 +149,8 @@ def test_the_flight_of_another_physics_is_the_second_score(tmp_path: Path) -> No
         files={"overview.png": "a figure", "estimator.fmu": "an FMU", "flight.csv": "the flight"},
         reused=(),
         physics=FlownPhysics(flies="euler", of_map="table"),
-        score=score,
-        held_out={**held, "left_out": ["M 5"], "flows": 4, "not_built": []},
+        summary={**score, "held_out": {**held, "left_out": ["M 5"], "flows": 4, "not_built": []}},
         errors_in_sigma=("gauge noise",),
-        estimators={},
-        states={},
     )
     out = StringIO()
     show_result(Console(file=out, width=120), cast(Any, result))
@@ -166,7 +163,7 @@ def test_the_flight_of_another_physics_is_the_second_score(tmp_path: Path) -> No
     assert "warning: the vehicle that flies has another physics than the map" in printed
     assert score["undetected"]["C_A"] > 0.2
     assert f"C_A {score['undetected']['C_A']:.2%}" in printed
-    result.held_out, result.physics = {}, FlownPhysics(flies="euler", of_map="euler")
+    result.summary, result.physics = score, FlownPhysics(flies="euler", of_map="euler")
     out = StringIO()
     show_result(Console(file=out, width=120), cast(Any, result))
     lines = out.getvalue().splitlines()

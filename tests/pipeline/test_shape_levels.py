@@ -12,7 +12,7 @@ from builder.pipeline.measured_levels import alarm_levels_wanted, level_conditio
 from builder.reporting import Silent
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.structure_file import Structure
-from builder.truth.shape.flights import shape_flows
+from builder.truth.shape import shape_flows
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 
 

@@ -13,7 +13,7 @@ from builder.placement.candidates import CandidateGrid
 from builder.placement.design import Aim, place, placement_study
 from builder.placement.limits import Limits
 from builder.reporting import Silent
-from builder.study.run import run_study
+from builder.study import run_study
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 

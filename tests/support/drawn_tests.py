@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.score.wrong_cases import AppliedTest
+from builder.calibration.score.ground_rows import AppliedTest
 from builder.structure.as_built.structure import OF_MASS
 from strainfmu.arrays import FloatArray
 

@@ -9,8 +9,7 @@ from shape_case import N_D, flown, shape_structure, shape_vehicle
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.as_built.displaced import WAYS
-from builder.truth.shape.flights import ShapeFlights, shape_flights
-from builder.truth.shape.structure import ShapeStructure
+from builder.truth.shape import ShapeFlights, ShapeStructure, shape_flights
 from strainfmu.flight_condition import FlightCondition
 
 

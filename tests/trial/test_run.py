@@ -7,16 +7,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from coarse_vehicle import COARSE
 from trial_cases import case_of, other_world
 
-from builder.pipeline.trial_run import check_fit, of_map, world_of
-from builder.trial.cases import Case, Plan
+from builder.campaign.snapshots import Snapshots
+from builder.inverse.build import build_inverse_map
+from builder.manifold.build import with_manifold
+from builder.pipeline.chosen_estimator import Estimators
+from builder.pipeline.trial_run import TrialOptions, check_fit, of_map, run_trial, world_of
+from builder.reporting import Silent
+from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.trial.added import AtEnd, Heating, heated, standard_temperature
+from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
+from builder.trial.faults import Lost, NoSuchGaugesError, gauge_rows
 from builder.trial.readings import joined, read_case
-from builder.trial.rules import MISSED
-from builder.trial.run import readings_of, scored
-from builder.trial.score import Row
+from builder.trial.run import Task as RunTask
+from builder.trial.run import readings_of, run_task, scored
+from builder.trial.score import ALL, MISSED, Row
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -244,3 +254,182 @@ def test_an_estimator_that_the_map_has_not_is_refused(world: World) -> None:
     for name, message in (("nonlinear", "expected a map with tables"), ("other", "expected 'map', 'linear'")):
         with pytest.raises(InputError, match=f"^estimators: .*{message}"):
             scored(world, case, Plan(estimators=[name]))
+
+
+def test_a_heated_gauge_reads_what_its_data_sheet_says() -> None:
+    """Thermal strain and apparent strain c1 T + c2 T^2 add to the strain over a softer wall, times the factor."""
+    entry = standard_temperature(3.6)
+    rise, at_sensors, thermal = np.array([100.0, 50.0]), np.arange(8.0), np.array([3e-5, -1e-5])
+    random, again = np.random.default_rng(1), np.random.default_rng(1)
+    cold, scatter = np.full((5, 2), 1e-4), np.array([[1.0, -2.0]])
+    hot, measured = heated(entry, AtEnd(thermal, rise, at_sensors), cold, scatter, random)
+    time = again.uniform(0.0, 1.0, (5, 1))
+    warm = time * rise
+    sheet = 1e-6 * (0.05 * warm - 0.002 * warm**2 + 0.01 * scatter * warm)
+    expected = (1.0 - 1e-4 * warm) * (cold / (1.0 - 4.5e-4 * warm) + time * thermal + sheet)
+    np.testing.assert_allclose(hot, expected)
+    np.testing.assert_allclose(measured - 293.15 - time * at_sensors, again.standard_normal((5, 8)), atol=1e-9)
+
+
+def test_a_side_is_warmer(world: World) -> None:
+    vehicle = world.vehicle.model_copy(update={"temperature": standard_temperature(world.vehicle.body().length)})
+    even = Heating(nose_K=80.0, aft_K=10.0).at_end(vehicle)
+    side = Heating(nose_K=80.0, aft_K=10.0, side_percent=10.0).at_end(vehicle)
+    station = world.gauges.station / vehicle.body().length
+    np.testing.assert_allclose(even.rise, 80.0 - 70.0 * station, atol=1e-9)
+    warmer = 0.1 * even.rise * np.cos(world.gauges.roll_angle - 0.7)
+    np.testing.assert_allclose(side.rise - even.rise, warmer, atol=1e-9)
+
+
+def test_a_map_without_temperature_flies_the_standard_wall(world: World) -> None:
+    (cold, warm) = cases_for(world.vehicle, load_trial(trial_path("heating")))
+    assert [cold.group, warm.group] == ["alone", "beyond"]
+    rows = {case.size: scored(world, case, Plan(vehicles=1))["map"] for case in (cold, warm)}
+    assert rows[cold.size][1]["rms"] < rows[warm.size][1]["rms"]
+    assert rows[cold.size][0]["flagged_percent"] <= 2.0 < rows[warm.size][0]["flagged_percent"]
+
+
+@pytest.mark.slow
+def test_a_wall_that_warms_costs_little(world: World, flown_snapshots: Snapshots) -> None:
+    length = world.vehicle.body().length
+    vehicle = world.vehicle.model_copy(update={"temperature": standard_temperature(length)})
+    structure = structural_model(vehicle, COARSE, [vehicle.gauges.layout])
+    linear = build_inverse_map(vehicle, flown_snapshots, structure)
+    warm = other_world(
+        world,
+        vehicle=vehicle,
+        inverse_map=with_manifold(linear, vehicle, flown_snapshots, structure),
+        conditions=100,
+    )
+    plan = Plan(vehicles=1, estimators=["linear", "nonlinear"])
+    rows = {
+        size: scored(warm, case_of(vehicle, "wall that warms", size, "heating"), plan)
+        for size in ("isothermal", "temperature sensors", "no temperature sensors")
+    }
+    for name in plan.estimators:
+        isothermal = rows["isothermal"][name]
+        for size in ("temperature sensors", "no temperature sensors"):
+            every, *loads = rows[size][name]
+            assert loads[0]["rms"] <= 1.5 * isothermal[1]["rms"]
+            assert min(row["covered_percent"] for row in loads) >= 99.0
+            assert every["verdict"] != "missed"
+
+
+TARGET = 99.0
+
+
+@pytest.fixture(scope="module")
+def mapped(
+    vehicle: Vehicle,
+    snapshots: Snapshots,
+    structure: StructuralModel,
+    true_model: TrueStructure,
+    table: FlowTable,
+) -> World:
+    """A map of all conditions: it identifies nothing of one row."""
+    linear = build_inverse_map(vehicle, snapshots, structure)
+    made = with_manifold(linear, vehicle, snapshots, structure)
+    return World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=made, conditions=150, seed=3)
+
+
+def sets_of(world: World, **lost: object) -> list[np.ndarray]:
+    return list(Lost.model_validate(lost).in_use(world.inverse_map, np.random.default_rng(0)).values())
+
+
+def test_the_sets_of_the_shipped_layout(world: World) -> None:
+    """Four rows, of which 14 sets may be lost, two directions, and what is drawn."""
+    roll, axial = gauge_rows(world.inverse_map)
+    assert sorted({float(angle) for angle in roll}) == [0.0, 90.0, 180.0, 270.0]
+    assert axial.sum() == 36
+    assert [len(sets_of(world, gauges="rows", count=count)) for count in (1, 2, 3)] == [4, 6, 4]
+    np.testing.assert_array_equal(sets_of(world, gauges="direction"), [axial, ~axial])
+    for gauges in ("direction of a row", "direction and row"):
+        assert all(0 < used.sum() < len(axial) for used in sets_of(world, gauges=gauges))
+    assert [int(used.sum()) for used in sets_of(world, gauges="all but", count=3, sets=4)] == [3, 3, 3, 3]
+    assert [int(used.sum()) for used in sets_of(world, gauges="all but", count=0, sets=1)] == [len(axial) // 2]
+
+
+def test_a_layout_without_such_gauges_is_left_out(world: World) -> None:
+    lost = {"gauges": "rows", "count": 4}
+    with pytest.raises(NoSuchGaugesError, match="no such gauges to lose among 54 in 4 rows"):
+        sets_of(world, **lost)
+    case = Case.model_validate({"error": "lost gauges", "size": "all", "class": "beyond", "lost": lost})
+    _, text = run_task(RunTask(key="", case=case, plan=Plan(vehicles=1), make_world=lambda: world))
+    assert text == "no such gauges to lose among 54 in 4 rows"
+
+
+def rows_of_case(world: World, size: str, estimator: str, plan: Plan) -> list[Row]:
+    case = case_of(world.vehicle, "lost gauges", size, "lost_gauges")
+    return scored(world, case, plan.model_copy(update={"estimators": [estimator]}))[estimator]
+
+
+@pytest.mark.parametrize("size", ["two rows", "three rows", "one direction", "a direction and a row"])
+def test_rows_and_directions_lost(mapped: World, size: str) -> None:
+    """Without mirror images 66 % of the samples of opposite rows lost, and of all axial gauges, are inside."""
+    plan = Plan(vehicles=2)
+    every, *loads = rows_of_case(mapped, size, "nonlinear", plan)
+    assert every["samples"] == 300 * every["sets"]
+    assert every["no_estimate_percent"] == 0.0
+    assert min(row["covered_percent"] for row in loads) >= TARGET
+    assert min(row["worst_set_percent"] for row in loads) >= TARGET - 2.0
+    linear, *_ = rows_of_case(mapped, size, "linear", plan)
+    assert linear["undetected_percent"] <= 1.0
+    if size == "three rows":
+        assert linear["no_estimate_percent"] == 100.0
+
+
+def test_sets_that_are_drawn_have_the_next_samples(mapped: World) -> None:
+    case = case_of(mapped.vehicle, "lost gauges", "all but 10, drawn", "lost_gauges")
+    assert case.lost is not None
+    few = case.model_copy(update={"lost": case.lost.model_copy(update={"sets": 4, "samples": 100})})
+    plan = Plan(vehicles=2, estimators=["linear"])
+    every = scored(mapped, few, plan)["linear"][0]
+    assert (every["samples"], every["sets"], every["vehicles"]) == (400, 4, 300)
+
+
+@pytest.mark.slow
+def test_every_set_of_the_shipped_trial(mapped: World) -> None:
+    """The sets of each case together."""
+    file, world = load_trial(trial_path("lost_gauges")), other_world(mapped, conditions=1000)
+    for case in cases_for(world.vehicle, file):
+        for rows in scored(world, case, file.trial).values():
+            covered = [row["covered_percent"] for row in rows[1:]]
+            assert np.nanmin([100.0, *covered]) >= TARGET, case.size
+
+
+MOST_UNDETECTED = {
+    ("incidence beyond its largest", "+5 to +20 %"): 13.0,
+    ("another engine", "newtonian"): 20.0,
+    ("another engine", "tangent cones"): 25.0,
+    ("altitude in all inputs", "+5 km"): 66.0,
+    ("altitude in all inputs", "+5 km, as static pressure"): 62.0,
+    ("opposite rows exchanged", "pair in the plane of the flow, with angles"): 7.0,
+    ("Mach number below its least, no navigation", "-20 %"): 36.0,
+    ("local pressure, windward", "+100 % of p_inf"): 16.0,
+    ("vortex pair, leeward", "-10 % of p_inf at 0.5 L"): 6.0,
+    ("vortex pair, leeward", "-30 % of p_inf at 0.3 L"): 9.0,
+    ("vortex pair, leeward", "-30 % of p_inf at 0.5 L"): 30.0,
+    ("vortex pair, leeward", "-30 % of p_inf at 0.6 L"): 17.0,
+}
+"""Cases beyond of the linear map with more than 5 % undetected samples, and how many at most [%]. Measured: 10.4,
+17.4, 21.9, 59.3, 55.6, 5.6, 31.9 and 14.6; of the vortex pairs 5.2, 7.1, 25.3 and 14.3. The states of the map fit
+their strain within the stated errors of the hardware."""
+
+KNOWN = {"linear": {("all_stated", "")}}
+"""Cases that are missed by an estimator: sigma of the linear map includes no pressure between its snapshots."""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver")
+@pytest.mark.parametrize("estimator", [None, "linear"])
+def test_what_the_shipped_vehicle_misses(estimator: Estimators | None, tmp_path: Path) -> None:
+    options = TrialOptions(changes={}, estimator=estimator)
+    result = run_trial(trial_path("stress"), IC3X, tmp_path / "stress", Silent(), options)
+    rows = {(row["error"], row["size"]): row for row in result.rows if row["load"] == ALL}
+    assert len(rows) >= 34
+    known = MOST_UNDETECTED if estimator == "linear" else {}
+    missed = {name for name, row in rows.items() if row["verdict"] == MISSED}
+    assert missed <= known.keys() | KNOWN.get(estimator or "", set()), [rows[name]["why"] for name in missed]
+    for name, largest in known.items():
+        assert rows[name]["undetected_percent"] <= largest
+    assert all(row["undetected_percent"] <= 3.0 for row in rows.values() if row["class"] == "alone")

@@ -16,11 +16,10 @@ from builder.pipeline.trial_run import shape_conditions
 from builder.trial.cases import Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import FEWER_BEYOND, Where, edges_of, flown_conditions
 from builder.trial.flows import Flow, Spot
-from builder.trial.rules import MISSED
 from builder.trial.run import scored
-from builder.trial.score import Row
+from builder.trial.score import MISSED, Row
 from builder.trial.world import World
-from builder.truth.shape.flights import at_conditions
+from builder.truth.shape import at_conditions
 from builder.vehicle.conditions.entries import FlowParameter
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError

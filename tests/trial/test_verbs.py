@@ -12,16 +12,22 @@ from trial_cases import case_of
 
 from builder.aero.engines.local_inclination import largest_pressure_coefficient
 from builder.trial.added import AddedStrain
-from builder.trial.conditions import envelope_incidence, stress_knots
+from builder.trial.conditions import (
+    RISE,
+    Motion,
+    Where,
+    envelope_incidence,
+    flown_conditions,
+    held_out_conditions,
+    stress_knots,
+)
 from builder.trial.faults import Fault, Gauges
-from builder.trial.flows import Flow, newtonian_flows, solved_knots
-from builder.trial.motion import RISE, Motion
+from builder.trial.flows import Flow, solved_knots
 from builder.trial.readings import read_motion
 from builder.trial.world import World
-from builder.truth.revolution.flow_table import FlowTable
-from builder.truth.revolution.flows import truth_surface
+from builder.truth.revolution.flow_table import FlowTable, truth_surface
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.file import IC3X, Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle
 
 N = 8
 GAUGES = Gauges(
@@ -164,7 +170,7 @@ def test_friction_presses_each_section_by_what_lies_ahead(world: World, flying: 
 
 def test_newtonian_flow_has_the_pressure_of_its_engine(flown: Vehicle, flow_beyond: FlowTable) -> None:
     """Windward on the front cone p/p_inf is 1 + 0.7 M^2 C_p,max sin^2(5 deg + a): 1 %."""
-    table, station = newtonian_flows(flown, flow_beyond), 8
+    table, station = Flow(engine="newtonian").table(flown, flow_beyond), 8
     mach, incidence = float(table.mach_knots[2]), float(table.incidence_knots[3])
     sign = np.where(np.arange(table.harmonic.shape[3]) % 2, -1.0, 1.0)  # windward: phi = pi
     found = float(table.harmonic[2, 3, station] @ sign)
@@ -220,3 +226,64 @@ def test_flights_have_the_places_that_a_case_asks_for(world: World) -> None:
     assert 0.25 <= angles.min() <= angles.max() <= 0.5
     few = replace(world, conditions=5, _flights={}, _bounds={})
     assert {c.altitude for c in few.flights(case_of(world.vehicle, "altitude", "12 km")).conditions} == {12e3}
+
+
+TABLE = FlowTable(
+    vehicle="any",
+    mach_knots=np.array([5.0, 7.0]),
+    incidence_knots=np.radians([5.0, 10.0]),
+    harmonic=np.zeros((2, 2, 1, 1)),
+    provenance={},
+)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("valid", "drawn"), [((0.0, 40.0), (12.0, 30.0)), ((0.0, 10.0), (0.0, 10.0)), ((35.0, 50.0), (35.0, 50.0))]
+)
+def test_altitudes_are_those_of_the_map(valid: tuple[float, float], drawn: tuple[float, float]) -> None:
+    """A map that holds at none of 12 to 30 km is flown where it holds."""
+    shipped = load_vehicle(IC3X)
+    vehicle = shipped.model_copy(update={"map": shipped.map.model_copy(update={"valid_altitude_km": valid})})
+    conditions = held_out_conditions(vehicle, TABLE, 200, np.random.default_rng(1))
+    altitude = 1e-3 * np.array([one.altitude for one in conditions])
+    low, high = drawn
+    reach = 0.1 * (high - low)
+    assert low <= altitude.min() < low + reach
+    assert high - reach < altitude.max() <= high
+
+
+@pytest.mark.fast
+def test_conditions_of_a_square_are_inside_it_and_its_flows() -> None:
+    """|a|, |b| up to 8 deg on the shipped vehicle; without a range of sideslip the disc of total incidence."""
+    shipped, random = load_vehicle(IC3X), np.random.default_rng(1)
+    where = Where(square=0.8, altitudes_km=[15.0, 28.0])
+    conditions = flown_conditions(where, shipped, TABLE, 300, random)
+    angles = np.degrees([(one.angle_of_attack, one.sideslip_angle) for one in conditions])
+    assert 7.8 < np.abs(angles).max() <= 8.0
+    altitude = [one.altitude for one in conditions]
+    assert 15e3 <= min(altitude) < 16e3 < 27e3 < max(altitude) <= 28e3
+    mach, incidence = stress_knots(shipped, 0.8)
+    assert (mach[0], mach[-1]) == (5.0, 7.0)
+    assert incidence[-1] > max(one.total_incidence for one in conditions)
+    entry = shipped.conditions.model_copy(update={"sideslip_angle_deg": [0.0]})
+    turned = flown_conditions(where, shipped.model_copy(update={"conditions": entry}), TABLE, 200, random)
+    assert 9.0 < np.degrees(max(one.total_incidence for one in turned)) <= 10.0 + 1e-9
+    assert max(abs(one.sideslip_angle) for one in turned) > np.radians(8.0)
+
+
+@pytest.mark.fast
+@pytest.mark.parametrize(
+    ("name", "angles", "parameters"), [("ic3x.toml", (6.0, 6.0), ()), ("finned_body.toml", (4.5, 3.0), (3.0,))]
+)
+def test_the_corner_is_three_quarters_of_the_way(
+    name: str, angles: tuple[float, float], parameters: tuple[float, ...]
+) -> None:
+    """On the shipped vehicle it is the example of the source."""
+    where = Where(square=0.8, altitudes_km=[20.0, 20.0], corner=0.75)
+    vehicle = load_vehicle(VEHICLES / name)
+    table = TABLE if vehicle.is_of_revolution else None
+    first, *others = flown_conditions(where, vehicle, table, 3, np.random.default_rng(1))
+    assert others == [first, first]
+    assert (first.mach_number, first.altitude, first.parameters) == (5.0, 20e3, parameters)
+    assert np.degrees([first.angle_of_attack, first.sideslip_angle]) == pytest.approx(angles)

@@ -15,10 +15,11 @@ from builder.truth.revolution.flow_table import (
     FlowTable,
     harmonics_at,
     load_flow_table,
+    load_truth_flows,
     pressure_harmonics,
     save_flow_table,
+    truth_surface,
 )
-from builder.truth.revolution.flows import load_truth_flows, truth_surface
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray

@@ -21,9 +21,9 @@ from builder.trial.cases import Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import held_out_conditions
 from builder.trial.run import scored
 from builder.trial.world import World
-from builder.truth.as_built import drawn
+from builder.truth.flights import drawn
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import TrueStructure, true_flights, true_strain
+from builder.truth.revolution.strain import TrueStructure, true_flights
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.estimator.estimator import Estimator
@@ -81,7 +81,7 @@ def flown(
     built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 5
     found = []
     for one in built:
-        strain = true_strain(structure, flights, one)
+        strain = flights.read(one)
         strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
         found.append(
             estimator.estimate(

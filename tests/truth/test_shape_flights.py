@@ -17,9 +17,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.displaced import refuse_others
 from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.trial.conditions import conditions_in_ranges
-from builder.truth.as_built import drawn
-from builder.truth.shape.flights import ShapeFlights, on_nodes
-from builder.truth.shape.structure import refuse_without_other_model
+from builder.truth.flights import drawn
+from builder.truth.shape import ShapeFlights, on_nodes, refuse_without_other_model
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.errors import InputError
 

@@ -22,14 +22,13 @@ from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of
-from builder.truth.as_built import drawn
+from builder.truth.flights import drawn
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import (
     WALL_STEP,
     TrueFlights,
     TrueStructure,
     true_flights,
-    true_strain,
     true_structure,
 )
 from builder.vehicle.file import Vehicle
@@ -112,7 +111,7 @@ def test_coefficients_hold_a_stated_internal_pressure(
     close(found.coefficients[:, 0], expected[:, 0])
     z_p = structural_model(vehicle, vehicle.resolution.truth, [vehicle.gauges.layout])
     strain = (pressure - 2e4) @ z_p.strain_operator(vehicle.gauges.layout).T
-    close(true_strain(true_model, found, exactly_built(N_GAUGES)), strain)
+    close(found.read(exactly_built(N_GAUGES)), strain)
 
 
 def test_exactly_built_reads_the_strain_operator_times_the_pressure(
@@ -121,7 +120,7 @@ def test_exactly_built_reads_the_strain_operator_times_the_pressure(
     layout = vehicle.gauges.layout
     z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
     inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
-    close(true_strain(true_model, flights, exactly_built(N_GAUGES)), (pressure - inside) @ z_p.T)
+    close(flights.read(exactly_built(N_GAUGES)), (pressure - inside) @ z_p.T)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -137,7 +136,7 @@ def test_another_wall_is_the_structure_solved_with_it(
     # The gauges' directions are those of the wall of the file: its inner surface has the same slopes.
     z_p = strain_operator(model.response, true_model.placed, model.surface)
     inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
-    found = true_strain(true_model, flights, built(wall_thickness=sign * WALL_STEP))
+    found = flights.read(built(wall_thickness=sign * WALL_STEP))
     close(found, (pressure - inside) @ z_p.T)
 
 
@@ -165,7 +164,7 @@ def test_shifted_gauges_are_those_of_the_structure_solved_there(
     ):
         response = harmonic_response(mesh, wall.material, moved.x, true_model.surface.x, resolution.harmonics)
         z_p = strain_operator(response, moved, true_model.surface)
-        found = true_strain(true_model, flights, built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
+        found = flights.read(built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
         expected = (pressure - inside) @ z_p.T
         close(found, expected, tolerance)
         assert np.quantile(np.abs(found - expected), 0.9) < 2e-5 * np.abs(expected).max()
@@ -179,8 +178,8 @@ def test_a_turned_layout_sees_the_wind_from_the_other_side(
     ahead, behind = (
         true_flights(vehicle, true_model, table, [condition_at(9.0, roll)]) for roll in (0.5, 0.5 - turn)
     )
-    found = true_strain(true_model, ahead, built(layout_roll=turn))
-    close(found, true_strain(true_model, behind, exactly_built(N_GAUGES)))
+    found = ahead.read(built(layout_roll=turn))
+    close(found, behind.read(exactly_built(N_GAUGES)))
 
 
 def test_gauges_turned_by_a_right_angle_read_the_other_direction(
@@ -191,8 +190,8 @@ def test_gauges_turned_by_a_right_angle_read_the_other_direction(
     names = structural_model(vehicle, vehicle.resolution.truth, [layout]).layouts[layout].names
     axial = [names.index(f"axial_180deg_{i}") for i in range(1, 10)]
     hoop = [names.index(f"hoop_180deg_{i}") for i in range(1, 10)]
-    straight = true_strain(true_model, flights, exactly_built(N_GAUGES))
-    turned = true_strain(true_model, flights, built(orientation=np.full(N_GAUGES, np.pi / 2.0)))
+    straight = flights.read(exactly_built(N_GAUGES))
+    turned = flights.read(built(orientation=np.full(N_GAUGES, np.pi / 2.0)))
     close(turned[:, axial], straight[:, hoop])
     close(turned[:, hoop], straight[:, axial])
 
@@ -202,13 +201,13 @@ def test_gains_apparent_strain_and_internal_pressure_by_the_book(
 ) -> None:
     layout = vehicle.gauges.layout
     z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
-    straight = true_strain(true_model, flights, exactly_built(N_GAUGES))
+    straight = flights.read(exactly_built(N_GAUGES))
     gain = 0.01 * np.random.default_rng(1).standard_normal(N_GAUGES)
-    found = true_strain(true_model, flights, built(gauge_gain=gain, common_gain=0.02))
+    found = flights.read(built(gauge_gain=gain, common_gain=0.02))
     close(found, straight * (1.0 + gain) * 1.02, 1e-14)
     apparent = np.full(N_GAUGES, 5e-6)
-    close(true_strain(true_model, flights, built(apparent_strain=apparent)), straight + apparent, 1e-14)
-    found = true_strain(true_model, flights, built(internal_pressure=0.05))
+    close(flights.read(built(apparent_strain=apparent)), straight + apparent, 1e-14)
+    found = flights.read(built(internal_pressure=0.05))
     close(found, straight - 0.05 * np.outer(flights.ambient_pressure, z_p.sum(axis=1)))
 
 
@@ -222,7 +221,7 @@ def test_many_vehicles_at_once_are_those_one_by_one(
         found = flights.read(many, slice(number, number + 1))
         for which in range(3):
             one = many.one_of(which)
-            close(found[which], true_strain(true_model, flights, one)[number], 1e-12)
+            close(found[which], flights.read(one)[number], 1e-12)
 
 
 def test_strain_of_uniform_pressure_is_that_of_the_vehicle_as_built(
@@ -231,7 +230,7 @@ def test_strain_of_uniform_pressure_is_that_of_the_vehicle_as_built(
     """5 % of p_inf more inside, on the wall as built: less of the gain, the strain of that pressure alone."""
     one = drawn(Noise(std_um_per_m=0.4), N_GAUGES, np.random.default_rng(8))
     more = one.changed(internal_pressure=one.internal_pressure + 0.05)
-    difference = true_strain(true_model, flights, more) - true_strain(true_model, flights, one)
+    difference = flights.read(more) - flights.read(one)
     of_unit = true_model.parts(one).even[:, 0].sum(axis=0)
     gain = (1.0 + one.gauge_gain) * (1.0 + one.common_gain)
     close(difference, -0.05 * np.outer(flights.ambient_pressure, gain * of_unit), 1e-8)
@@ -280,11 +279,11 @@ def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(
     structure = true_structure(yields)
     flown = true_flights(yields, structure, table, CONDITIONS)
     for one, kind in zip(found, ("clamp_axial", "clamp_transverse"), strict=True):
-        change = true_strain(structure, flown, built(**{kind: 2e-3})) - true_strain(structure, flown, built())
+        change = flown.read(built(**{kind: 2e-3})) - flown.read(built())
         assert np.linalg.norm(one.strain - change) < 3e-3 * np.linalg.norm(change)
         assert np.linalg.norm(change) > 0.0
     with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
-        true_strain(true_model, flights, built(clamp_axial=1e-3))
+        flights.read(built(clamp_axial=1e-3))
 
 
 @pytest.mark.parametrize(
@@ -323,7 +322,7 @@ def test_operators_of_hardware_errors_predict_vehicles_built_so(
         sign = np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES)
     value = size if error.common else size * sign
     # Half the difference of both signs: without what is of second order.
-    above, below = (true_strain(true_model, flights, built(**{entry: way * value})) for way in (1.0, -1.0))
+    above, below = (flights.read(built(**{entry: way * value})) for way in (1.0, -1.0))
     change = 0.5 * (above - below)
     # Beside the slope break strain bends within a step of any size.
     away = np.abs(true_model.placed.x - 1.75) > 0.1
@@ -358,9 +357,7 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
     flown, exact = true_flights(by_region, structure, table, CONDITIONS), exactly_built(structure.counts)
     for error, (kind, k) in zip(found, keys, strict=True):
         size = kind.noise_std(noise) * np.eye(structure.counts.of(kind))[k]
-        above, below = (
-            true_strain(structure, flown, exact.changed(**{kind.name: sign * size})) for sign in (1.0, -1.0)
-        )
+        above, below = (flown.read(exact.changed(**{kind.name: sign * size})) for sign in (1.0, -1.0))
         change = 0.5 * (above - below)
         assert np.linalg.norm(error.strain - change) < 0.03 * np.linalg.norm(change), (kind.name, k)
     stated = noise.model_copy(update={"gauge_gain_percent": 1.0})
@@ -369,6 +366,6 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
     many = drawn(stated, structure.counts, np.random.default_rng(4), count=3)
     read = flown.read(many, slice(1, 2))
     for number in range(3):
-        close(read[number], true_strain(structure, flown, many.one_of(number))[1], 1e-12)
+        close(read[number], flown.read(many.one_of(number))[1], 1e-12)
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):
         counts_in_flight(vehicle.model_copy(update={"noise": noise}), structure.placed.roll_angle)

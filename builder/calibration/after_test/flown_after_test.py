@@ -83,7 +83,7 @@ def allowed_flights(
     flights, table = world.fly(conditions), world.flows
     assert isinstance(flights, TrueFlights)
     assert isinstance(table, FlowTable)
-    of_flow, of_unit = strain_per_pressure(flights.structure, flights, exactly_built(flights.counts))
+    of_flow, of_unit = strain_per_pressure(flights, exactly_built(flights.counts))
     nominal = structure.strain_operator(structure.exactly_built())
     change = structure.strain_operator(remaining.parameters) - nominal
     slope = structure.operator_slopes(remaining.parameters, remaining.uncertain)

@@ -1,35 +1,352 @@
-"""Rows of ground tests: what the calibration says of them, and how the maps that follow fly.
+"""Rows of ground tests: what goes wrong and is read, what the calibration says of it, and how the maps that follow
+fly.
 
 Every vehicle brings estimators of its own. An estimator is named by the kind of its map and what is known of the
 vehicle: "nonlinear" after the test, "nonlinear, known exactly", "nonlinear, before the test". "load equations" are
-regressions on the readings of the test.
-"""
+regressions on the readings of the test."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scales_at
 from builder.calibration.after_test.calibrated_map import remaining_after
 from builder.calibration.after_test.left_by_test import Remaining, left_by_test
+from builder.calibration.estimate.disagreement import unexplained
+from builder.calibration.estimate.faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations
+from builder.calibration.estimate.outside_terms import outside_model
+from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_changes import DIRECTED, CellErrors, as_applied, hanging, is_along
+from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.score.ground_world import BEFORE, EXACT, MAPS, GroundWorld
-from builder.calibration.score.tested import Said, Tested, tested
-from builder.trial.cases import Case, Plan
+from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.loads.applied import STANDARD_GRAVITY, Load, PadForce, Weight
+from builder.trial.cases import Case, GroundTest, Plan
 from builder.trial.estimators import Estimates, of_map, together
-from builder.trial.ground import GroundTest
+from builder.trial.faults import MICRO
 from builder.trial.readings import Readings, joined, navigation_at
-from builder.trial.rules import NONE
 from builder.trial.run import add_worst_set, labelled
-from builder.trial.score import Clusters, Row, rows_of
+from builder.trial.score import NONE, Clusters, Row, rows_of
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+
+FORGOTTEN = 10.0
+"""Mass of what hangs on a load without being stated [kg]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AppliedTest:
+    """A test with what the vehicle strained.
+
+    Attributes
+    ----------
+    test : as stated.
+    strain : (n_cases, n_d) readings without noise and zeros [m/m].
+    weight : (n_cases, n_d) the part of it that own weight and inertia strain [m/m].
+    zero : (n_cases, n_d) [m/m].
+    of_load : returns the readings (n_d,) of the same vehicle, without zeros, under a load as applied, by the load
+        that it was to be [m/m].
+    """
+
+    test: LoadTest
+    strain: FloatArray
+    weight: FloatArray
+    zero: FloatArray
+    of_load: Callable[[Load, Load], FloatArray]
+
+    def name(self, case: int) -> str:
+        """Return the name of a load case by its number."""
+        return self.test.cases[case].name
+
+    def noise(self, case: int, random: np.random.Generator) -> FloatArray:
+        """Return noise (n_d,) of a reading of ``case`` [m/m]."""
+        std = self.test.reading_stds[case]
+        return np.asarray(std * random.standard_normal(len(std)))
+
+    def loaded(self, random: np.random.Generator) -> int:
+        """Return the number of a case with loads, drawn."""
+        return int(random.choice(cases_by_load(self.test)[0]))
+
+    def two_loaded(self, random: np.random.Generator) -> tuple[int, int]:
+        """Return two cases of different loads, drawn: one that is repeated may stand for the other."""
+        loaded, cases = cases_by_load(self.test)[0], self.test.cases
+        while True:
+            a, b = random.choice(loaded, 2, replace=False).tolist()
+            if cases[a].loads != cases[b].loads:
+                return a, b
+
+
+def cases_by_load(test: LoadTest) -> tuple[list[int], list[int]]:
+    """Return the numbers of the cases with loads, and of own weight alone."""
+    weighs = np.array([all(isinstance(one.load, Weight) for one in case.loads) for case in test.cases])
+    return np.flatnonzero(~weighs).tolist(), np.flatnonzero(weighs).tolist()
+
+
+Spoil = Callable[[FloatArray, np.random.Generator, AppliedTest], dict[str, str]]
+"""Changes readings (n_cases, n_d) of a test in place and returns what should be named: where and kind."""
+
+
+def times_load(factor: float, kind: str) -> Spoil:
+    """Return the error of a load that is ``factor`` times as large as stated."""
+
+    def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+        case = applied.loaded(random)
+        reading[case] += (factor - 1.0) * (applied.strain - applied.weight)[case]
+        return {applied.name(case): kind}
+
+    return spoil
+
+
+def times_gauge(factor: float, kind: str) -> Spoil:
+    """Return the error of a gauge that reads ``factor`` times what it should."""
+
+    def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+        gauge = int(random.integers(reading.shape[1]))
+        reading[:, gauge] *= factor
+        return {applied.test.gauge_names[gauge]: kind}
+
+    return spoil
+
+
+def _duplicate(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    a, b = applied.two_loaded(random)
+    reading[a] = reading[b] + applied.noise(a, random)
+    return {applied.name(a): "duplicate"}
+
+
+def _mislabelled(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    a, b = applied.two_loaded(random)
+    reading[a] = applied.zero[a] + applied.noise(a, random)
+    for known in applied.test.cases[b].loads:  # applied once more, with errors of its own
+        again = as_applied(known, applied.test.errors, CellErrors(), random)
+        reading[a] += applied.of_load(again, known.load)
+    return {applied.name(a): "mislabelled"}
+
+
+def _interchanged(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    a, b = applied.two_loaded(random)
+    reading[[a, b]] = reading[[b, a]]
+    return dict.fromkeys((applied.name(a), applied.name(b)), "interchanged")
+
+
+def _attitude(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    case = int(random.choice(cases_by_load(applied.test)[1]))
+    stated = applied.test.cases[case].loads[0].load
+    assert isinstance(stated, Weight)
+    turn = 0.5 * np.pi * float(random.choice([1, 2, 3]))
+    turned = replace(stated, up_roll_angle=stated.up_roll_angle + turn)
+    reading[case] += applied.of_load(turned, turned) - applied.of_load(stated, stated)
+    return {applied.name(case): "attitude"}
+
+
+def _mass(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    cases = applied.test.cases
+    loads = [(number, one.load) for number, case in enumerate(cases) for one in case.loads]
+    pads = [(number, load) for number, load in loads if isinstance(load, PadForce)]
+    number, pad = pads[int(random.integers(len(pads)))]
+    weight = hanging(pad, cases[number], FORGOTTEN)
+    reading[number] += applied.of_load(weight, weight)
+    return {cases[number].name: "load" if is_along(pad, weight) else "mass"}
+
+
+def _balance(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    case = applied.loaded(random)
+    reading[case] -= applied.zero[case]
+    return {applied.name(case): "balance"}
+
+
+def _swapped(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+    a, b = random.choice(reading.shape[1], 2, replace=False).tolist()
+    reading[:, [a, b]] = reading[:, [b, a]]
+    return dict.fromkeys((applied.test.gauge_names[a], applied.test.gauge_names[b]), "swapped")
+
+
+CASE_SPOILS: dict[str, Spoil] = {
+    "kgf": times_load(STANDARD_GRAVITY, "unit"),
+    "lbf": times_load(4.4482216152605, "unit"),
+    "case sign": times_load(-1.0, "sign"),
+    "no load": times_load(0.0, "no load"),
+    "duplicate": _duplicate,
+    "mislabelled": _mislabelled,
+    "interchanged": _interchanged,
+    "attitude": _attitude,
+    "10 kg more": _mass,
+    "balanced again": _balance,
+}
+"""Errors of load cases by name: of their loads, of their readings, of what hangs on them."""
+
+GAUGE_SPOILS: dict[str, Spoil] = {
+    "gauges swapped": _swapped,
+    "gauge sign": times_gauge(-1.0, "sign"),
+    "gauge unit": times_gauge(1e-3, "unit"),
+    "dead gauge": times_gauge(0.0, "dead"),
+}
+"""Errors of gauges by name."""
+
+SPOILS = {**CASE_SPOILS, **GAUGE_SPOILS, "wrong load": times_load(1.1, "load")}
+
+
+def case_spoils(test: LoadTest) -> dict[str, Spoil]:
+    """Return the errors that load cases of ``test`` may have: own weight has one of its own."""
+    weighed = cases_by_load(test)[1]
+    return {name: spoil for name, spoil in CASE_SPOILS.items() if weighed or name != "attitude"}
+
+
+def with_another(spoils: dict[str, Spoil], first: Spoil) -> Spoil:
+    """Return ``first`` together with another error, of any kind and of another case."""
+
+    def spoil(reading: FloatArray, random: np.random.Generator, applied: AppliedTest) -> dict[str, str]:
+        wanted = first(reading, random, applied)
+        while True:
+            changed = reading.copy()
+            second = spoils[str(random.choice(list(spoils)))](changed, random, applied)
+            if not set(second) & set(wanted):
+                reading[:] = changed
+                return wanted | second
+
+    return spoil
+
+
+def spoil_of(entry: GroundTest, test: LoadTest) -> Spoil:
+    """Return what changes the readings of ``test`` in a case, and returns what should be named."""
+    if entry.wrong is None:
+        return lambda reading, random, applied: _drifting(entry, reading, random, applied)
+    of_cases = case_spoils(test)
+    if entry.wrong in CASE_SPOILS.keys() - of_cases:
+        raise InputError(f"ground.wrong: expected {', '.join(of_cases)} in this test, got '{entry.wrong}'")
+    return with_another(of_cases, SPOILS[entry.wrong]) if entry.and_another else SPOILS[entry.wrong]
+
+
+def _drifting(
+    entry: GroundTest, reading: FloatArray, random: np.random.Generator, applied: AppliedTest
+) -> dict[str, str]:
+    if entry.drift_um_per_m or entry.hysteresis_percent:
+        time, n_d = np.linspace(0.0, 1.0, len(reading)), reading.shape[1]
+        reading += time[:, None] * MICRO * entry.drift_um_per_m * random.standard_normal(n_d)
+        each = 0.01 * entry.hysteresis_percent * (1.0 + 0.3 * random.standard_normal(n_d))
+        reading[1:] += each * applied.strain[:-1]
+    return {}
+
+
+def with_errors(entry: GroundTest, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
+    """Return a vehicle with the errors of a case."""
+    counts, changes = built.counts, dict[str, FloatArray | float]()
+    if entry.mass_percent:
+        changes["mass"] = 0.01 * entry.mass_percent
+    if entry.clamp_m:
+        changes |= {"clamp_axial": entry.clamp_m, "clamp_transverse": entry.clamp_m}
+    if entry.joint_m:
+        changes["joint_softness"] = np.full(counts.joint, entry.joint_m)
+    if entry.modulus_percent:
+        signs = random.choice([-1.0, 1.0], counts.region)
+        changes["region_modulus"] = 0.01 * entry.modulus_percent * signs
+    if entry.taper_percent:
+        changes["wall_taper"] = built.wall_taper + 0.01 * entry.taper_percent
+    if entry.second_harmonic_percent:
+        wave = 0.01 * entry.second_harmonic_percent * random.standard_normal((2, counts.region))
+        changes |= {"wall_second_cosine": wave[0], "wall_second_sine": wave[1]}
+    return built.changed(**changes)
+
+
+def towards_tail(load: Load, tilt_deg: float) -> Load:
+    """Return a force turned towards the tail; its size stays."""
+    if not tilt_deg or not isinstance(load, DIRECTED) or not any(load.force):
+        return load
+    force, angle = np.asarray(load.force), float(np.deg2rad(tilt_deg))
+    size = float(np.linalg.norm(force))
+    turned = np.cos(angle) * force + np.sin(angle) * size * np.array([1.0, 0.0, 0.0])
+    x, y, z = (size * turned / np.linalg.norm(turned)).tolist()
+    return replace(load, force=(x, y, z))
+
+
+def verdict_of(model: ReadingsModel) -> tuple[Estimate | None, tuple[Fault, ...], tuple[str, ...], str]:
+    """Return what `strainfmu calibrate` says of the readings of ``model``: the estimate of the vehicle, None where
+    the test is refused before; gauges and load cases left out; all lines; and why no map is made, empty where a
+    map is."""
+    try:
+        estimate, faults = calibrate_with_faults(model)
+    except InputError as error:
+        return None, (), (), str(error)
+    outside = outside_model(estimate)
+    lines = (*(fault.line for fault in faults), *outside.lines, *remarks(estimate))
+    return estimate, faults, lines, unexplained(estimate, outside, faults)
+
+
+class Tested(NamedTuple):
+    """A vehicle by its number, and what the calibration says of its test: by name, and the estimate that a map is
+    made of, None of a refused test.
+
+    Attributes
+    ----------
+    said : ``refused``, no map is made; ``named``, gauges or load cases are named as what they are, or the error,
+        not where nothing is wrong; ``gauges_blamed`` and ``cases_blamed``, sound ones that are left out, over all;
+        ``per_reading``, chi-square, NaN where there is no estimate.
+    """
+
+    number: int
+    built: AsBuilt
+    said: dict[str, float]
+    estimate: Estimate | None
+
+
+def applied_test(
+    world: GroundWorld, entry: GroundTest, test: LoadTest, built: AsBuilt, random: np.random.Generator
+) -> AppliedTest:
+    """Return the test as it is applied to a vehicle of the truth, with drawn errors of its loads."""
+    gain, offset = random.standard_normal(2).tolist()
+    cell = CellErrors(gain=test.errors.common * gain, offset=test.errors.cell_offset * offset)
+    strain, weight = np.zeros((2, *test.readings.shape))
+    for number, case in enumerate(test.cases):
+        for known in case.loads:
+            load = towards_tail(as_applied(known, test.errors, cell, random), entry.tilt_deg)
+            own = world.loads.strain(built, load, known.load)
+            strain[number] += own
+            weight[number] += own if isinstance(load, OF_MASS) else 0.0
+
+    def of_load(load: Load, stated: Load) -> FloatArray:
+        return world.loads.strain(built, load, stated)
+
+    zero = np.tile(built.zero, (len(strain), 1))
+    return AppliedTest(test=test, strain=strain, weight=weight, zero=zero, of_load=of_load)
+
+
+def tested(world: GroundWorld, entry: GroundTest, number: int) -> Tested:
+    """Return vehicle ``number`` with its test.
+
+    The error of the vehicle is drawn apart, so that all cases have the same vehicles and errors of loads.
+    """
+    random = np.random.default_rng([number, 41])
+    built = with_errors(entry, world.vehicles.drawn(random), np.random.default_rng([number, 43]))
+    model = world.model(entry)
+    applied = applied_test(world, entry, model.test, built, random)
+    reading = applied.strain + applied.zero
+    wanted = spoil_of(entry, model.test)(reading, random, applied)
+    noise = MICRO * entry.reading_std_um_per_m * entry.noise_times
+    reading = reading + noise * random.standard_normal(reading.shape)
+    made, faults, lines, refused = verdict_of(model.with_readings(reading))
+    gauges, blamed = set(world.structure.gauges.names), {one.where: one.kind for one in faults}
+    sound = set(blamed) & gauges - set(wanted)
+    named = {where: kind for where, kind in blamed.items() if where not in sound}
+    said = bool(entry.said) and any(entry.said in line for line in lines)
+    says = {
+        "refused": bool(refused),
+        "named": named == wanted if wanted else said,
+        "gauges_blamed": len(sound) / len(gauges),
+        "cases_blamed": len(set(named) - set(wanted)) / len(model.test.cases),
+        "per_reading": float("nan") if made is None else made.per_reading,
+    }
+    return Tested(number, built, says, None if refused else made)
+
 
 EQUATIONS = "load equations"
 
@@ -40,16 +357,19 @@ COVERED = 99.0
 """Percent of the samples of a vehicle of which each load must be within 3 sigma."""
 
 
-def refuse_unknown(names: Sequence[str]) -> None:
-    """Refuse estimators that there are not."""
+def refuse_unknown_tests(names: Sequence[str], cases: Sequence[Case]) -> None:
+    """Refuse estimators, and errors of load cases and gauges, that there are not."""
     known = [*MAPS, *(f"{kind}, {state}" for kind in MAPS for state in (EXACT, BEFORE)), EQUATIONS]
     if unknown := [name for name in names if name not in known]:
         raise InputError(f"estimators: expected {', '.join(known)}; got '{unknown[0]}'")
+    wrong = [case.ground.wrong for case in cases if case.ground is not None and case.ground.wrong is not None]
+    if unknown := [name for name in wrong if name not in SPOILS]:
+        raise InputError(f"ground.wrong: expected {', '.join(SPOILS)}; got '{unknown[0]}'")
 
 
 def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Row]]:
     """Return what is said of the tests of a case, and the rows of each estimator where a test is accepted."""
-    said, entry = list[Said](), case.ground or GroundTest()
+    said, entry = list[dict[str, float]](), case.ground or GroundTest()
     read, parts = list[Readings](), {name: list[Estimates]() for name in plan.estimators}
     for number in range(plan.seed, plan.seed + plan.vehicles):
         test, covered = tested(world, entry, number), 100.0
@@ -60,7 +380,7 @@ def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Ro
             read.append(next(iter(flown.values()))[0])
             of_maps = [rows_of(COEFFICIENT_NAMES, flown[name][1], read[-1])[1:] for name in MAPS if name in flown]
             covered = min((row["covered_percent"] for rows in of_maps for row in rows), default=covered)
-        said.append(replace(test.said, silent=not test.said.named and covered < COVERED))
+        said.append({**test.said, "silent": not test.said["named"] and covered < COVERED})
     row = {"load": TEST, "samples": len(said), "vehicles": len(said), **row_of(said)}
     rows = {CALIBRATION: [{**one, "verdict": NONE, "why": ""} for one in labelled(case, CALIBRATION, [row])]}
     if not read:
@@ -111,11 +431,11 @@ def readings_of(world: GroundWorld, test: Tested, noise_std: FloatArray, zero: F
     flights, draws, built = world.flights, world.options.draws, test.built
     strain = flights.pressure @ world.vehicles.structure.strain_operator(built).T + (built.zero - zero)
     every, random = np.repeat(strain, draws, axis=0), np.random.default_rng([test.number, 42])
-    known = navigation_at(flights.conditions)
-    known[DYNAMIC_PRESSURE] = np.array([one.dynamic_pressure for one in flights.conditions])
+    known = navigation_at(flights.conditions, draws)
+    known[DYNAMIC_PRESSURE] = np.repeat([one.dynamic_pressure for one in flights.conditions], draws)
     return Readings(
         strain=every + noise_std * random.standard_normal(every.shape),
-        known={name: np.repeat(value, draws) if np.ndim(value) else value for name, value in known.items()},
+        known=known,
         truth=np.repeat(flights.coefficients, draws, axis=0),
         vehicle=np.full(len(every), test.number),
         flight=np.repeat(np.arange(len(strain)), draws),
@@ -145,21 +465,20 @@ def add_over_exact(rows: Sequence[Row], made: Estimates, exact: Estimates, read:
         row |= {"over_exact": np.sqrt(ratio), "over_exact_error": error / (2.0 * np.sqrt(ratio) * of_mean)}
 
 
-def row_of(said: Sequence[Said]) -> Row:
-    """Return how often the calibration says what [%]."""
+def row_of(said: Sequence[Mapping[str, float]]) -> Row:
+    """Return how often the calibration says what [%]; ``silent``: a test is accepted, nothing is named, and its
+    map covers a load too seldom."""
     clusters = Clusters(np.arange(len(said)))
-
-    def every(name: str) -> FloatArray:
-        return np.array([float(getattr(one, name)) for one in said])
-
-    refused, named, gauges, cases = (every(name) for name in ("refused", "named", "gauges_blamed", "cases_blamed"))
+    by_name = {name: np.array([float(one[name]) for one in said]) for name in said[0]}
+    refused, named, silent = (by_name[name] > 0.0 for name in ("refused", "named", "silent"))
+    gauges, cases = by_name["gauges_blamed"], by_name["cases_blamed"]
     return {
-        **clusters.percent("refused", refused > 0.0),
-        **clusters.percent("named", named > 0.0),
-        **clusters.percent("refused_or_named", refused + named > 0.0),
-        **clusters.percent("silent", every("silent") > 0.0),
+        **clusters.percent("refused", refused),
+        **clusters.percent("named", named),
+        **clusters.percent("refused_or_named", refused | named),
+        **clusters.percent("silent", silent),
         **clusters.percent("blamed", gauges + cases > 0.0),
         "gauges_blamed_percent": 100.0 * float(gauges.mean()),
         "cases_blamed_percent": 100.0 * float(cases.mean()),
-        "chi_square_per_reading": clusters.mean(np.where(refused > 0.0, np.nan, every("per_reading")))[0],
+        "chi_square_per_reading": clusters.mean(np.where(refused, np.nan, by_name["per_reading"]))[0],
     }

@@ -10,8 +10,8 @@ import numpy as np
 
 from builder.figures.drawing.canvas import blank_figure
 from builder.figures.drawing.words import with_signs
-from builder.trial.rules import LIMITS, MISSED
 from builder.trial.run import FILTER
+from builder.trial.score import LIMITS, MISSED
 from builder.trial.table import TITLES, in_order, loads_of
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ model, finer than the map's, with a wall of its own; the map sees the readings o
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass
 from functools import cached_property
@@ -36,7 +35,8 @@ from builder.pipeline.calibrate import (
     write_zeros_of,
 )
 from builder.pipeline.demonstration.flight_trial import SCORE_VERSION, Flown, flown_estimators
-from builder.pipeline.map_files import true_structure_of
+from builder.pipeline.demonstration.flown_shape import FLIGHT, FLIGHT_MODEL, make_numbers
+from builder.pipeline.map_files import make_independent_flows, true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
@@ -52,7 +52,6 @@ from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import save_flight_model
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.files import write_bytes_atomically
 
 CASES = 12
 """Load cases of the ground test, in addition to own weight in four attitudes."""
@@ -192,6 +191,7 @@ class AsBuiltRun:
     def make_flight_model(self) -> None:
         """Make the flight model of the vehicle as built."""
         pipeline, vehicle = self.pipeline, self.pipeline.vehicle
+        make_independent_flows(pipeline)
 
         def write(path: Path) -> None:
             noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
@@ -205,7 +205,7 @@ class AsBuiltRun:
             "flows": pipeline.made_from(FLOWS),
             **self.inputs,
         }
-        pipeline.make("flight_model.h5", "the vehicle that flies: the independent model, as built", inputs, write)
+        pipeline.make(FLIGHT_MODEL, "the vehicle that flies: the independent model, as built", inputs, write)
 
     def start_values(self) -> dict[str, float]:
         """Return the zeros that the estimator takes off what the plant reads."""
@@ -226,23 +226,19 @@ class AsBuiltRun:
         """Fly the three maps on the strains of one flight; return their accuracy, and draw it."""
         pipeline = self.pipeline
 
-        def make(path: Path) -> None:
+        def entries() -> dict[str, Any]:
             flown = self._flown(recording)
-            entries = {name: of_map.entry() for name, of_map in flown.items()}
-            write_bytes_atomically(path, json.dumps(entries, indent=1, allow_nan=False).encode())
             errors = {name: (of_map.error, of_map.made.std) for name, of_map in flown.items()}
-            figure = as_built_figure(recording.time, errors, pipeline.vehicle.name)
-            save(figure, path.with_suffix(".png"))
+            save(as_built_figure(recording.time, errors, pipeline.vehicle.name), pipeline.path("as_built.png"))
+            return {name: of_map.entry() for name, of_map in flown.items()}
 
         inputs = {
             "version": SCORE_VERSION,
             "maps": pipeline.made_from(MAP, CALIBRATED, EXACT),
-            "flight": pipeline.made_from("flight.h5"),
+            "flight": pipeline.made_from(FLIGHT),
         }
         holds = "map before and after the test, and exact, on the same strains (and as a figure, as_built.png)"
-        pipeline.make("as_built.json", holds, inputs, make)
-        entries: dict[str, Any] = json.loads(pipeline.path("as_built.json").read_text(encoding="utf-8"))
-        return entries
+        return make_numbers(pipeline, "as_built.json", holds, inputs, entries)
 
     def _flown(self, recording: Recording) -> dict[str, Flown]:
         zeros, found = self.zeros(), dict[str, Flown]()

@@ -27,7 +27,7 @@ from builder.pipeline.stages import map_from
 from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
-from builder.trial.conditions import wind_angles
+from builder.trial.conditions import at_any_roll
 from builder.trial.estimators import Estimates, of_map, together
 from builder.trial.levels import stated_readings
 from builder.trial.readings import Readings, joined
@@ -188,11 +188,5 @@ def _flown(
         rolled = made.provenance["symmetry"] == "full"
         for _ in range(ROLLS if rolled else 1):
             harmonic.append(amplitude)
-            conditions.append(_rolled(condition, random) if rolled else condition)
+            conditions.append(at_any_roll(condition, condition.total_incidence, random) if rolled else condition)
     return flights_of_harmonics(vehicle, structure, np.array(harmonic), conditions)
-
-
-def _rolled(condition: FlightCondition, random: np.random.Generator) -> FlightCondition:
-    """Return the flow of ``condition`` at an aerodynamic roll angle that is drawn."""
-    alpha, beta = wind_angles(condition.total_incidence, float(random.uniform(0.0, 2.0 * np.pi)))
-    return FlightCondition(condition.mach_number, alpha, beta, condition.altitude)

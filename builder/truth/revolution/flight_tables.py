@@ -18,8 +18,7 @@ from builder.structure.as_built.gauges import gain_of
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
-from builder.truth.revolution.sensors import BuiltSensors
-from builder.truth.revolution.strain import TrueStructure, loads_per_pressure
+from builder.truth.revolution.strain import BuiltSensors, TrueStructure, loads_per_pressure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

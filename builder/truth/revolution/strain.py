@@ -7,8 +7,9 @@ as built follows :mod:`builder.structure.as_built.revolved`.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_state
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.sensors import STRAIN, SensorRows
 from strainfmu.flight_condition import FlightCondition
 
 WALL_STEP = 0.04
@@ -77,6 +79,86 @@ def true_structure(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class BuiltSensors:
+    """The n_s sensors of one vehicle, with the errors of its hardware.
+
+    Attributes
+    ----------
+    names, kind, unit : of the readings.
+    response : (n_s, n_m, n_x, 2) reading per harmonic m of the pressure at a station, as cos and sin of m times
+        the roll angle from the pressure's crest to roll angle 0 [unit/Pa].
+    per_ambient, per_dynamic : (n_s,) what each reads besides, per p_inf and q_inf: base pressure, friction, an
+        error of the pressure inside [unit/Pa].
+    offset : (n_s,) reading without load [unit].
+    std, largest : (n_s,) standard deviation of the noise, and largest reading [unit].
+    thrust_response : (n_s,) [unit/N].
+    """
+
+    names: tuple[str, ...]
+    kind: tuple[str, ...]
+    unit: tuple[str, ...]
+    response: FloatArray
+    per_ambient: FloatArray
+    per_dynamic: FloatArray
+    offset: FloatArray
+    std: FloatArray
+    largest: FloatArray
+    thrust_response: FloatArray
+
+    @property
+    def of_uniform(self) -> FloatArray:
+        """(n_s,) reading per uniform pressure outside [unit/Pa]."""
+        return np.asarray(self.response[:, 0, :, 0].sum(axis=1))
+
+    def rows(self, n_gauges: int, noise_std: float) -> SensorRows:
+        """Return what the rows of a plant read: ``n_gauges`` gauges of noise ``noise_std`` [m/m], then these."""
+        ones = np.ones(n_gauges)
+        return SensorRows(
+            kind=(*(STRAIN,) * n_gauges, *self.kind),
+            unit=(*("m/m",) * n_gauges, *self.unit),
+            scale=np.concatenate([ones, self.std / noise_std]),
+            largest=np.concatenate([ones, self.largest]),
+            thrust_response=np.concatenate([0.0 * ones, self.thrust_response]),
+        )
+
+
+def sensor_response(operator: FloatArray, surface: SurfaceGrid, max_harmonic: int) -> FloatArray:
+    """Return the response of :class:`BuiltSensors` from readings per nodal pressure, (n_s, n_p) [unit/Pa]."""
+    m = np.arange(max_harmonic + 1)
+    by_node = operator.reshape(len(operator), len(surface.x), surface.n_roll)
+    phase = np.outer(surface.roll_angle, m)
+    # A pressure cos m (phi - phi_T) is seen from roll angle 0, where the angle to the crest is -phi_T.
+    even, odd = by_node @ np.cos(phase), -(by_node @ np.sin(phase))
+    return np.stack([even, odd], axis=-1).transpose(0, 2, 1, 3)
+
+
+def sensor_readings(
+    sensors: BuiltSensors, harmonic: FloatArray, conditions: Sequence[FlightCondition]
+) -> FloatArray:
+    """Return (k, n_s) readings, without noise, where the inside is at p_inf.
+
+    ``harmonic`` (k, n_x, n_m) are amplitudes of cos(m phi) in p / p_inf, as of the flights of the gauges.
+    """
+    roll = np.array([one.leeward_roll_angle for one in conditions])
+    ambient = np.array([one.ambient_pressure for one in conditions])[:, None]
+    dynamic = np.array([one.dynamic_pressure for one in conditions])[:, None]
+    phase = -np.outer(roll, np.arange(harmonic.shape[2]))
+    by_harmonic = np.einsum("smxp,kxm->ksmp", sensors.response[:, : harmonic.shape[2]], harmonic, optimize=True)
+    of_flow = np.einsum("ksm,km->ks", by_harmonic[..., 0], np.cos(phase))
+    of_flow += np.einsum("ksm,km->ks", by_harmonic[..., 1], np.sin(phase))
+    net = of_flow - sensors.of_uniform + sensors.per_ambient
+    return np.asarray(ambient * net + dynamic * sensors.per_dynamic + sensors.offset)
+
+
+class FlyingSensors(Protocol):
+    """Auxiliary sensors of a vehicle that flies."""
+
+    def built(self, built: AsBuilt, random: np.random.Generator | None) -> BuiltSensors:
+        """Return the sensors of a vehicle as ``built``, their own errors drawn; without errors of theirs for
+        None."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class TrueFlights(Flights):
     """Flights of a body of revolution.
 
@@ -84,25 +166,31 @@ class TrueFlights(Flights):
     ----------
     structure : of the vehicle.
     table, uniform : amplitudes of the k flows per p_inf, and of one uniform outer pressure; they lead [1/Pa].
+    sensors, harmonic : auxiliary sensors, and (k, n_x, n_m) of p / p_inf that they see; None without any.
     """
 
     structure: TrueStructure
     table: ResponseTable
     uniform: ResponseTable
+    sensors: FlyingSensors | None = None
+    harmonic: FloatArray | None = None
 
     def read(
         self, built: AsBuilt, rows: slice = slice(None), random: np.random.Generator | None = None
     ) -> FloatArray:
+        """Return (k, n_d + n_s) readings of one vehicle, or (v, n_d) of v vehicles in one flight; ``random`` draws
+        errors of its sensors, None has none."""
         flights = replace(
             self,
             table=each(self.table, lambda table: table[..., rows, :, :, :]),
             conditions=self.conditions[rows],
-            coefficients=self.coefficients[rows],
-            ambient_pressure=self.ambient_pressure[rows],
-            dynamic_pressure=self.dynamic_pressure[rows],
-            internal_pressure=self.internal_pressure[rows],
         )
-        return true_strain(self.structure, flights, built)
+        ambient, inside = self.ambient_pressure[rows, None], self.internal_pressure[rows, None]
+        strain = reading_of(built, ambient, inside, *strain_per_pressure(flights, built))
+        if self.sensors is None or self.harmonic is None:
+            return strain
+        sensors = self.sensors.built(built, random)
+        return np.hstack([strain, sensor_readings(sensors, self.harmonic[rows], flights.conditions)])
 
 
 def true_flights(
@@ -199,24 +287,12 @@ def loads_per_pressure(vehicle: Vehicle, surface: SurfaceGrid, harmonic: FloatAr
     return np.column_stack([axial @ loads[0].sum(axis=1), first @ force, first @ moment])
 
 
-def true_strain(structure: TrueStructure, flights: TrueFlights, built: AsBuilt) -> FloatArray:
-    """Return (k, n_d) strain of the gauges [m/m], without noise, that a vehicle as ``built`` reads.
-
-    For v vehicles (:func:`builder.truth.as_built.drawn`) there must be one flight, and the strain is (v,
-    n_d).
-    """
-    ambient, inside = flights.ambient_pressure[:, None], flights.internal_pressure[:, None]
-    return reading_of(built, ambient, inside, *strain_per_pressure(structure, flights, built))
-
-
-def strain_per_pressure(
-    structure: TrueStructure, flights: TrueFlights, built: AsBuilt
-) -> tuple[FloatArray, FloatArray]:
+def strain_per_pressure(flights: TrueFlights, built: AsBuilt) -> tuple[FloatArray, FloatArray]:
     """Return strain of the gauges (k, n_d) by the flow per p_inf, and (n_d,) by a uniform outer pressure [1/Pa].
 
-    Shapes of v vehicles as in :func:`true_strain`.
+    For v vehicles (:func:`builder.truth.flights.drawn`) there must be one flight, and the strain is (v, n_d).
     """
-    gauges = structure.parts(built, flights.table)
+    gauges = flights.structure.parts(built, flights.table)
     wind = np.array([condition.leeward_roll_angle for condition in flights.conditions])
     phase = gauges.roll_angle - wind[:, None]
     # Of many vehicles the one flight is left out. Multiples of the phase by rotation: a cosine per harmonic and
@@ -227,7 +303,7 @@ def strain_per_pressure(
     for m in range(even.shape[-2]):
         of_flow += even[..., m, :] * around.real + odd[..., m, :] * around.imag
         around = around * turn
-    return of_flow, structure.parts(built, flights.uniform).even[..., 0, 0, :]
+    return of_flow, flights.structure.parts(built, flights.uniform).even[..., 0, 0, :]
 
 
 def reading_of(

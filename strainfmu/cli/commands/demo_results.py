@@ -28,17 +28,18 @@ def show_result(console: Console, result: DemoResult, is_verbose: bool = False) 
 
     Scores on held-out results and of a ground test are what such a demonstration is for: they are always printed.
     """
-    if result.held_out:
-        _show_held_out(console, result.held_out)
+    score = result.summary
+    if held_out := score.get("held_out"):
+        _show_held_out(console, held_out)
     _say(console, f"{result.vehicle}: {result.flight}; the FMU's estimate against truth, {result.physics.model}")
-    console.print(_score_table(result.score))
+    console.print(_score_table(score))
     if not result.physics.is_that_of_map:
         _say(console, result.physics.sentence)
-    _say(console, _health_line(result.score))
-    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in result.score["step_time"].items())
+    _say(console, _health_line(score))
+    times = ", ".join(f"{name} {1e6 * value:.0f} us" for name, value in score["step_time"].items())
     _say(console, f"Time per step (median, through fmpy): {times}.")
-    if result.states:
-        _show_states(console, result.states)
+    if states := score.get("as_built"):
+        _show_states(console, states)
     if is_verbose:
         _show_details(console, result)
     for line in _next_lines(result):
@@ -92,8 +93,8 @@ def _say(console: Console, line: str) -> None:
 def _show_details(console: Console, result: DemoResult) -> None:
     """Print the errors that the uncertainty includes, both estimators, and the files."""
     _say(console, f"The stated uncertainty includes: {', '.join(result.errors_in_sigma)}.")
-    if result.estimators:
-        _show_estimators(console, result.estimators)
+    if estimators := result.summary.get("estimators"):
+        _show_estimators(console, estimators)
     files = Table(title=escape(f"Files in {result.folder}"), show_header=False, box=None)
     for name, holds in result.files.items():
         files.add_row(name, holds, "reused" if name in result.reused else "new")

@@ -17,7 +17,7 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from builder.study.run import StudyResult
+    from builder.study import StudyResult
 
 WIDTH = 120
 """Smallest width of the table [characters]."""
@@ -59,7 +59,7 @@ def study(
 
         strainfmu study study.toml -o study --workers 1
     """
-    from builder.study.run import run_study
+    from builder.study import run_study
 
     console, start = Console(), perf_counter()
     result = run_study(file, output, ConsoleReporter(console), workers=workers, scheduler=scheduler)

@@ -172,7 +172,7 @@ def stress(
         strainfmu stress my_vehicle.toml -o manoeuvres --flights
     """
     from builder.pipeline.trial_run import TrialOptions
-    from builder.trial.stress_json import stress_entries
+    from builder.trial.table import stress_entries
 
     options = TrialOptions(
         changes=_changes(conditions, draws, seed, None),
@@ -249,8 +249,6 @@ def _given(snapshots: Path | None, structure: Path | None, rebuild: bool) -> Any
 
 def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -> TrialResult:
     from builder.pipeline.closed_loop_trial import run_closed_loop
-    from builder.pipeline.compare_trial import run_comparison
-    from builder.pipeline.ground_trial import run_ground_tests
     from builder.pipeline.trial_run import run_trial
     from builder.trial.cases import load_trial, trial_path
     from builder.vehicle.file import IC3X, VEHICLES
@@ -262,9 +260,8 @@ def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -
         loop = trial.closed_loop
         result = run_closed_loop(loop, vehicle or VEHICLES / "ic3x_flight.toml", output, reporter, options)
     else:
-        run = run_comparison if trial.compare else run_ground_tests if trial.ground else run_trial
         with naming(vehicle or IC3X):
-            result = run(path, vehicle or IC3X, output, reporter, options)
+            result = run_trial(path, vehicle or IC3X, output, reporter, options)
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(

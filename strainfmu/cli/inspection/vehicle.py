@@ -94,8 +94,8 @@ def check_vehicle(path: Path, console: Console) -> None:
 
 def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
     """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
-    from builder.pipeline.demonstration.manoeuvre import check_parameters
-    from builder.truth.revolution.flows import truth_knots
+    from builder.pipeline.demonstration.flown_shape import check_parameters
+    from builder.truth.revolution.flow_table import truth_knots
     from strainfmu.cosim.models.flight_model import check_envelope
     from strainfmu.cosim.models.trajectory import load_trajectory
 
@@ -112,7 +112,7 @@ def _out_of_reach(
 ) -> Iterator[str]:
     """Yield why extreme flows of the snapshots and of the flight model cannot be solved."""
     from builder.campaign.reach import extreme_conditions, flows_out_of_reach
-    from builder.truth.revolution.flows import truth_engine, truth_keys
+    from builder.truth.revolution.flow_table import truth_engine, truth_keys
 
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):
@@ -175,7 +175,7 @@ def _warnings(
 ) -> Iterator[str]:
     """Yield the manoeuvre's length, where it leaves the snapshots, doubtful entries, commands that refuse."""
     from builder.inverse.noise.inertia import inertia_in_words
-    from builder.pipeline.demonstration.manoeuvre import manoeuvre_warnings
+    from builder.pipeline.demonstration.flown_shape import manoeuvre_warnings
     from builder.structure.gauge_checks import gauges_at_breaks
     from builder.truth.independent_model import other_physics
     from builder.vehicle.doubtful_entries import doubtful_entries

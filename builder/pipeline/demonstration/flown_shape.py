@@ -1,0 +1,304 @@
+"""The flight of a demonstration: its files and pictures, its manoeuvre against what the map covers, and the flight
+of a vehicle that is no body of revolution.
+
+Such a vehicle that flies is computed, not an FMU: flow on the finer surface along the manoeuvre, another mesh of
+the structure, hardware errors drawn. Its strains go into the estimator FMU step by step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from hashlib import sha256
+from math import degrees
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from builder.campaign.snapshots import load_snapshots
+from builder.figures import demonstration as figures
+from builder.figures.drawing.canvas import save
+from builder.figures.scene.free_shape import shape_with_gauges
+from builder.figures.scene.picture_files import write_picture
+from builder.figures.scene.scene import scene_of_snapshot
+from builder.pipeline.pipeline import Pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
+from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built_kinds import IN_NOISE
+from builder.structure.structure_file import load_structure
+from builder.trial.readings import ANGLES
+from builder.trial.score import ROLLING
+from builder.truth.shape import flights_along, flows_along, flying_structure
+from builder.vehicle.doubtful_entries import is_in_radians
+from builder.vehicle.file import Vehicle
+from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.models.trajectory import Trajectory
+from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
+from strainfmu.errors import FaultsError
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.files import write_bytes_atomically
+from strainfmu.flight_condition import FlightCondition
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.fmu.native.package import shipped_libraries
+from strainfmu.interface.fmi_variables import strain_names
+from strainfmu.interface.health_names import CHI_SQUARE, CHI_SQUARE_LIMIT, STATE
+from strainfmu.interface.parameter_variables import PREFIX
+
+STEP_SIZE = 0.01
+"""Time between communication points, and samples, of the flight [s]: 100 Hz."""
+
+ESTIMATOR, PLANT, FLIGHT_MODEL, FLIGHT = "estimator.fmu", "plant.fmu", "flight_model.h5", "flight.h5"
+
+
+def digest_of(library: str) -> str:
+    """Return what identifies the compiled code of ``library`` on all platforms."""
+    found = shipped_libraries(library)
+    return sha256(b"".join(content for _, (_, content) in sorted(found.items()))).hexdigest()
+
+
+def make_estimator(pipeline: Pipeline, map_name: str = MAP, takes_zeros: bool = False) -> None:
+    """Package the map ``map_name``, with inputs for zero offsets where a ground test gives some."""
+    inputs = {"map": pipeline.made_from(map_name), "kind": "native", "library": digest_of("estimator")}
+    pipeline.make(
+        ESTIMATOR,
+        "FMI 2.0 co-simulation FMU, native: strains in, coefficients out",
+        inputs | ({"zero_inputs": True} if takes_zeros else {}),
+        lambda path: export_estimator(pipeline.path(map_name), path, ExportOptions(zero_inputs=takes_zeros)),
+    )
+
+
+def make_flight(pipeline: Pipeline, holds: str, inputs: dict[str, Any], fly: Callable[[], Recording]) -> Recording:
+    """Make the recording of a flight as HDF5 and CSV, and return it."""
+    pipeline.make(FLIGHT, holds, inputs, lambda path: save_hdf5(fly(), path))
+    recording = load_recording(pipeline.path(FLIGHT))
+    of_flight = {"flight": pipeline.made_from(FLIGHT)}
+    pipeline.make("flight.csv", "the same as CSV", of_flight, lambda path: save_csv(recording, path))
+    return recording
+
+
+def make_numbers(
+    pipeline: Pipeline, name: str, holds: str, inputs: dict[str, Any], numbers: Callable[[], dict[str, Any]]
+) -> dict[str, Any]:
+    """Make a file of ``numbers`` (JSON), and return them."""
+
+    def write(path: Path) -> None:
+        write_bytes_atomically(path, json.dumps(numbers(), indent=1, allow_nan=False).encode())
+
+    pipeline.make(name, holds, inputs, write)
+    made: dict[str, Any] = json.loads(pipeline.path(name).read_text(encoding="utf-8"))
+    return made
+
+
+def make_coefficients(pipeline: Pipeline, recording: Recording, title: str) -> None:
+    """Draw estimated against true coefficients."""
+    pipeline.make(
+        "coefficients.png",
+        "figure: estimated against true coefficients, 3 sigma bands",
+        {"flight": pipeline.made_from(FLIGHT), "title": title},
+        lambda path: save(figures.coefficients(recording, title), path),
+    )
+
+
+def make_pictures(pipeline: Pipeline) -> None:
+    """Make vehicle.png and vehicle.glb from the map and the snapshots in the pipeline's folder."""
+    title = pipeline.vehicle.name
+    inputs: dict[str, Any] = {
+        "snapshots": pipeline.made_from(SNAPSHOTS),
+        "map": pipeline.made_from(MAP),
+        "title": title,
+    }
+
+    def draw(path: Path) -> None:
+        snapshots, one = load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP))
+        write_picture(scene_of_snapshot(snapshots, one, title), path)
+
+    pipeline.make("vehicle.png", "figure: vehicle and gauges in three dimensions, from two sides", inputs, draw)
+    pipeline.make("vehicle.glb", "the same to be turned: glTF, for browsers and Blender", inputs, draw)
+
+
+ROUND_OFF = 1e-9
+"""By which a manoeuvre may exceed a range, in the unit of each quantity."""
+
+Covered = tuple[str, str, list[float], list[float]]
+"""Quantity, unit, what is flown, what is covered."""
+
+
+def check_parameters(
+    vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], path: Path
+) -> None:
+    """Refuse a manoeuvre that takes a flow parameter out of the range of ``conditions``, the snapshots'.
+
+    Health would be OUTSIDE there, as the parameters are inputs of the estimator. Mach number and incidence beyond
+    the snapshots' get a warning.
+
+    Raises
+    ------
+    FaultsError
+        A line per parameter, with the worst value and its time.
+    """
+    faults = []
+    for i, name in enumerate(vehicle.conditions.parameters):
+        known = [c.parameters[i] for c in conditions]
+        flown = [FlightCondition.of_row(row).parameters[i] for row in trajectory.conditions.tolist()]
+        beyond = [max(min(known) - value, value - max(known)) for value in flown]
+        worst = max(range(len(flown)), key=beyond.__getitem__)
+        if beyond[worst] > ROUND_OFF:
+            faults.append(
+                f"{path}: {name}: expected {min(known):g} .. {max(known):g}, the range of the snapshots, got "
+                f"{flown[worst]:g} at {trajectory.time[worst]:g} s"
+            )
+    if faults:
+        raise FaultsError("\n".join(faults))
+
+
+def manoeuvre_warnings(
+    vehicle: Vehicle, trajectory: Trajectory, conditions: Sequence[FlightCondition], of_revolution: bool
+) -> list[str]:
+    """Return, a line each, where a manoeuvre leaves what the map covers: there the sigmas may not hold.
+
+    The first line is a question where its angles look like radians.
+
+    Parameters
+    ----------
+    conditions : conditions of the snapshots.
+    of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
+    """
+    flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]
+    largest, held = (degrees(max(one.total_incidence for one in some)) for some in (flown, conditions))
+    radians = f"warning: the manoeuvre flies {largest:.4g} deg at most, the map covers {held:.4g} deg: in radians?"
+    return [radians] * is_in_radians(largest, held) + [
+        f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
+        f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
+        for name, unit, values, covered in _ranges(vehicle, flown, conditions, of_revolution)
+        if min(values) < min(covered) - ROUND_OFF or max(values) > max(covered) + ROUND_OFF
+    ]
+
+
+def _ranges(
+    vehicle: Vehicle, flown: Sequence[FlightCondition], held: Sequence[FlightCondition], of_revolution: bool
+) -> Iterator[Covered]:
+    """Yield the quantities that bound a map of this form and symmetry."""
+    yield "Mach number", "", [c.mach_number for c in flown], [c.mach_number for c in held]
+    if not (of_revolution and vehicle.map.symmetry == "full"):
+        yield (
+            "angle of attack",
+            " deg",
+            [degrees(c.angle_of_attack) for c in flown],
+            [degrees(c.angle_of_attack) for c in held],
+        )
+        yield (
+            "sideslip angle",
+            " deg",
+            [degrees(c.sideslip_angle) for c in flown],
+            [degrees(c.sideslip_angle) for c in held],
+        )
+    total = [degrees(c.total_incidence) for c in held]
+    yield "total incidence", " deg", [degrees(c.total_incidence) for c in flown], [0.0, *total]
+    heights = [1e-3 * c.altitude for c in held]
+    if vehicle.map.follows_pressure:
+        heights = list(vehicle.map.valid_altitude_km)
+    yield ALTITUDE, " km", [1e-3 * c.altitude for c in flown], heights
+
+
+NOISE_SEED = 1
+OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
+"""Outputs of FMUs whose map is in form "dynamic_pressure"."""
+
+
+def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
+    """Make the FMU and its flight along ``path``, with figures, in the pipeline's folder; return the recording.
+
+    Raises
+    ------
+    InputError
+        An entry of the vehicle file does not fit, or a condition is outside the engine's reach.
+    StrainfmuError
+        A file could not be written or the FMU failed.
+    """
+    vehicle, title = pipeline.vehicle, pipeline.vehicle.name
+    make_estimator(pipeline)
+    inputs = {
+        "fmu": pipeline.made_from(ESTIMATOR),
+        "trajectory": vehicle.manoeuvre().read_bytes().hex(),
+        "resolution": vehicle.resolution.truth.model_dump(),
+        "structure": pipeline.made_from(STRUCTURE),
+        "as built": built.record(IN_NOISE),
+    }
+    holds = "the estimator's flight: strains, truth, estimates"
+    recording = make_flight(pipeline, holds, inputs, lambda: _fly(pipeline, path, built))
+    make_coefficients(pipeline, recording, title)
+    pipeline.make(
+        "shape.png",
+        "figure: the shape with its gauges and the pressure of one condition",
+        {"snapshots": pipeline.made_from(SNAPSHOTS), "map": pipeline.made_from(MAP), "title": title},
+        lambda file: save(
+            shape_with_gauges(
+                load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP)), title
+            ),
+            file,
+        ),
+    )
+    make_pictures(pipeline)
+    return recording
+
+
+def _fly(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
+    """Step the estimator FMU through the flight of a vehicle as ``built``."""
+    vehicle, inverse_map = pipeline.vehicle, load_inverse_map(pipeline.path(MAP))
+    time = STEP_SIZE * np.arange(round(path.stop_time / STEP_SIZE) + 1, dtype=np.float64)
+    flows = flows_along(vehicle, path, pipeline.reporter)
+    structure = flying_structure(vehicle, load_structure(pipeline.path(STRUCTURE)), pipeline.reporter)
+    flown = list(flights_along(vehicle, structure, flows, time, path))
+    conditions = [condition for part in flown for condition in part.conditions]
+    strain = np.concatenate([part.read(built) for part in flown])
+    strain = strain + np.random.default_rng(NOISE_SEED).standard_normal(strain.shape) * inverse_map.noise_std
+    pressure = np.concatenate([part.dynamic_pressure for part in flown])
+    stated = pressure * (1.0 + built.dynamic_pressure.item())
+    parameters = tuple(vehicle.conditions.parameters)
+    flow = (Q_SOURCE, MACH_NUMBER, ALTITUDE, *(f"{PREFIX}{name}" for name in parameters))
+    rows, cost, measured = [], [], float(QSource.INDEPENDENT)
+    with (
+        pipeline.reporter.stage("Flight: the estimator FMU") as progress,
+        FmuStep(pipeline.path(ESTIMATOR), flow, (CHI_SQUARE_LIMIT, *OF_ROLLING)) as step,
+    ):
+        of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
+        for i, condition in enumerate(conditions):
+            values = dict(
+                zip(
+                    flow, (measured, condition.mach_number, condition.altitude, *condition.parameters), strict=True
+                )
+            )
+            begun = perf_counter()
+            result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.other_inputs})
+            cost.append(perf_counter() - begun)
+            rows.append(
+                [
+                    *result.coefficients,
+                    *result.coefficients_std,
+                    result.health,
+                    result.chi_square,
+                    *(result.other_outputs[name] for name in (CHI_SQUARE_LIMIT, *of_rolling)),
+                ]
+            )
+            if i % 100 == 0:
+                progress(i, len(strain))
+    table = np.array([condition.as_row() for condition in conditions])
+    rolling = [ROLLING] if of_rolling else []
+    plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), DYNAMIC_PRESSURE]
+    plant += [MACH_NUMBER, *ANGLES, ALTITUDE, *parameters]
+    estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
+    estimator += [STATE, CHI_SQUARE, CHI_SQUARE_LIMIT, *of_rolling]
+    units = ["1"] * (5 + len(rolling) + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
+    units += ["1"] * 10 + ["", "1", "1"] + ["1"] * len(of_rolling)
+    loads = [np.concatenate([part.coefficients for part in flown])]
+    loads += [np.concatenate([part.rolling for part in flown if part.rolling is not None])] if rolling else []
+    return Recording(
+        time=time,
+        names=(*(f"plant.{name}" for name in plant), *(f"estimator.{name}" for name in estimator)),
+        units=tuple(units),
+        values=np.column_stack([*loads, strain, stated, table, np.array(rows)]),
+        instances=("estimator",),
+        step_cost=np.array(cost[1:])[:, None],
+    )

@@ -1,1 +1,0 @@
-"""Trade studies: a vehicle with other values of its entries, each design built and flown, in one table."""
