@@ -391,7 +391,8 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
         Two rows have one name, or no row has one of the names ``only``.
     """
     has = {name: test(vehicle) for name, test in PROPERTIES.items()}
-    listed = [case for case in file.cases if all(_holds(has, name) for name in case.when)]
+    has |= {f"not {name}": not value for name, value in has.items()}
+    listed = [case for case in file.cases if all(has[name] for name in case.when)]
     rows = [row for case in listed for row in _rows(case, vehicle, has)]
     names = [case.name for case in rows]
     if twice := sorted({name for name in names if names.count(name) > 1}):
@@ -400,10 +401,6 @@ def cases_for(vehicle: Vehicle, file: TrialFile, only: Sequence[str] = ()) -> li
     if unknown := [name for name in only if name not in errors]:
         raise InputError(f"--only: expected errors of {', '.join(errors)}, got '{unknown[0]}'")
     return [case for case in rows if not only or case.error in only]
-
-
-def _holds(has: dict[str, bool], name: str) -> bool:
-    return has[name] if name in has else not has[name.removeprefix("not ")]
 
 
 def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:

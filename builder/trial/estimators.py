@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -29,9 +30,11 @@ from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE,
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 STEPPING = "stepping"
+
+NAME = re.compile(rf"(map|linear|nonlinear)(?: ({STEPPING}|(\d*\.?\d+)(?: s)?))?")
+"""Kind, and how it steps or the time constant of its filter [s]."""
 
 N_ANGLES = 2
 """Air data that are scored along a flight in time: angle of attack and sideslip."""
@@ -72,15 +75,14 @@ def of_map(inverse_map: InverseMap, name: str = "map") -> EstimateReadings:
     InputError
         There is none of this name, or the map has no tables for it.
     """
-    kind, _, how = name.partition(" ")
-    seconds = how.removesuffix(" s")
-    if kind not in ("map", "linear", "nonlinear") or not (how in ("", STEPPING) or _is_number(seconds)):
+    if (parts := NAME.fullmatch(name)) is None:
         raise InputError(f"estimators: expected 'map', 'linear' or 'nonlinear', or 'linear 10 s', got '{name}'")
+    kind, how, seconds = parts.groups()
     available(inverse_map, [name])
     estimator = Estimator(inverse_map.without_tables() if kind == "linear" else inverse_map)
     if how == STEPPING:
         return lambda read: _stepping(estimator, read)
-    return of_estimator(estimator.filter(float(seconds)) if how else estimator)
+    return of_estimator(estimator.filter(float(seconds)) if seconds else estimator)
 
 
 def available(inverse_map: InverseMap, names: Sequence[str]) -> list[str]:
@@ -98,10 +100,6 @@ def available(inverse_map: InverseMap, names: Sequence[str]) -> list[str]:
     return known
 
 
-def _is_number(text: str) -> bool:
-    return text.replace(".", "", 1).isdigit()
-
-
 def of_estimator(estimator: Estimator) -> EstimateReadings:
     """Return ``estimator``: of single samples, along flights in time, or at the ends of short flights."""
 
@@ -112,13 +110,6 @@ def of_estimator(estimator: Estimator) -> EstimateReadings:
         return (_at_ends if read.strain.ndim > 2 else _along)(estimator, replace(read, known=known), read.time)
 
     return estimate
-
-
-def with_zeros(estimator: Estimator, std: FloatArray, common_std: float, time_constant: float) -> EstimateReadings:
-    """Return the filter of ``time_constant`` [s] whose zeros have standard deviations ``std`` (n_d,), and in
-    common."""
-    zeros = GaugeZeros(value=np.zeros(len(std)), std=std, common_std=common_std)
-    return of_estimator(estimator.with_zeros(zeros).filter(time_constant))
 
 
 def with_inputs(estimate: EstimateReadings, names: Sequence[str]) -> EstimateReadings:

@@ -18,7 +18,7 @@ import numpy as np
 from builder.campaign.dask_workers import on_dask
 from builder.reporting import Reporter
 from builder.trial.cases import Case, Plan
-from builder.trial.estimators import EstimateReadings, Estimates, of_map, together, with_zeros
+from builder.trial.estimators import EstimateReadings, Estimates, of_estimator, of_map, together
 from builder.trial.faults import Lost, NoSuchGaugesError
 from builder.trial.readings import ANGLES, BATCH, Readings, joined, read_case, read_motion, read_own_vehicles
 from builder.trial.score import ALL, NONE, ROLLING, Row, judged, rows_of
@@ -27,6 +27,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import fingerprint, write_bytes_atomically
 
 VERSION = 8
@@ -59,8 +60,9 @@ def estimators_for(world: World, case: Case, names: Sequence[str]) -> dict[str, 
     if how is None:
         return {name: of_map(world.inverse_map, name) for name in names}
     noise, n_d = float(np.mean(world.gauges.noise_std)), len(world.gauges.station)
-    zero, common = np.full(n_d, how.zero * noise), how.common_zero * noise
-    return {FILTER: with_zeros(Estimator(world.inverse_map), zero, common, how.time_constant)}
+    zeros = GaugeZeros(value=np.zeros(n_d), std=np.full(n_d, how.zero * noise), common_std=how.common_zero * noise)
+    estimator = Estimator(world.inverse_map).with_zeros(zeros).filter(how.time_constant)
+    return {FILTER: of_estimator(estimator)}
 
 
 def readings_of(
@@ -101,11 +103,7 @@ def with_lost_gauges(world: World, lost: Lost, read: Readings, random: np.random
 
 
 def scored(
-    world: World,
-    case: Case,
-    plan: Plan,
-    random: np.random.Generator | None = None,
-    make_estimators: MakeEstimators = estimators_for,
+    world: World, case: Case, plan: Plan, make_estimators: MakeEstimators = estimators_for
 ) -> dict[str, list[Row]]:
     """Return the rows of one case by estimator.
 
@@ -116,7 +114,7 @@ def scored(
     """
     estimators = make_estimators(world, case, plan.estimators)
     read, parts = list[Readings](), {name: list[Estimates]() for name in estimators}
-    for batch in readings_of(world, case, plan, random):
+    for batch in readings_of(world, case, plan):
         for name, estimate in estimators.items():
             parts[name].append(estimate(batch))
         # Strain is needed no more, but for a flight in time.

@@ -309,12 +309,12 @@ def applied_test(
     for number, case in enumerate(test.cases):
         for known in case.loads:
             load = towards_tail(as_applied(known, test.errors, cell, random), entry.tilt_deg)
-            own = world.loads.strain(built, load, known.load)
+            own = world.load_strain(built, load, known.load)
             strain[number] += own
             weight[number] += own if isinstance(load, OF_MASS) else 0.0
 
     def of_load(load: Load, stated: Load) -> FloatArray:
-        return world.loads.strain(built, load, stated)
+        return world.load_strain(built, load, stated)
 
     zero = np.tile(built.zero, (len(strain), 1))
     return AppliedTest(test=test, strain=strain, weight=weight, zero=zero, of_load=of_load)
@@ -326,7 +326,7 @@ def tested(world: GroundWorld, entry: GroundTest, number: int) -> Tested:
     The error of the vehicle is drawn apart, so that all cases have the same vehicles and errors of loads.
     """
     random = np.random.default_rng([number, 41])
-    built = with_errors(entry, world.vehicles.drawn(random), np.random.default_rng([number, 43]))
+    built = with_errors(entry, world.drawn(random), np.random.default_rng([number, 43]))
     model = world.model(entry)
     applied = applied_test(world, entry, model.test, built, random)
     reading = applied.strain + applied.zero
@@ -406,7 +406,7 @@ def estimates_of(world: GroundWorld, test: Tested, estimate: Estimate, name: str
         key = built.vector.tobytes(), kind
         if key not in world.exact:
             known = Remaining(parameters=built, covariance=np.zeros((len(built.vector),) * 2))
-            world.exact[key] = _flown(world, test, world.map_of(kind, world.vehicles.on_map, known), built.zero)
+            world.exact[key] = _flown(world, test, world.map_of(kind, world.true_on_map, known), built.zero)
         return world.exact[key]
     if state == BEFORE:
         return _flown(world, test, world.drawing(kind), built.zero)
@@ -429,7 +429,7 @@ def _flown(
 def readings_of(world: GroundWorld, test: Tested, noise_std: FloatArray, zero: FloatArray) -> Readings:
     """Return what a vehicle reads with several draws of noise in each flight, less ``zero`` (n_d,) [m/m]."""
     flights, draws, built = world.flights, world.options.draws, test.built
-    strain = flights.pressure @ world.vehicles.structure.strain_operator(built).T + (built.zero - zero)
+    strain = flights.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
     every, random = np.repeat(strain, draws, axis=0), np.random.default_rng([test.number, 42])
     known = navigation_at(flights.conditions, draws)
     known[DYNAMIC_PRESSURE] = np.repeat([one.dynamic_pressure for one in flights.conditions], draws)

@@ -28,7 +28,7 @@ from builder.calibration.plan.schedule import run_order
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.structure.as_built.response_tables import LoadResponse, together
+from builder.structure.as_built.response_tables import together
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import wall_regions
@@ -67,44 +67,6 @@ ELEMENT, LAYERS = 0.75, 2
 """Element length over the map's, and elements through the wall."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class TestedVehicles:
-    """What all vehicles share.
-
-    Attributes
-    ----------
-    structure : of the truth, pressure nodes of its own.
-    on_map : the same structure with the pressure nodes and the mesh error of the map.
-    std : what all but a smooth wall is drawn from.
-    is_smooth : whether the wall varies smoothly; otherwise it is drawn as the rest.
-    """
-
-    __test__ = False
-
-    structure: AsBuiltStructure
-    on_map: AsBuiltStructure
-    std: AsBuilt
-    is_smooth: bool
-
-    def drawn(self, random: np.random.Generator) -> AsBuilt:
-        """Return one vehicle; the joint of a smooth wall is as stiff as the wall."""
-        found = draw_as_built(self.std, random)
-        if not self.is_smooth:
-            return found
-        edge = self.structure.regions.end
-        at_ends = smooth(edge, random) * self.std.wall_thickness[0]
-        middle = 0.5 * (edge[1:] + edge[:-1])
-        cosine, sine = (smooth(middle, random) * self.std.wall_cosine[0] for _ in range(2))
-        return found.changed(
-            wall_thickness=0.5 * (at_ends[1:] + at_ends[:-1]),
-            wall_taper=0.5 * (at_ends[1:] - at_ends[:-1]),
-            wall_cosine=cosine,
-            wall_sine=sine,
-            region_modulus=np.zeros(len(middle)),
-            joint_softness=np.zeros(self.structure.counts.joint),
-        )
-
-
 def smooth(station: FloatArray, random: np.random.Generator) -> FloatArray:
     """Return (n,) values of a Gaussian process of standard deviation 1 at increasing stations (n,) [m].
 
@@ -120,8 +82,8 @@ def properties_of(vehicle: Vehicle) -> LoadProperties:
     return LoadProperties(density=vehicle.material.density_kg_per_m3 or DENSITY)
 
 
-def tested_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure, is_smooth: bool) -> TestedVehicles:
-    """Solve the structure of the truth; ``of_map`` is the structure of the map."""
+def structure_of_truth(vehicle: Vehicle, is_smooth: bool) -> AsBuiltStructure:
+    """Solve the structure of the truth, pressure nodes of its own."""
     own, resolution = vehicle, vehicle.resolution.truth
     if is_smooth:
         own, coarse = with_smooth_wall(vehicle), vehicle.resolution.map
@@ -131,15 +93,7 @@ def tested_vehicles(vehicle: Vehicle, of_map: AsBuiltStructure, is_smooth: bool)
             wall_layers=LAYERS,
             harmonics=min(resolution.harmonics, max(coarse.harmonics, HARMONICS)),
         )
-    structure = as_built_structure(
-        own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS
-    )
-    return TestedVehicles(
-        structure=structure,
-        on_map=with_surface_of(structure, of_map),
-        std=as_built_std(vehicle.calibration, structure.counts),
-        is_smooth=is_smooth,
-    )
+    return as_built_structure(own, own.gauges.layout, resolution, properties_of(vehicle), max_harmonic=HARMONICS)
 
 
 def with_smooth_wall(vehicle: Vehicle) -> Vehicle:
@@ -154,39 +108,6 @@ def with_smooth_wall(vehicle: Vehicle) -> Vehicle:
         }
     )
     return vehicle.model_copy(update={"calibration": entry})
-
-
-class LoadTables:
-    """What the loads of a test strain, for any vehicle of one structure: solved once for each pad and attitude.
-
-    Forces are sums of their three components, which is exact. Where a pad stands elsewhere than stated, or is of
-    another shape, the change is the change of the wall of the drawing under the gauges as built.
-    """
-
-    def __init__(self, structure: AsBuiltStructure) -> None:
-        self.structure = structure
-        self._of_place: dict[Load, tuple[LoadResponse, LoadResponse]] = {}
-
-    def strain(self, built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
-        """Return what the gauges read (n_d,) under ``applied``, stated as ``stated``, without zeros [m/m]."""
-        if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):
-            return self.structure.load_strain(built, [applied])
-        if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
-            return np.zeros(self.structure.n_gauges)
-        place = replace(stated, force=NO_VECTOR)
-        if place not in self._of_place:
-            units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
-            self._of_place[place] = (
-                together([self.structure.response(one) for one in units]),
-                self.structure.nominal_response(units),
-            )
-        found, here = (
-            np.asarray(applied.force) @ self.structure.response_strain(built, one) for one in self._of_place[place]
-        )
-        if replace(stated, force=applied.force) == applied:
-            return np.asarray(found)
-        there = self.structure.response_strain(built, self.structure.nominal_response((applied,)))
-        return np.asarray(found + there[0] - here)
 
 
 MAPS: dict[str, dict[str, Any]] = {
@@ -229,7 +150,7 @@ class GroundWorld:
     ----------
     vehicle : its linear map holds no errors of the hardware but those that the test leaves.
     snapshots : on the nodes of ``structure``, the map's.
-    vehicles : the truth.
+    true_structure : of the truth.
     flights : on the truth's own nodes.
     options : of the file.
     exact : what vehicles read, and estimates where they are known exactly; cases share them.
@@ -238,16 +159,62 @@ class GroundWorld:
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AsBuiltStructure
-    vehicles: TestedVehicles
+    true_structure: AsBuiltStructure
     flights: GroundFlights
     options: GroundTests
     exact: dict[tuple[bytes, str], tuple[Readings, Estimates]] = field(default_factory=dict)
     _made: dict[Any, Any] = field(default_factory=dict)
 
     @cached_property
-    def loads(self) -> LoadTables:
-        """What loads of a test strain."""
-        return LoadTables(self.vehicles.structure)
+    def true_on_map(self) -> AsBuiltStructure:
+        """The structure of the truth with the pressure nodes and the mesh error of the map."""
+        return with_surface_of(self.true_structure, self.structure)
+
+    def drawn(self, random: np.random.Generator) -> AsBuilt:
+        """Return one vehicle; a smooth wall has a joint that is as stiff as the wall."""
+        structure = self.true_structure
+        std = as_built_std(self.vehicle.calibration, structure.counts)
+        found = draw_as_built(std, random)
+        if self.options.walls != "smooth":
+            return found
+        edge = structure.regions.end
+        at_ends = smooth(edge, random) * std.wall_thickness[0]
+        middle = 0.5 * (edge[1:] + edge[:-1])
+        cosine, sine = (smooth(middle, random) * std.wall_cosine[0] for _ in range(2))
+        return found.changed(
+            wall_thickness=0.5 * (at_ends[1:] + at_ends[:-1]),
+            wall_taper=0.5 * (at_ends[1:] - at_ends[:-1]),
+            wall_cosine=cosine,
+            wall_sine=sine,
+            region_modulus=np.zeros(len(middle)),
+            joint_softness=np.zeros(structure.counts.joint),
+        )
+
+    def load_strain(self, built: AsBuilt, applied: Load, stated: Load) -> FloatArray:
+        """Return what the gauges read (n_d,) under a load ``applied``, stated as ``stated``, without zeros [m/m].
+
+        Each pad and attitude is solved once. Forces are sums of their three components, which is exact. Where a
+        pad stands elsewhere than stated, or is of another shape, the change is the change of the wall of the
+        drawing under the gauges as built.
+        """
+        structure = self.true_structure
+        if not isinstance(applied, PadForce) or not isinstance(stated, PadForce):
+            return structure.load_strain(built, [applied])
+        if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
+            return np.zeros(structure.n_gauges)
+        place = replace(stated, force=NO_VECTOR)
+        if place not in self._made:
+            units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
+            solved = together([structure.response(one) for one in units])
+            self._made[place] = solved, structure.nominal_response(units)
+        strain, of_drawing = (
+            np.asarray(applied.force) @ structure.response_strain(built, response)
+            for response in self._made[place]
+        )
+        if replace(stated, force=applied.force) == applied:
+            return np.asarray(strain)
+        moved = structure.response_strain(built, structure.nominal_response((applied,)))
+        return np.asarray(strain + moved[0] - of_drawing)
 
     @cached_property
     def ensemble(self) -> Ensemble:
@@ -311,13 +278,13 @@ def ground_world(
     entry = vehicle.map.model_copy(update=next(iter(MAPS.values())))
     vehicle = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
     structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
-    vehicles = tested_vehicles(vehicle, structure, options.walls == "smooth")
+    true_structure = structure_of_truth(vehicle, options.walls == "smooth")
     return GroundWorld(
         vehicle=vehicle,
         snapshots=snapshots_on(snapshots, structure.surface),
         structure=structure,
-        vehicles=vehicles,
-        flights=flights_of(vehicle, table, vehicles.structure.surface, conditions),
+        true_structure=true_structure,
+        flights=flights_of(vehicle, table, true_structure.surface, conditions),
         options=options,
     )
 

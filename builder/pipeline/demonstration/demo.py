@@ -23,7 +23,6 @@ from builder.pipeline.chosen_estimator import Estimators, with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_trial import (
     SCORE_VERSION,
-    bound_in_flight,
     flown_estimators,
     score_flight,
 )
@@ -209,7 +208,7 @@ def _result(
         "summary.json",
         "accuracy of the flown FMU, as numbers",
         inputs,
-        lambda: {**score_flight(recording, bound_in_flight(inverse_map, recording)), **more},
+        lambda: {**score_flight(recording, inverse_map), **more},
     )
     return DemoResult(
         vehicle=pipeline.vehicle.name,

@@ -97,13 +97,11 @@ class Flown(NamedTuple):
         return {**entry, "air_data": air} if air else entry
 
 
-def score_flight(recording: Recording, bound: FloatArray | None = None) -> dict[str, Any]:
-    """Return the score of the instance "estimator" against the instance "plant", and the time of a step [s].
-
-    ``bound`` is of :func:`bound_in_flight`; None where it is not known.
-    """
+def score_flight(recording: Recording, inverse_map: InverseMap | None = None) -> dict[str, Any]:
+    """Return the score of the instance "estimator", whose map may be known, against the instance "plant", and the
+    time of a step [s]."""
     names = (*COEFFICIENT_NAMES, *((ROLLING,) if f"plant.{ROLLING}" in recording.names else ()))
-    flown = Flown(_readings(recording, names, bound), outputs_of(recording, names))
+    flown = Flown(_readings(recording, names, inverse_map), outputs_of(recording, names))
     cost = np.median(recording.step_cost, axis=0)
     return {**flown.record(names), "step_time": dict(zip(recording.instances, cost.tolist(), strict=True))}
 
@@ -122,7 +120,7 @@ def flown_estimators(
     read = _readings(
         recording,
         (names := (*COEFFICIENT_NAMES, *AIR_DATA)),
-        bound_in_flight(inverse_map, recording),
+        inverse_map,
         strain if zeros is None else strain - zeros,
         {**known, Q_SOURCE: float(QSource.INDEPENDENT)},
     )
@@ -143,16 +141,6 @@ def _with_air_data(inverse_map: InverseMap, read: Readings) -> Estimates:
     )
 
 
-def bound_in_flight(inverse_map: InverseMap, recording: Recording) -> FloatArray | None:
-    """Return (k, 5) the Cramer-Rao bound of the coefficients in a flight, at every :data:`EACH`-th sample.
-
-    Known are q_inf, M and p_inf by altitude, as in a demonstration. None of a map without tables.
-    """
-    flown = _columns(recording, "plant", (MACH_NUMBER, *ANGLES, ALTITUDE))[::EACH]
-    conditions = [FlightCondition(*state) for state in flown.tolist()]
-    return cramer_rao_bound(inverse_map, conditions, (MACH_NUMBER, ALTITUDE, DYNAMIC_PRESSURE))
-
-
 def outputs_of(recording: Recording, names: Sequence[str], instance: str = "estimator") -> Estimates:
     """Return the outputs ``names`` of an FMU that flew."""
     outputs = [f"air_data.{name}" if name in AIR_DATA else name for name in names]
@@ -166,12 +154,17 @@ def outputs_of(recording: Recording, names: Sequence[str], instance: str = "esti
 def _readings(
     recording: Recording,
     names: Sequence[str],
-    bound: FloatArray | None,
+    inverse_map: InverseMap | None,
     strain: FloatArray | None = None,
     known: Mapping[str, Any] | None = None,
 ) -> Readings:
-    """Return what the plant read, with the truth of ``names``."""
-    n = len(recording.time)
+    """Return what the plant read, with the truth of ``names``, and the Cramer-Rao bound at every :data:`EACH`-th
+    sample where the map has tables; known are q_inf, M and p_inf by altitude, as in a demonstration."""
+    n, bound = len(recording.time), None
+    if inverse_map is not None:
+        flown = _columns(recording, "plant", (MACH_NUMBER, *ANGLES, ALTITUDE))[::EACH]
+        conditions = [FlightCondition(*state) for state in flown.tolist()]
+        bound = cramer_rao_bound(inverse_map, conditions, (MACH_NUMBER, ALTITUDE, DYNAMIC_PRESSURE))
     every = None if bound is None else np.full((n, bound.shape[1]), np.nan)
     if bound is not None and every is not None:
         every[::EACH] = bound
