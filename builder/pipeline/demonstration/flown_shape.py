@@ -265,11 +265,8 @@ def _fly(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
     ):
         of_rolling = [name for name in OF_ROLLING if name in step.other_outputs]
         for i, condition in enumerate(conditions):
-            values = dict(
-                zip(
-                    flow, (measured, condition.mach_number, condition.altitude, *condition.parameters), strict=True
-                )
-            )
+            inputs = (measured, condition.mach_number, condition.altitude, *condition.parameters)
+            values = dict(zip(flow, inputs, strict=True))
             begun = perf_counter()
             result = step(strain[i], stated[i], STEP_SIZE, **{n: values[n] for n in step.other_inputs})
             cost.append(perf_counter() - begun)
@@ -285,19 +282,20 @@ def _fly(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
             if i % 100 == 0:
                 progress(i, len(strain))
     table = np.array([condition.as_row() for condition in conditions])
-    rolling = [ROLLING] if of_rolling else []
-    plant = [*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1]), DYNAMIC_PRESSURE]
-    plant += [MACH_NUMBER, *ANGLES, ALTITUDE, *parameters]
-    estimator = [*COEFFICIENT_NAMES, *(f"sigma.{name}" for name in COEFFICIENT_NAMES)]
-    estimator += [STATE, CHI_SQUARE, CHI_SQUARE_LIMIT, *of_rolling]
-    units = ["1"] * (5 + len(rolling) + strain.shape[1]) + ["Pa", "1", "rad", "rad", "m"] + [""] * len(parameters)
-    units += ["1"] * 10 + ["", "1", "1"] + ["1"] * len(of_rolling)
+    rolling, sigmas = [ROLLING] if of_rolling else [], [f"sigma.{name}" for name in COEFFICIENT_NAMES]
+    plant = dict.fromkeys([*COEFFICIENT_NAMES, *rolling, *strain_names(strain.shape[1])], "1")
+    plant |= {DYNAMIC_PRESSURE: "Pa", MACH_NUMBER: "1", **dict.fromkeys(ANGLES, "rad"), ALTITUDE: "m"}
+    plant |= dict.fromkeys(parameters, "")
+    estimator = dict.fromkeys([*COEFFICIENT_NAMES, *sigmas], "1")
+    estimator |= {STATE: "", CHI_SQUARE: "1", CHI_SQUARE_LIMIT: "1", **dict.fromkeys(of_rolling, "1")}
+    units = {f"plant.{name}": unit for name, unit in plant.items()}
+    units |= {f"estimator.{name}": unit for name, unit in estimator.items()}
     loads = [np.concatenate([part.coefficients for part in flown])]
     loads += [np.concatenate([part.rolling for part in flown if part.rolling is not None])] if rolling else []
     return Recording(
         time=time,
-        names=(*(f"plant.{name}" for name in plant), *(f"estimator.{name}" for name in estimator)),
-        units=tuple(units),
+        names=tuple(units),
+        units=tuple(units.values()),
         values=np.column_stack([*loads, strain, stated, table, np.array(rows)]),
         instances=("estimator",),
         step_cost=np.array(cost[1:])[:, None],
