@@ -211,7 +211,7 @@ class Task:
 
 
 Refused = tuple[type[StrainfmuError], ...]
-"""Errors that leave a task out, and let the others go on."""
+"""Errors that leave a task out; other tasks go on."""
 
 BEYOND: Refused = (FlowReachError, NoSuchGaugesError)
 """The flows do not reach a case, or there are no such gauges to lose."""
