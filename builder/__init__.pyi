@@ -6,6 +6,31 @@ from builder.vehicle.file import VEHICLES as VEHICLES
 from builder.vehicle.file import Vehicle as Vehicle
 from builder.vehicle.file import load_vehicle as load_vehicle
 
+# Commands
+from builder.pipeline.demonstration.demo import demo as demo
+from builder.pipeline.vehicle_check import check as check
+from builder.pipeline.map_files import build as build
+from builder.pipeline.flow_files import snapshots as snapshots
+from builder.pipeline.flow_files import surface as surface
+from builder.pipeline.structure_run import run_structure as run_structure
+from builder.pipeline.structure_run import export_loads as export_loads
+from builder.pipeline.structure_run import export_influence as export_influence
+from builder.campaign.field_export import convert as convert
+from builder.figures.scene.picture_files import picture as picture
+from builder.pipeline.load_test_proposal import loadtest as loadtest
+from builder.pipeline.load_test_proposal import loadtest_template as loadtest_template
+from builder.pipeline.calibrate import calibrate as calibrate
+from builder.pipeline.gauge_placement import place as place
+from builder.pipeline.gauge_placement import review as review
+from builder.pipeline.trials import run_trial as run_trial
+from builder.pipeline.trials import stress as stress
+from builder.pipeline.trials import compare as compare
+from builder.study import run_study as run_study
+from builder.reproduce.run import reproduce_paper as reproduce_paper
+from builder.structure.loads.known_strain import known_strain as known_strain
+from builder.figures.flight import flight_figures as flight_figures
+from builder.reports.flight_page import write_flight_page as write_flight_page
+
 # Map
 from builder.pipeline.stages import build_map as build_map
 from builder.pipeline.stages import solve_structure as solve_structure

@@ -34,7 +34,7 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.map_files import make_independent_flows, make_map, make_snapshots
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.shape_flows import make_shape_flows
-from builder.pipeline.stages import check_before_long_work
+from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.trial_run import shape_conditions, world_of
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.processors import processors
@@ -192,16 +192,24 @@ class StudyResult:
 
 
 def run_study(
-    path: Path, folder: Path, reporter: Reporter, *, workers: int | None = None, scheduler: str | None = None
+    file: str | Path,
+    output: str | Path = "study",
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: AnyProgress = None,
 ) -> StudyResult:
-    """Build and try every design of the study at ``path``; write the table and its figure to ``folder``.
+    """Build and try every design of a study; write the table and its figure to the folder ``output``.
 
     What is up to date in the folder of a design is not made again, so that a study that was interrupted goes on.
 
     Parameters
     ----------
+    file : of the study (TOML).
+    output : folder for the results.
     workers : designs at a time on this machine; None for as many as there are processors, 1 for this process.
-    scheduler : address of a Dask scheduler whose workers share ``folder``; None for this machine.
+    scheduler : address of a Dask scheduler whose workers share ``output``; None for this machine.
+    progress : True for progress bars.
 
     Raises
     ------
@@ -210,6 +218,7 @@ def run_study(
     StrainfmuError
         A flow cannot be solved, a file not be written, or the workers are lost.
     """
+    path, folder, reporter = Path(file), Path(output), reporter_of(progress)
     study = load_study(path)
     designs = designs_of(study)
     vehicles = [vehicle_of(path, study, design) for design in designs]

@@ -3,6 +3,7 @@
 from strainfmu.version import __version__ as __version__
 
 # Maps
+from strainfmu.cli.inspection.files import inspect as inspect
 from strainfmu.estimator.map.inverse_map import InverseMap as InverseMap
 from strainfmu.estimator.map.inverse_map import load_inverse_map as load_inverse_map
 from strainfmu.estimator.map.inverse_map import save_inverse_map as save_inverse_map
@@ -27,9 +28,17 @@ from strainfmu.estimator.zeros.tare import TareLimits as TareLimits
 from strainfmu.cosim.estimators.zeros_file import load_zeros as load_zeros
 
 # Recordings
+from strainfmu.recorded.channel_draft import channels as channels
+from strainfmu.recorded.tare_window import tare as tare
 from strainfmu.recorded.run import estimate_file as estimate_file
 
 # FMUs
+from strainfmu.fmu.export import export as export
+from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
+from strainfmu.fmu.plant_export import plant as plant
+from strainfmu.fmu.flight_export import fly as fly
+from strainfmu.fmu.flight_export import ClosedLoopFlight as ClosedLoopFlight
+from strainfmu.cli.bench import bench as bench
 from strainfmu.fmu.export import ExportOptions as ExportOptions
 from strainfmu.fmu.export import export_estimator as export_estimator
 from strainfmu.cosim.systems.system import Connection as Connection

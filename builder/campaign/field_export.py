@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from math import degrees
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from builder.aero.cfd.formats.point_table import NORMALS
 from builder.aero.cfd.formats.vtk_files import write_vtk
 from builder.aero.cfd.units import pressure_coefficient
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
@@ -29,6 +30,13 @@ _DECLARED = {
     "triq": 'quantity = "Cp"\narray = "Cp"\n',
     "csv": 'quantity = "p"\nunit = "Pa"\narray = "p_Pa"\n',
 }
+
+
+def convert(
+    snapshots: str | Path, output: str | Path, *, file_format: Literal["vtu", "triq", "csv"] = "vtu"
+) -> list[Path]:
+    """Write every snapshot of a file into the folder ``output``, as :func:`export_snapshots` does."""
+    return export_snapshots(load_snapshots(snapshots), Path(output), file_format)
 
 
 def export_snapshots(snapshots: Snapshots, folder: Path, file_format: str) -> list[Path]:

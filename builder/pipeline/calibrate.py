@@ -35,7 +35,7 @@ from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
-from builder.pipeline.stages import solved_true_structure
+from builder.pipeline.stages import AnyProgress, reporter_of, solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page.findings import CalibrationFindings
@@ -110,26 +110,28 @@ class CalibrationParts:
     independent: IndependentModel | None = None
 
 
-def run_calibrate(
-    map_path: Path,
-    test_path: Path,
-    output: Path,
-    reporter: Reporter,
-    vehicle_path: Path | None = None,
-    snapshots_path: Path | None = None,
+def calibrate(
+    inverse_map: str | Path,
+    test: str | Path,
+    output: str | Path = "calibrated.h5",
+    *,
+    vehicle: str | Path | None = None,
+    snapshots: str | Path | None = None,
     accept: bool = False,
+    progress: AnyProgress = None,
 ) -> Calibration:
     """Calibrate a map by a ground test; write the map and a report of the same name, as page, PDF and CSV.
 
     Parameters
     ----------
-    map_path : the map as built from the drawing.
-    test_path : ``loadtest.toml``.
+    inverse_map : the map as built from the drawing.
+    test : ``loadtest.toml``.
     output : of the calibrated map. The zeros of the gauges are written next to it, ``.._zeros.toml``.
-    vehicle_path : the vehicle file; by default the one that the test names.
-    snapshots_path : snapshots of the map; by default the ones next to it. The flows of the independent model,
+    vehicle : the vehicle file; by default the one that the test names.
+    snapshots : snapshots of the map; by default the ones next to it. The flows of the independent model,
         which alarm levels are measured with, are next to the snapshots.
     accept : make the map although no error with a name explains the readings.
+    progress : True for progress bars.
 
     Raises
     ------
@@ -138,25 +140,27 @@ def run_calibrate(
     StrainfmuError
         No error with a name explains the readings, and that is not accepted.
     """
+    map_path, test_path, output, reporter = Path(inverse_map), Path(test), Path(output), reporter_of(progress)
+    vehicle_path = None if vehicle is None else Path(vehicle)
     check_output(output)
     drawn, file = load_inverse_map(map_path), read_test_file(test_path)
-    vehicle = _vehicle(file, vehicle_path, drawn, map_path)
-    snapshots_path = snapshots_path or map_path.parent / SNAPSHOTS
-    snapshots = load_snapshots(snapshots_path)
-    refuse_misfits(snapshots_path, body_misfits(snapshots, vehicle.body()))
-    test, notes = read_load_test(file, drawn.gauge_names)
-    with reporter.stage("Structure: what may differ as built") as progress:
-        highest, within = harmonics_of_test(test)
-        structure = structure_of_test(vehicle, max_harmonic=highest, harmonic_within=within, progress=progress)
+    loaded = _vehicle(file, vehicle_path, drawn, map_path)
+    snapshots_path = Path(snapshots or map_path.parent / SNAPSHOTS)
+    pressures = load_snapshots(snapshots_path)
+    refuse_misfits(snapshots_path, body_misfits(pressures, loaded.body()))
+    readings, notes = read_load_test(file, drawn.gauge_names)
+    with reporter.stage("Structure: what may differ as built") as advance:
+        highest, within = harmonics_of_test(readings)
+        structure = structure_of_test(loaded, max_harmonic=highest, harmonic_within=within, progress=advance)
     if structure.gauges.names != drawn.gauge_names:
-        raise InputError(f"{map_path}: gauges are not the gauges of layout '{vehicle.gauges.layout}'")
+        raise InputError(f"{map_path}: gauges are not the gauges of layout '{loaded.gauges.layout}'")
     independent, missing = _independent_model(
-        as_flown(vehicle, snapshots), snapshots_path.with_name(FLOWS), reporter
+        as_flown(loaded, pressures), snapshots_path.with_name(FLOWS), reporter
     )
     parts = CalibrationParts(
-        vehicle=vehicle, snapshots=snapshots, structure=structure, drawn=drawn, independent=independent
+        vehicle=loaded, snapshots=pressures, structure=structure, drawn=drawn, independent=independent
     )
-    made = calibration_by(test, test_path, parts, reporter, accept)
+    made = calibration_by(readings, test_path, parts, reporter, accept)
     zeros = zeros_beside(output)
     start = (
         f"zero offsets of the {structure.n_gauges} gauges by the test: part of {output.name}, which starts from "
@@ -170,7 +174,7 @@ def run_calibrate(
     with reporter.stage("Report"):
         made, written, without = write_calibration(made, parts, file, files, output)
         write_zeros_of(made.estimate, zeros, output.name)
-    said = (*without, *step_remarks(test))
+    said = (*without, *step_remarks(readings))
     return replace(
         made,
         files=(output, *written, zeros),

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import degrees
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
+from builder.figures.drawing.canvas import save
+from builder.figures.placement import placement_figure
 from builder.inverse.problem import AnyStructure
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import files_of_vehicle
-from builder.pipeline.stages import fourier_structure, on_snapshots, solve_structure
+from builder.pipeline.stages import AnyProgress, fourier_structure, on_snapshots, reporter_of, solve_structure
 from builder.pipeline.used_files import MAP
+from builder.placement import design
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
-from builder.placement.design import Aim, Placement, Study, place, placement_study
+from builder.placement.design import GOALS, Aim, Goal, Placement, Study, placement_study
 from builder.placement.flight_models import Kind
-from builder.placement.limits import Limits
+from builder.placement.limits import Limits, Zone
 from builder.placement.review import Review, review_of
 from builder.reporting import Reporter
 from builder.reports.page.html import write_page
@@ -34,6 +40,7 @@ from builder.vehicle.gauges.layout import CSV_COLUMNS, GaugeLayout, read_layout
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 
 
@@ -44,6 +51,125 @@ class ProposedGauges:
     study: Study
     placement: Placement
     curves: Curves | None
+
+
+def place(
+    vehicle: str | Path,
+    gauges: int = 36,
+    output: str | Path = "layout.csv",
+    *,
+    stations: Sequence[float] | None = None,
+    roll_angles: Sequence[float] | None = None,
+    directions: Sequence[str] = ("axial", "hoop"),
+    spacing: float = 0.02,
+    forbid: Sequence[Sequence[float]] = (),
+    keep: str | Path | None = None,
+    pairs: Literal["", "mirror", "opposite"] = "",
+    budget: float | None = None,
+    costs: Mapping[str, float] | None = None,
+    cable: tuple[float, float] = (0.0, 0.0),
+    kinds: int | None = None,
+    goal: Goal = "loads",
+    loads: Mapping[str, float] | None = None,
+    estimator: Kind | None = None,
+    starts: int = 20,
+    robust: bool = False,
+    losses: int = 1,
+    curves: str | Path | None = None,
+    snapshots: str | Path | None = None,
+    progress: AnyProgress = None,
+) -> ProposedGauges:
+    """Place gauges so that the loads are as certain as possible, and write the layout.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    gauges : number of gauges.
+    output : layout file to write (CSV).
+    stations, roll_angles : of the candidates [m], [rad]; None for even ones.
+    directions : some of "axial", "hoop", "45", "-45", "rosette".
+    spacing : smallest distance of gauges that are not at one point [m].
+    forbid : zones without gauges, each first and last station [m], then, if not all round, first and last roll
+        angle [rad].
+    keep : layout file of gauges that are placed in any case.
+    pairs : "mirror" or "opposite" to place such pairs.
+    budget : largest cost of all gauges, instead of their number.
+    costs : of a gauge by the name of its direction, with ``budget``; 1 where none is stated.
+    cable : with ``budget``, cost of a metre of cable, and the station that all cables run to [m].
+    kinds : how many of the directions may be used; None for all.
+    goal : "loads", "field", "air-data" or "d-optimal".
+    loads : weights by the names of the coefficients, 0 for others; None for 1 of each.
+    estimator : "linear" or "nonlinear"; None as map.h5 next to the snapshots, else as the vehicle file.
+    starts : of the exchanges.
+    robust : whether every sigma stays within 1.3 times after the loss of any ``losses`` gauges, 1 or 2.
+    curves : figure of accuracy against the number of gauges to write (PNG).
+    snapshots : flows in flight; None for local inclination.
+    progress : True for progress bars.
+
+    Raises
+    ------
+    InputError
+        The vehicle file is wrong, the Fourier model cannot do what it requests, or no choice keeps the limits.
+    """
+    if goal not in GOALS:
+        raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
+    for option, stated in (("--costs", bool(costs)), ("--cable", any(cable))):
+        if stated and budget is None:
+            raise InputError(f"{option}: expected --budget with it, which limits the cost")
+    if losses > 1 and not robust:
+        raise InputError(f"--losses: {losses} needs --robust")
+    grid = CandidateGrid(
+        stations=None if stations is None else tuple(stations),
+        roll_angles=None if roll_angles is None else _in_degrees(roll_angles),
+        directions=tuple(directions),
+        pairs=pairs,
+    )
+    limits = Limits(
+        gauges=gauges if budget is None else None,
+        budget=budget,
+        costs=dict(costs or {}),
+        spacing=spacing,
+        zones=tuple(map(_zone, forbid)),
+        kinds=kinds,
+        cable=cable,
+    )
+    aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator, starts=starts, robust=robust, losses=losses)
+    found = propose_gauges(
+        Path(vehicle),
+        grid,
+        limits,
+        aim,
+        reporter=reporter_of(progress),
+        snapshots_path=None if snapshots is None else Path(snapshots),
+        keep=None if keep is None else Path(keep),
+        with_curves=curves is not None,
+    )
+    write_layout(found.placement.layout, Path(output))
+    if curves is not None and found.curves is not None:
+        save(placement_figure(found.curves, Path(vehicle).stem), Path(curves))
+    return found
+
+
+def _zone(bounds: Sequence[float]) -> Zone:
+    start, end = _in_degrees(bounds[2:]) or (0.0, 360.0)
+    return Zone(first=bounds[0], last=bounds[1], start=start, end=end)
+
+
+def _in_degrees(angles: Sequence[float]) -> tuple[float, ...]:
+    return tuple(round(degrees(angle), 9) for angle in angles)
+
+
+def _weights(loads: Mapping[str, float] | None) -> tuple[float, ...]:
+    """Return the weight of each coefficient."""
+    if loads is None:
+        return (1.0,) * len(COEFFICIENT_NAMES)
+    for name, value in loads.items():
+        if name not in COEFFICIENT_NAMES or value < 0.0:
+            expected = f"expected weights from 0 of {', '.join(COEFFICIENT_NAMES)}"
+            raise InputError(f"--loads: {expected}, got '{name}={value:g}'")
+    if not any(loads.values()):
+        raise InputError("--loads: expected one weight above 0, got none")
+    return tuple(loads.get(name, 0.0) for name in COEFFICIENT_NAMES)
 
 
 def propose_gauges(
@@ -80,7 +206,7 @@ def propose_gauges(
         f"{study.offered} candidates, {study.model.rows.shape[-1]} unknowns, "
         f"{len(study.model.weight)} flight states, {judged(vehicle, study, snapshots, map_path)}"
     )
-    found = place(study, limits, aim, reporter)
+    found = design.place(study, limits, aim, reporter)
     curves = None
     if with_curves:
         with reporter.stage("Curves") as progress:
@@ -170,6 +296,40 @@ def write_layout(layout: GaugeLayout, path: Path) -> None:
         values = np.concatenate([position, direction]) + 0.0
         writer.writerow([name, *(f"{0.0 if abs(one) < 1e-12 else one:.9g}" for one in values)])
     write_bytes_atomically(path, stream.getvalue().encode())
+
+
+def review(
+    vehicle: str | Path,
+    layout: str | Path | None = None,
+    output: str | Path = "review.html",
+    *,
+    estimator: Kind | None = None,
+    snapshots: str | Path | None = None,
+    progress: AnyProgress = None,
+) -> Review:
+    """Review a gauge layout: what it observes, what each gauge contributes, which losses it does not bear.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    layout : a name of the vehicle file or a layout file (CSV); None for the layout in use.
+    output : page to write, with a PDF next to it.
+    estimator, snapshots, progress : as :func:`place` takes them.
+
+    Raises
+    ------
+    InputError
+        As :func:`place`; or there is no such layout.
+    """
+    return review_layout(
+        Path(vehicle),
+        None if layout is None else str(layout),
+        Path(output),
+        grid=CandidateGrid(),
+        kind=estimator,
+        reporter=reporter_of(progress),
+        snapshots_path=None if snapshots is None else Path(snapshots),
+    )
 
 
 def review_layout(

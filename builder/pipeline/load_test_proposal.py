@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +21,9 @@ from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
 from builder.calibration.plan.schedule import RunCase, Schedule, run_order, whole_time
 from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.pipeline.stages import fourier_structure, take_snapshots
+from builder.figures.calibration.load_plan import load_plan_figure
+from builder.figures.drawing.canvas import save
+from builder.pipeline.stages import AnyProgress, fourier_structure, reporter_of, take_snapshots
 from builder.reporting import Reporter
 from builder.structure.as_built.structure import as_built_structure, refuse_beyond_calibration
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
@@ -56,30 +62,105 @@ TEMPLATE_HEAD = (
 )
 
 
-def propose_load_test(
-    vehicle_path: Path,
-    count: int,
-    limits: LoadLimits,
-    errors: LoadErrors,
-    reporter: Reporter,
-    snapshots_path: Path | None = None,
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadTestProposal:
+    """A proposed ground test: its load cases, lines on what it leaves and the time it takes, and its files."""
+
+    plan: LoadPlan
+    lines: tuple[str, ...]
+    files: tuple[Path, ...]
+
+
+def loadtest(
+    vehicle: str | Path,
+    cases: int = 12,
+    output: str | Path = "loadtest.toml",
     *,
+    force: float = 1500.0,
+    directions: Sequence[str] = ("in",),
+    stations: Sequence[float] | None = None,
+    roll_angles: Sequence[float] = LoadLimits.roll_angles,
+    attitudes: Sequence[float] = LoadLimits.attitudes,
+    pad_length: float = 0.1,
+    pad_angle: float = radians(60.0),
+    pressure: float = 0.0,
+    axial: float = 0.0,
+    largest_strain: float = 1e-3,
+    load_error: float = 0.005,
+    cell_error: float = 0.005,
     noise: float | None = None,
     samples: int = 25,
+    steps: int = 2,
     checks: int = 2,
     repeats: int = 1,
-) -> LoadPlan:
-    """Return load cases for the vehicle of a file; options as of
-    :func:`~builder.calibration.plan.load_plan.load_plan`.
+    setup_time: float = 900.0,
+    reading_time: float = 60.0,
+    snapshots: str | Path | None = None,
+    progress: AnyProgress = None,
+) -> LoadTestProposal:
+    """Propose the load cases of a ground test; write its file, to be filled in after it, and a figure.
 
-    Flows come from ``snapshots_path``, or else from local inclination: which loads a test needs depends on where
-    the flow presses, not on its last percent.
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    cases : number of load cases, in addition to own weight.
+    output : file to write.
+    force : largest force on a pad [N].
+    directions : of a pad's force: some of "in", "out", "axial", "around".
+    stations, roll_angles : of the pads [m], [rad]; None for ten stations along the hollow part.
+    attitudes : roll angles of the meridian that points up [rad].
+    pad_length, pad_angle : of a pad [m], [rad].
+    pressure, axial : internal pressure [Pa] and axial force [N]; 0 for none.
+    largest_strain : of any gauge [m/m]; loads are lowered to it.
+    load_error, cell_error : relative standard deviation of each load, and of all loads together [1].
+    noise : standard deviation of one sample of the recorder [m/m]; None for the vehicle file's.
+    samples : that a reading is the mean of.
+    steps : of loading, and as many of unloading.
+    checks, repeats : number of check loads, and of load cases that are applied again at the end.
+    setup_time, reading_time : of a case or an attitude, and of a reading [s].
+    snapshots : flows in flight; None for local inclination: which loads a test needs depends on where the flow
+        presses, not on its last percent.
+    progress : True for progress bars.
 
     Raises
     ------
     InputError
         The vehicle file is wrong, the Fourier model cannot do what it requests, or nothing may act.
     """
+    path, reporter, output = Path(vehicle), reporter_of(progress), Path(output)
+    limits = LoadLimits(
+        force=force,
+        stations=None if stations is None else tuple(stations),
+        roll_angles=tuple(roll_angles),
+        directions=tuple(directions),
+        half_length=0.5 * pad_length,
+        half_angle=0.5 * pad_angle,
+        internal_pressure=pressure,
+        axial_force=axial,
+        attitudes=tuple(attitudes),
+        largest_strain=largest_strain,
+    )
+    schedule = Schedule(steps=steps, setup_time=setup_time, reading_time=reading_time)
+    errors = LoadErrors(load=load_error, common=cell_error)
+    counts = {"samples": samples, "checks": checks, "repeats": repeats}
+    plan = _load_plan(path, cases, limits, errors, reporter, snapshots, noise=noise, **counts)
+    write_proposal(plan, path, output, errors, schedule)
+    picture = output.with_suffix(".png")
+    save(load_plan_figure(plan, path.stem), picture)
+    lines = (*left_lines(plan), time_line(plan, schedule))
+    return LoadTestProposal(plan=plan, lines=lines, files=(output, picture))
+
+
+def _load_plan(
+    vehicle_path: Path,
+    count: int,
+    limits: LoadLimits,
+    errors: LoadErrors,
+    reporter: Reporter,
+    snapshots_path: str | Path | None,
+    **options: Any,
+) -> LoadPlan:
+    """Return load cases for the vehicle of a file; options as of :func:`load_plan`."""
     vehicle = load_vehicle(vehicle_path)
     refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
     if vehicle.material.density_kg_per_m3 is None:
@@ -93,17 +174,7 @@ def propose_load_test(
         as_built = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=structure, as_built=as_built)
     with reporter.stage("Load cases: the best next one") as progress:
-        return load_plan(
-            parts,
-            count,
-            limits,
-            errors,
-            samples=samples,
-            noise=noise,
-            checks=checks,
-            repeats=repeats,
-            progress=progress,
-        )
+        return load_plan(parts, count, limits, errors, progress=progress, **options)
 
 
 def write_proposal(
@@ -176,14 +247,31 @@ def time_line(plan: LoadPlan, schedule: Schedule) -> str:
     )
 
 
-def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
+def loadtest_template(
+    vehicle: str | Path,
+    output: str | Path = "loadtest.toml",
+    *,
+    load_error: float = 0.005,
+    cell_error: float = 0.005,
+) -> None:
     """Write ``loadtest.toml`` with an example of each usual load, to be changed to a test of the user's own.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    output : file to write.
+    load_error, cell_error : relative standard deviation of each load, and of all loads together [1].
 
     Raises
     ------
     InputError
         The vehicle file is wrong, or of a vehicle that cannot be calibrated.
     """
+    write_template(Path(vehicle), Path(output), LoadErrors(load=load_error, common=cell_error))
+
+
+def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
+    """Write the file of :func:`loadtest_template`."""
     vehicle = load_vehicle(vehicle_path)
     refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
     length = round(vehicle.body().length, 4)
@@ -239,7 +327,7 @@ def remark(plan: LoadPlan, number: int) -> str:
     return "sigma over exact: " + ", ".join(f"{n} {r:.2f}" for n, r in zip(COEFFICIENT_NAMES, ratio, strict=True))
 
 
-def flows_for_design(vehicle: Vehicle, path: Path | None, reporter: Reporter) -> Snapshots:
+def flows_for_design(vehicle: Vehicle, path: str | Path | None, reporter: Reporter) -> Snapshots:
     """Return the flows of a file, else of local inclination where the vehicle's own take long.
 
     Raises

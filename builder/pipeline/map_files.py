@@ -25,11 +25,13 @@ from builder.pipeline.measured_levels import (
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.shape_flows import make_shape_flows
 from builder.pipeline.stages import (
+    AnyProgress,
     check_before_long_work,
     fourier_structure,
     map_from,
     note_campaign,
     on_snapshots,
+    reporter_of,
     snapshot_campaign,
     solved_true_structure,
 )
@@ -60,17 +62,26 @@ MAP_METHOD_VERSION = 26
 """Raised whenever the same files give another map, so that maps are made again."""
 
 
-def run_build(
-    vehicle_path: Path,
-    folder: Path,
-    reporter: Reporter,
-    given: FilesGiven | None = None,
+def build(
+    vehicle: str | Path,
+    output: str | Path = "map",
+    *,
+    snapshots: str | Path | None = None,
+    structure: str | Path | None = None,
+    rebuild: bool = False,
     estimator: Estimators | None = None,
+    progress: AnyProgress = None,
 ) -> Path:
     """Make the files up to the inverse map and the report next to it; return the map's path.
 
-    Snapshots and structure that are in the folder, or given, and were made by a command of their own are used.
-    ``estimator`` replaces the entry of the section [map].
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    output : folder. Snapshots and structure that are in it and were made by a command of their own are used.
+    snapshots, structure : files to use, from anywhere.
+    rebuild : whether the files of the folder are made again from the vehicle file, whatever options made them.
+    estimator : replaces the entry of the section [map].
+    progress : True for progress bars.
 
     Raises
     ------
@@ -80,11 +91,12 @@ def run_build(
     StrainfmuError
         A file could not be written.
     """
-    vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
-    pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
+    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    loaded = with_estimator(load_vehicle(vehicle), estimator)
+    pipeline, conditions = open_pipeline(loaded, Path(output), reporter_of(progress), given)
     check_before_long_work(pipeline.vehicle, conditions)
     make_map(pipeline)
-    _report(pipeline, vehicle_path)
+    _report(pipeline, Path(vehicle))
     return pipeline.path(MAP)
 
 

@@ -25,8 +25,8 @@ class FilesGiven:
     rebuild : make the files of the folder by the vehicle file, whatever options those there were made with.
     """
 
-    snapshots: Path | None = None
-    structure: Path | None = None
+    snapshots: str | Path | None = None
+    structure: str | Path | None = None
     rebuild: bool = False
 
     def as_text(self) -> dict[str, str]:

@@ -85,7 +85,7 @@ def take_snapshots(
     InputError
         The vehicle file, or a file it names, is wrong, or every condition is outside the solver's reach.
     """
-    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    vehicle, reporter = _vehicle(vehicle), reporter_of(progress)
     campaign = snapshot_campaign(vehicle, reporter)
     keys = map(campaign.engine.flow_key, campaign.conditions)
     failed: dict[FlowKey, str] = {}
@@ -127,7 +127,7 @@ def solve_structure(
     InputError
         The vehicle file is wrong, the wall does not fit the body, or a gauge is not on its surface.
     """
-    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    vehicle, reporter = _vehicle(vehicle), reporter_of(progress)
     if vehicle.structure.external is not None:
         raise InputError(f"structure.{vehicle.structure.external}: needs the snapshots; build_map takes it itself")
     chosen = used_layouts(vehicle) if layouts is None else list(layouts)
@@ -159,7 +159,7 @@ def build_map(
         every condition is outside the solver's reach; or the gauges, or the conditions that are left, cannot carry
         the map.
     """
-    vehicle, reporter = _vehicle(vehicle), _reporter(progress)
+    vehicle, reporter = _vehicle(vehicle), reporter_of(progress)
     if snapshots is not None:
         refuse_misfits("snapshots", vehicle_misfits(snapshots, vehicle))
     if isinstance(structure, Structure):
@@ -344,7 +344,8 @@ def _vehicle(vehicle: Vehicle | str | Path) -> Vehicle:
     return vehicle if isinstance(vehicle, Vehicle) else load_vehicle(vehicle)
 
 
-def _reporter(progress: AnyProgress) -> Reporter:
+def reporter_of(progress: AnyProgress) -> Reporter:
+    """Return the reporter that ``progress`` asks for."""
     if progress is None or progress is False:
         return Silent()
     if progress is not True:

@@ -60,10 +60,12 @@ def _refuse_lost_options(workspace: Workspace, given: FilesGiven) -> None:
         )
 
 
-def _users_file(workspace: Workspace, name: str, schema: str, given: Path | None, rebuild: bool) -> Path | None:
+def _users_file(
+    workspace: Workspace, name: str, schema: str, given: str | Path | None, rebuild: bool
+) -> Path | None:
     """Return the file to use that was not made here, None where it is to be made."""
     if given is not None:
-        return given
+        return Path(given)
     path = workspace.path(name)
     if not workspace.holds_foreign(name):
         return None

@@ -18,6 +18,7 @@ from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Progress, Reporter
 from builder.reproduce.acceptance import Verdict, verdicts
 from builder.reproduce.parity import ParityRow, parity_rows
@@ -99,22 +100,25 @@ class _Stages:
         return [self.workspace.made_from(name) for name in names]
 
 
-def run_reproduction(folder: Path, quick: bool, reporter: Reporter) -> Reproduction:
+def reproduce_paper(
+    output: str | Path = "reproduction", *, quick: bool = False, progress: AnyProgress = None
+) -> Reproduction:
     """Compute what is not up to date, draw it and compare it with the source.
 
     Parameters
     ----------
-    folder : of the results; snapshots, strain operators and studies are kept there.
+    output : folder of the results; snapshots, strain operators and studies are kept there.
     quick : use coarse grids.
-    reporter : receives the stages.
+    progress : True for progress bars.
 
     Raises
     ------
     InputError
-        ``folder`` is a file.
+        ``output`` is a file.
     StrainfmuError
         A file could not be written, a solver failed, or matplotlib is not installed.
     """
+    folder, reporter = Path(output), reporter_of(progress)
     stages = _Stages(folder, QUICK if quick else PAPER, reporter)
     snapshots = _flows(stages, "snapshots.h5", [P1, P2, TESTS], stages.sizes.flow_grid)
     fine = _flows(stages, "held_out.h5", [HELD_OUT, TESTS], stages.sizes.held_out_grid)

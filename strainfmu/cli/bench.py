@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
+from os import PathLike
 from pathlib import Path
 from statistics import median
 from time import perf_counter
@@ -38,9 +39,10 @@ LOST = 3
 """Gauges that fail, the first ones, where the cost of a step without some is timed."""
 
 
-def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[str, float]:
+def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
     """Return the time per step [s] of the bare product, the estimator from Python and FMUs of every kind.
 
+    ``folder`` is the folder of a finished demonstration: its map and its FMUs are timed.
     The estimator is timed with all gauges and with three of them lost, as in every step after the first such one.
 
     Raises
@@ -48,6 +50,7 @@ def bench_loop(map_path: Path, estimator_path: Path, plant_path: Path) -> dict[s
     InputError
         A file is missing or damaged.
     """
+    map_path, plant_path, estimator_path = (Path(folder) / one for one in ("map.h5", "plant.fmu", "estimator.fmu"))
     inverse_map = load_inverse_map(map_path)
     estimator = Estimator(inverse_map.without_tables())
     n = inverse_map.n_gauges

@@ -167,6 +167,44 @@ class ExportOptions:
             )
 
 
+def export(
+    inverse_map: str | PathLike[str],
+    output: str | PathLike[str] = "estimator.fmu",
+    *,
+    kind: str = "native",
+    fmi: str | int = "2",
+    scalars: bool = False,
+    platforms: Sequence[str] | None = None,
+    estimator: Literal["linear"] | None = None,
+    zero_inputs: bool = False,
+    tare_known: str | PathLike[str] | None = None,
+) -> Literal["linear", "nonlinear"]:
+    """Write the estimator FMU of a map, or a new folder of C sources; return which estimator it holds.
+
+    Parameters
+    ----------
+    inverse_map : file of the map.
+    output : FMU to write; folder of kind "c".
+    kind, scalars, platforms, estimator, zero_inputs, tare_known : as :class:`ExportOptions` has them.
+    fmi : version of FMI, 2 or, native only, 3.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`export_estimator`.
+    """
+    options = ExportOptions(
+        kind=kind,
+        fmi_version=str(fmi).removesuffix(".0"),
+        scalars=scalars,
+        platforms=platforms,
+        estimator=estimator,
+        zero_inputs=zero_inputs,
+        tare_known=None if tare_known is None else Path(tare_known),
+    )
+    return export_estimator(inverse_map, output, options)
+
+
 def export_estimator(
     map_path: str | PathLike[str], fmu_path: str | PathLike[str], options: ExportOptions | None = None
 ) -> Literal["linear", "nonlinear"]:

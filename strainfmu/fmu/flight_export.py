@@ -2,17 +2,99 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from functools import partial
+from os import PathLike
 from pathlib import Path
 
-from strainfmu.cosim.flight import INSTANCES, scheduled_signals
+from strainfmu.cosim import flight
+from strainfmu.cosim.flight import INSTANCES, FlightResult, scheduled_signals
 from strainfmu.cosim.models.flight_model import load_flight_model
-from strainfmu.cosim.scenario import Scenario
-from strainfmu.errors import InputError
+from strainfmu.cosim.scenario import Scenario, load_scenario
+from strainfmu.cosim.systems.recording import Recording, save_csv, save_hdf5
+from strainfmu.cosim.systems.ssp import check_ssp_path, write_ssp
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.plant_variables import Motion
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosedLoopFlight:
+    """A scenario as it was flown: recording and score by what is fed back, and the files.
+
+    ``fault`` is what ended a later run; the runs before it are complete.
+    """
+
+    scenario: Scenario
+    recordings: dict[str, Recording]
+    results: dict[str, FlightResult]
+    files: tuple[Path, ...]
+    fault: StrainfmuError | None = None
+
+
+def fly(
+    scenario: str | PathLike[str],
+    output: str | PathLike[str] = "flight",
+    *,
+    files: str | PathLike[str] | None = None,
+    ssp: str | PathLike[str] | None = None,
+    progress: Callable[[str], AbstractContextManager[Callable[[int, int], None]]] | None = None,
+) -> ClosedLoopFlight:
+    """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU, one run per feedback.
+
+    Parameters
+    ----------
+    scenario : scenario file (TOML).
+    output : folder for FMUs and recordings.
+    files : folder of map.h5 and flight_model.h5; None for the scenario's own.
+    ssp : file of the system as an SSP package; one with connectors is written next to it.
+    progress : returns the context of a stage by its title, which gives a function of (done, of).
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file is missing or wrong, an FMU failed in the first run, or something could not be written.
+    """
+    folder, stage = Path(output), progress or (lambda title: nullcontext(lambda done, of: None))
+    if ssp is not None:
+        check_ssp_path(Path(ssp))
+    loaded = load_scenario(Path(scenario), None if files is None else Path(files))
+    model, fault = load_flight_model(loaded.flight_model), None
+    with stage("FMUs"):
+        fmus = export_flight(loaded, folder)
+    written = [*fmus.values()]
+    recordings: dict[str, Recording] = {}
+    for feedback in loaded.feedback:
+        with stage(f"Flight: feedback of {feedback}") as advance:
+            try:
+                recording = flight.fly(loaded, fmus, feedback, partial(_advance, advance, loaded.stop_time))
+            except StrainfmuError as error:
+                if not recordings:
+                    raise
+                fault = error
+                break
+        recordings[feedback] = recording
+        stem = folder / f"flight_{feedback}"
+        save_hdf5(recording, stem.with_suffix(".h5"))
+        save_csv(recording, stem.with_suffix(".csv"))
+        written += [stem.with_suffix(".h5"), stem.with_suffix(".csv")]
+    if ssp is not None and fault is None:
+        path, system = Path(ssp), flight.flight_system(loaded, fmus, loaded.feedback[-1])
+        for name, connectors in ((path.name, False), (f"{path.stem}_connectors{path.suffix}", True)):
+            write_ssp(system, path.with_name(name), loaded.name, loaded.stop_time, loaded.step_size, connectors)
+            written.append(path.with_name(name))
+    results = {name: flight.flight_result(loaded, one, model) for name, one in recordings.items()}
+    return ClosedLoopFlight(
+        scenario=loaded, recordings=recordings, results=results, files=tuple(written), fault=fault
+    )
+
+
+def _advance(advance: Callable[[int, int], None], stop_time: float, time: float) -> None:
+    advance(round(100 * time / stop_time), 100)
 
 
 def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | None = None) -> dict[str, Path]:

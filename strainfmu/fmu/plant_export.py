@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,56 @@ STEP_SIZE = 1e-2
 STOP_TIME = 20.0
 LIBRARY = "plant"
 """The library of all three: a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`."""
+
+
+def plant(
+    flight_model: str | PathLike[str],
+    output: str | PathLike[str] = "plant.fmu",
+    *,
+    motion: str = "inputs",
+    trajectory: str | PathLike[str] | None = None,
+    mach_number: float | None = None,
+    altitude: float | None = None,
+    angle_of_attack: float | None = None,
+    sideslip: float | None = None,
+) -> None:
+    """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
+
+    Parameters
+    ----------
+    flight_model : flight_model.h5 of a demonstration.
+    output : FMU to write.
+    motion : "inputs", "trajectory", or "short_period", which responds to a control moment.
+    trajectory : table to fly (CSV), for motion "trajectory" and for it alone.
+    mach_number, altitude, angle_of_attack, sideslip : start values [1], [m], [rad], [rad]; None for the middle of
+        the model's Mach numbers, 20 km and 0. Not with motion "trajectory".
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        As :func:`export_native_plant`.
+    """
+    names = [item.name.lower() for item in Motion]
+    if motion not in names:
+        raise InputError(f"--motion: expected one of {', '.join(names)}, got '{motion}'")
+    given = {
+        "--mach-number": mach_number,
+        "--altitude": altitude,
+        "--angle-of-attack": angle_of_attack,
+        "--sideslip": sideslip,
+    }
+    named = [name for name, value in given.items() if value is not None]
+    if named and motion == Motion.TRAJECTORY.name.lower():
+        raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
+    knots = load_flight_model(Path(flight_model)).mach_knots
+    start = FlightStart(
+        mach_number=0.5 * float(knots[0] + knots[-1]) if mach_number is None else mach_number,
+        altitude=20e3 if altitude is None else altitude,
+        angle_of_attack=angle_of_attack or 0.0,
+        sideslip_angle=sideslip or 0.0,
+    )
+    table = None if trajectory is None else Path(trajectory)
+    export_native_plant(Path(flight_model), Path(output), Motion[motion.upper()], start, table)
 
 
 def export_native_plant(

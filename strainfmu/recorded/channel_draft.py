@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from difflib import SequenceMatcher
 from functools import lru_cache
 from itertools import permutations, product
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -183,8 +184,16 @@ def _entry(head: str, entries: Mapping[str, str], mark: str = "") -> list[str]:
     return [f"{mark}{head}", *(f"{mark}{key} = {_quoted(text)}" for key, text in entries.items()), ""]
 
 
-def write_draft(source: Path, recording: Path, output: Path) -> ChannelDraft:
+def channels(
+    source: str | PathLike[str], data: str | PathLike[str], output: str | PathLike[str] = "channels.toml"
+) -> ChannelDraft:
     """Write the channels.toml of a recording for the gauges of a map or an FMU, to be corrected by the user.
+
+    Parameters
+    ----------
+    source : map or estimator FMU.
+    data : recording.
+    output : channel file to write, a new one.
 
     Raises
     ------
@@ -193,18 +202,19 @@ def write_draft(source: Path, recording: Path, output: Path) -> ChannelDraft:
     StrainfmuError
         The library of the recording's format is not installed.
     """
+    output = Path(output)
     if output.exists():
         raise InputError(
             f"{output}: expected a new file, got one that is there and may have been corrected by hand; "
             "delete it, or state another name by -o"
         )
-    draft = channel_draft(source, recording)
+    draft = channel_draft(Path(source), Path(data))
     write_bytes_atomically(output, draft.text().replace("THIS_FILE", str(output)).encode())
     return draft
 
 
 def channel_draft(source: Path, recording: Path) -> ChannelDraft:
-    """Return the channels that ``recording`` most likely has for ``source``; errors as :func:`write_draft`."""
+    """Return the channels that ``recording`` most likely has for ``source``; errors as :func:`channels`."""
     with open_estimator(source) as estimator:
         gauges, quantities = estimator.gauge_names, _quantities(estimator)
         places = _places(estimator.inverse_map, gauges)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -9,12 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.cosim.estimators.zeros_file import write_zeros
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flow_parameters import flow_parameters
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
+from strainfmu.estimator.zeros.tare_verdict import refusal
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.estimators import recorded_readings
 from strainfmu.recorded.names import QUANTITIES, Wanted
@@ -69,6 +72,60 @@ def tare_file(
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return replace(tare, notes=(*tare.notes, *disagreements(reading_errors(time, strain), inverse_map)))
+
+
+def tare(
+    inverse_map: str | PathLike[str],
+    recording: str | PathLike[str],
+    window: tuple[float, float],
+    output: str | PathLike[str] = "zeros.toml",
+    *,
+    channels: str | PathLike[str] | None = None,
+    date_order: DateOrder | None = None,
+    max_dynamic_pressure: float = 100.0,
+    largest_zero: float = 2e-3,
+    largest_drift: float = 2e-6,
+    known: KnownStrain | None = None,
+    known_of: Mapping[str, str | float] | None = None,
+    accept: bool = False,
+) -> Tare:
+    """Write the zero offsets of the gauges by a window of a recording in which the loads are known; return them.
+
+    Parameters
+    ----------
+    inverse_map : file of the map.
+    window : first and last time [s].
+    output : zero offsets to write (TOML).
+    channels, date_order : as :func:`estimate_file` takes them.
+    max_dynamic_pressure : largest dynamic pressure in the window [Pa].
+    largest_zero, largest_drift : largest plausible zero offset, and drift over the window [m/m].
+    known : strain of the loads that act meanwhile, as :func:`builder.known_strain` gives it.
+    known_of : what that is made from, for the file.
+    accept : whether zero offsets are written although a check refuses them.
+
+    Raises
+    ------
+    InputError
+        As :func:`tare_file`.
+    StrainfmuError
+        A check refuses them; or as :func:`tare_file`.
+    """
+    loaded, between = load_inverse_map(Path(inverse_map)), Window(begin=window[0], end=window[1])
+    limits = TareLimits(dynamic_pressure=max_dynamic_pressure, zero=largest_zero, drift=largest_drift)
+    found = tare_file(loaded, recording, between, limits, known, channels=channels, date_order=date_order)
+    against = refusal(found)
+    if against and not accept:
+        raise StrainfmuError(f"{recording}: {against}; no zeros written")
+    made_from: dict[str, str | float] = {
+        "recording": str(recording),
+        "from_s": between.begin,
+        "to_s": between.end,
+        "samples": float(found.samples),
+        **(known_of or {}),
+        **({"accepted": against} if against else {}),
+    }
+    write_zeros(Path(output), loaded.gauge_names[: loaded.n_strain_gauges], found.zeros, made_from)
+    return found
 
 
 def _read(

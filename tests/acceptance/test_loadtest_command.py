@@ -88,7 +88,7 @@ def test_a_template_reads_back_with_one_case_of_each_usual_kind(
         (("--stations", "a,b"), "--stations: expected numbers with commas, got 'a,b'"),
         (("--directions", "up"), "--directions: expected some of in, out, axial, around, got 'up'"),
         (("--cases", "0"), "--cases: expected 1 .. 200"),
-        (("--noise", "0"), "--noise: expected 0.0001 .. 1000, got 0"),
+        (("--noise", "0"), "--noise: expected 0.0001 .. 1000 um/m, got 0"),
         (("--steps", "0"), "--steps: expected 1 .. 20"),
         (("--roll-angles", "0,inf"), "--roll-angles: expected finite numbers, got '0,inf'"),
     ],

@@ -12,7 +12,7 @@ from finned_body import DEFLECTIONS_DEG, OTHER_SURFACE, write_surface
 from fmpy.validation import validate_fmu
 from published_run import check_published_run
 
-from builder.pipeline.demonstration.demo import run_demo, vehicle_as_built
+from builder.pipeline.demonstration.demo import demo, vehicle_as_built
 from builder.reporting import Silent
 from builder.structure.structure_file import load_structure
 from builder.truth.shape import flights_along, flows_along, flying_structure
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def finned_demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("finned")
-    run_demo(VEHICLES / "finned_body.toml", folder, Silent())
+    demo(folder, VEHICLES / "finned_body.toml")
     return folder
 
 
@@ -38,7 +38,7 @@ def coverage(folder: Path) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", ["elliptic_cone", "blunt_cone", "launcher"])
 def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
-    run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent())
+    demo(tmp_path, VEHICLES / f"{name}.toml")
     assert min(coverage(tmp_path).values()) >= 0.99
     assert load_inverse_map(tmp_path / "map.h5").provenance["mesh_error"]["rms_sigma"] <= 1.0
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []
@@ -47,7 +47,7 @@ def test_loads_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["elliptic_cone", "finned_body", "blunt_cone"])
 def test_loads_of_the_nonlinear_estimator_lie_within_three_sigma(name: str, tmp_path: Path) -> None:
-    run_demo(VEHICLES / f"{name}.toml", tmp_path, Silent(), estimator="nonlinear")
+    demo(tmp_path, VEHICLES / f"{name}.toml", estimator="nonlinear")
     assert min(coverage(tmp_path).values()) >= 0.99
     assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["healthy"] >= 0.99
     assert validate_fmu(str(tmp_path / "estimator.fmu")) == []

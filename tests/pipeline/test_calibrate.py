@@ -15,9 +15,8 @@ from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import TestFaults, simulate_ground_test, write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.campaign.snapshots import save_snapshots
-from builder.pipeline.calibrate import run_calibrate
+from builder.pipeline.calibrate import calibrate
 from builder.pipeline.stages import build_map, take_snapshots
-from builder.reporting import Silent
 from builder.structure.as_built.structure import as_built_structure
 from builder.structure.as_built.vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import IC3X, load_vehicle
@@ -77,7 +76,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     )
     written = write_ground_test(test, tmp_path, "simulated")
     output = tmp_path / "calibrated.h5"
-    result = run_calibrate(tmp_path / "map.h5", written, output, Silent(), vehicle_path=file)
+    result = calibrate(tmp_path / "map.h5", written, output, vehicle=file)
     assert [(fault.where, fault.kind) for fault in result.faults] == [(structure.gauges.names[7], "sign")]
     assert result.estimate.per_reading == pytest.approx(1.0, abs=0.15)  # one standard deviation is 0.07
     found = load_inverse_map(output)
@@ -112,13 +111,13 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     wrong, refused = write_ground_test(larger, tmp_path / "larger", "all times 1.5"), tmp_path / "refused.h5"
     line = r"loadtest.toml: load test: .* 1\.[345]\d* times the drawing's .*; no map written, --accept writes it$"
     with pytest.raises(StrainfmuError, match=line) as caught:
-        run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file)
+        calibrate(tmp_path / "map.h5", wrong, refused, vehicle=file)
     assert caught.value.exit_code == 1
     assert not refused.exists()
-    taken = run_calibrate(tmp_path / "map.h5", wrong, refused, Silent(), vehicle_path=file, accept=True)
+    taken = calibrate(tmp_path / "map.h5", wrong, refused, vehicle=file, accept=True)
     assert taken.notes[-1].startswith("accepted: no vehicle near the drawing")
     assert "standard deviations" in load_inverse_map(refused).provenance["calibration"]["accepted"]
     with pytest.raises(InputError, match="already calibrated"):
-        run_calibrate(output, written, tmp_path / "twice.h5", Silent(), vehicle_path=file)
+        calibrate(output, written, tmp_path / "twice.h5", vehicle=file)
     with pytest.raises(InputError, match=r"vehicle: entry is missing"):
-        run_calibrate(tmp_path / "map.h5", written, output, Silent())
+        calibrate(tmp_path / "map.h5", written, output)

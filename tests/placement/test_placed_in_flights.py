@@ -45,7 +45,7 @@ def rms(folder: Path, file: Path, layouts: list[str], draws: int) -> dict[str, l
     names = "[" + ", ".join(f'"{one}"' for one in layouts) + "]"
     path = folder / "study.toml"
     path.write_text(STUDY.format(vehicle=file.name, layouts=names, draws=draws))
-    study = run_study(path, folder / "out", Silent(), workers=1)
+    study = run_study(path, folder / "out", workers=1)
     assert study.faults == []
     of_loads = [row for row in study.rows if row["load"] in COEFFICIENT_NAMES]
     return {name: [row["rms"] for row in of_loads if row["gauges.layout"] == name] for name in layouts}

@@ -10,7 +10,7 @@ from recorded_case import NAMES
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.errors import InputError
-from strainfmu.recorded.channel_draft import channel_draft, likely_pairs, similarity, write_draft
+from strainfmu.recorded.channel_draft import channel_draft, channels, likely_pairs, similarity
 from strainfmu.recorded.channel_map import load_channels
 
 pytestmark = pytest.mark.fast
@@ -98,11 +98,11 @@ def test_ports_are_taken_in_their_order_and_said_to_be(synthetic: SyntheticFiles
 def test_a_draft_that_may_have_been_corrected_is_kept(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     data = recording(tmp_path / "r.csv", ["time", *(f"plant.strain[{i}]" for i in range(1, 7))])
     output = tmp_path / "channels.toml"
-    write_draft(synthetic.map_1, data, output)
+    channels(synthetic.map_1, data, output)
     assert {entry.unit for entry in load_channels(output).channels} == {"m/m"}, "as strain[i] without a unit is"
     output.write_text("corrected", encoding="utf-8")
     with pytest.raises(InputError, match=r"channels\.toml: expected a new file"):
-        write_draft(synthetic.map_1, data, output)
+        channels(synthetic.map_1, data, output)
     assert output.read_text(encoding="utf-8") == "corrected"
 
 
@@ -110,5 +110,5 @@ def test_hostile_names_stay_a_file_of_toml(synthetic: SyntheticFiles, tmp_path: 
     headings = ["time", *(f'"G""\\{i} # é"' for i in range(6)), "x\x7f"]
     data = tmp_path / "r.csv"
     data.write_text(",".join(headings) + "\n" + ",".join("0" * 8) + "\n", encoding="utf-8")
-    write_draft(synthetic.map_1, data, tmp_path / "c.toml")
+    channels(synthetic.map_1, data, tmp_path / "c.toml")
     assert len(load_channels(tmp_path / "c.toml").channels) == 6

@@ -133,7 +133,7 @@ NOISE_SWEEP = '"noise.percent_of_median_strain" = [1.0, 4.0]\n'
 def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     folder = tmp_path_factory.mktemp("study")
     path = write(folder, NOISE_SWEEP, FAST)
-    run_study(path, folder / "out", Silent(), workers=1)
+    run_study(path, folder / "out", workers=1)
     return path, folder / "out"
 
 
@@ -161,7 +161,7 @@ def test_a_second_run_by_workers_reuses_what_is_there(done: tuple[Path, Path]) -
     path, out = done
     before = {one: one.stat().st_mtime_ns for one in (out / SCORES).iterdir()}
     assert len(before) == 2
-    found = run_study(path, out, Silent(), workers=2)
+    found = run_study(path, out, workers=2)
     assert {one: one.stat().st_mtime_ns for one in before} == before
     assert found.faults == []
     assert list(dict.fromkeys(row["design"] for row in found.rows)) == [1, 2]

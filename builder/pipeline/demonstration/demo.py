@@ -6,10 +6,10 @@ Every stage writes a file into one folder. A stage whose inputs have not changed
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -51,9 +51,8 @@ from builder.pipeline.map_files import (
     true_structure_of,
 )
 from builder.pipeline.pipeline import FilesGiven, Pipeline
-from builder.pipeline.stages import check_before_long_work
+from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
-from builder.reporting import Reporter
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
@@ -64,7 +63,7 @@ from builder.truth.flights import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import load_flow_table, truth_knots
-from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import check_envelope, save_flight_model
@@ -76,6 +75,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import Q_SOURCE, QSource
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.fmu.export import export_plant
+
+if TYPE_CHECKING:
+    from strainfmu.can.demo import BusFlight
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
@@ -100,6 +102,7 @@ class DemoResult:
     summary : ``summary.json``: accuracy of the flown FMU; where there are any, ``held_out`` on imported results
         that maps are made without, ``estimators`` of a map with tables on the flown strains, and ``as_built``, the
         map of a vehicle that was tested on the ground before and after the test and if all were known.
+    over_bus : the flight over a CAN bus; None without one.
     """
 
     vehicle: str
@@ -110,6 +113,7 @@ class DemoResult:
     physics: FlownPhysics
     errors_in_sigma: tuple[str, ...]
     summary: dict[str, Any]
+    over_bus: BusFlight | None = None
 
 
 def refuse_without_demo(vehicle: Vehicle) -> None:
@@ -128,21 +132,37 @@ def refuse_without_demo(vehicle: Vehicle) -> None:
     refuse_without_independent_model(vehicle)
 
 
-def run_demo(
-    vehicle_path: Path,
-    folder: Path,
-    reporter: Reporter,
-    given: FilesGiven | None = None,
-    as_built: int | None = AS_BUILT_SEED,
+def demo(
+    output: str | Path = "demo",
+    vehicle: str | Path | None = None,
+    *,
+    snapshots: str | Path | None = None,
+    structure: str | Path | None = None,
+    rebuild: bool = False,
+    perfect: bool = False,
+    as_built: int | None = None,
     estimator: Estimators | None = None,
-    ground_test: int | None = None,
+    can: bool = False,
+    can_duration: float = 20.0,
+    can_authenticated: bool = False,
+    progress: AnyProgress = None,
 ) -> DemoResult:
-    """Run all stages for one vehicle file and return the result; files as :func:`run_build` takes them.
+    """Build the map of a vehicle, package it as an FMU and fly it; return the accuracy.
 
-    ``as_built`` is the seed that the hardware errors of the vehicle that flies are drawn with, at the sizes of the
-    section [noise]; with None it is exactly the vehicle of the file. ``estimator`` replaces the entry of the
-    section [map]. ``ground_test`` is the seed of a vehicle drawn from the section [calibration] instead, which is
-    tested on the ground and flies with the map that the test calibrates.
+    Parameters
+    ----------
+    output : folder for the results.
+    vehicle : vehicle file; None for the shipped one.
+    snapshots, structure, rebuild : as :func:`build` takes them.
+    perfect : whether the vehicle that flies is exactly that of the file. Otherwise its hardware errors are drawn
+        at the sizes of the section [noise].
+    as_built : seed of a vehicle drawn from the section [calibration] instead, which is tested on the ground and
+        flies with the map that the test calibrates.
+    estimator : replaces the entry of the section [map].
+    can : whether plant and estimator fly once more over a CAN bus, as sender and bridge, two processes.
+    can_duration : of that flight [s].
+    can_authenticated : whether its frames have profile fd64-sec, with a key made for it.
+    progress : True for progress bars.
 
     Raises
     ------
@@ -151,11 +171,28 @@ def run_demo(
     StrainfmuError
         A file could not be written or an FMU failed.
     """
-    vehicle = with_estimator(load_vehicle(vehicle_path), estimator)
-    if vehicle.sensors is not None and ground_test is not None:
-        raise InputError("sensors: expected none with --ground-test, whose test is of strain gauges alone")
-    pipeline, conditions = open_pipeline(vehicle, folder, reporter, given or FilesGiven())
-    vehicle = pipeline.vehicle
+    path, reporter, ground_test = Path(vehicle or IC3X), reporter_of(progress), as_built
+    seed = None if perfect else AS_BUILT_SEED
+    loaded = with_estimator(load_vehicle(path), estimator)
+    if loaded.sensors is not None and ground_test is not None:
+        raise InputError("sensors: expected none with --as-built, whose test is of strain gauges alone")
+    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    pipeline, conditions = open_pipeline(loaded, Path(output), reporter, given)
+    if can:
+        from strainfmu.can.demo import CYCLE_TIME, check_multicast, fly_over_bus, private_port
+
+        check_multicast(private_port())  # refused before the long work, not after it
+    result = _flown(pipeline, conditions, path, seed, ground_test)
+    if not can:
+        return result
+    with reporter.stage(f"CAN bus: sender -> bridge, {can_duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):
+        return replace(result, over_bus=fly_over_bus(Path(output), can_duration, can_authenticated))
+
+
+def _flown(
+    pipeline: Pipeline, conditions: int | None, vehicle_path: Path, as_built: int | None, ground_test: int | None
+) -> DemoResult:
+    vehicle, reporter = pipeline.vehicle, pipeline.reporter
     check_before_long_work(vehicle, conditions)
     refuse_without_demo(vehicle)
     if ground_test is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import SNAPSHOTS_OPTION
 
@@ -49,21 +50,11 @@ def calibrate(
 
         strainfmu calibrate map.h5 loadtest.toml --vehicle my_vehicle.toml --snapshots flows/fine.h5
     """
-    from builder.pipeline.calibrate import run_calibrate
+    given, console = dict(locals()), Console()
     from builder.processors import one_thread_of_blas
 
-    console = Console()
     with one_thread_of_blas():
-        result = run_calibrate(
-            inverse_map,
-            test,
-            output,
-            ConsoleReporter(console),
-            vehicle_path=vehicle,
-            snapshots_path=snapshots,
-            accept=accept,
-        )
-    _show(console, result)
+        _show(console, builder.calibrate(**given, progress=ConsoleReporter(console)))
 
 
 def _show(console: Console, result: Calibration) -> None:

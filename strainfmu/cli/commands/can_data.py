@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.can_bus import BusOption, ProfileOption, SetOption
 from strainfmu.cli.commands.can_send import stop_request
@@ -74,9 +75,7 @@ def channels(
 
         strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
     """
-    from strainfmu.recorded.channel_draft import write_draft
-
-    draft = write_draft(source, data, output)
+    draft = strainfmu.channels(source, data, output)
     lines = [f"{output}: written; {draft.summary()}", *draft.remarks()]
     lines.append(f"check it, then: strainfmu estimate {source} {data} -o loads.csv --channels {output}")
     for line in lines:
@@ -225,7 +224,7 @@ def estimate(
     if bus is not None:
         raise InputError(f"{data}: --bus: expected with a CAN log, got it with columns")
     if report is not None:
-        from strainfmu.cli.flight_page import check_report, write_flight_page
+        from builder.reports.flight_page import check_report, write_flight_page
 
         check_report(report)
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, radians
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,8 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import builder
+import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.commands.number_ranges import number, within
 
 if TYPE_CHECKING:
     from strainfmu.cosim.flight import FlightResult
@@ -47,53 +49,18 @@ def fly(
 
         strainfmu fly ic3x_flight.toml --files demo --ssp flight.ssp
     """
-    from strainfmu.cli.flight_figure import save_flight_figure
-    from strainfmu.cosim.flight import flight_result, flight_system
-    from strainfmu.cosim.flight import fly as run_flight
-    from strainfmu.cosim.models.flight_model import load_flight_model
-    from strainfmu.cosim.scenario import load_scenario
-    from strainfmu.cosim.systems.recording import save_csv, save_hdf5
-    from strainfmu.cosim.systems.ssp import check_ssp_path, write_ssp
-    from strainfmu.errors import StrainfmuError
-    from strainfmu.fmu.flight_export import export_flight
-
-    if ssp is not None:
-        check_ssp_path(ssp)
     console = Console()
     reporter = ConsoleReporter(console)
-    loaded = load_scenario(scenario, files)
-    model = load_flight_model(loaded.flight_model)
-    with reporter.stage("FMUs"):
-        fmus = export_flight(loaded, output)
-    written = [*fmus.values()]
-    results: dict[str, FlightResult] = {}
-    for feedback in loaded.feedback:
-        with reporter.stage(f"Flight: feedback of {feedback}") as progress:
-            try:
-                recording = run_flight(
-                    loaded, fmus, feedback, lambda time: progress(round(100 * time / loaded.stop_time), 100)
-                )
-            except StrainfmuError:
-                if results:  # what was flown before stays worth reading
-                    _print_results(console, loaded, results)
-                raise
-        results[feedback] = flight_result(loaded, recording, model)
-        stem = output / f"flight_{feedback}"
-        save_hdf5(recording, stem.with_suffix(".h5"))
-        save_csv(recording, stem.with_suffix(".csv"))
-        written += [stem.with_suffix(".h5"), stem.with_suffix(".csv")]
-        if figures:
-            save_flight_figure(loaded, recording, feedback, stem.with_suffix(".png"))
-            written.append(stem.with_suffix(".png"))
-    if ssp is not None:
-        system = flight_system(loaded, fmus, loaded.feedback[-1])
-        with_connectors = ssp.with_name(f"{ssp.stem}_connectors{ssp.suffix}")
-        for path, connectors in ((ssp, False), (with_connectors, True)):
-            write_ssp(system, path, loaded.name, loaded.stop_time, loaded.step_size, connectors)
-            written.append(path)
+    flown = strainfmu.fly(scenario, output, files=files, ssp=ssp, progress=reporter.stage)
+    written = [*flown.files]
+    if figures:
+        written += builder.flight_figures(flown, output)
+    results, loaded = flown.results, flown.scenario
     _print_results(console, loaded, results)
     for path in written:
         console.print(f"{path}: written", highlight=False, markup=False, soft_wrap=True)
+    if flown.fault is not None:
+        raise flown.fault
     if not all(result.holds for result in results.values()):
         console.print("the loop does not hold its angle of attack", highlight=False)
         raise typer.Exit(1)
@@ -117,27 +84,15 @@ def plant(
     ] = None,
     altitude: Annotated[
         float | None,
-        typer.Option(
-            metavar="KM",
-            callback=within(0.0, 71.0, "km"),
-            help="Start value. Default: 20. Not with --motion trajectory.",
-        ),
+        number(0.0, 71.0, "km", "Start value. Default: 20. Not with --motion trajectory."),
     ] = None,
     angle_of_attack: Annotated[
         float | None,
-        typer.Option(
-            metavar="DEG",
-            callback=within(-60.0, 60.0, "deg"),
-            help="Start value. Default: 0. Not with --motion trajectory.",
-        ),
+        number(-60.0, 60.0, "deg", "Start value. Default: 0. Not with --motion trajectory."),
     ] = None,
     sideslip: Annotated[
         float | None,
-        typer.Option(
-            metavar="DEG",
-            callback=within(-60.0, 60.0, "deg"),
-            help="Start value. Default: 0. Not with --motion trajectory.",
-        ),
+        number(-60.0, 60.0, "deg", "Start value. Default: 0. Not with --motion trajectory."),
     ] = None,
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
@@ -148,33 +103,7 @@ def plant(
 
         strainfmu plant demo/flight_model.h5 --motion trajectory --trajectory manoeuvre.csv
     """
-    from strainfmu.cosim.models.flight_model import load_flight_model
-    from strainfmu.errors import InputError
-    from strainfmu.fmu.plant_export import export_native_plant
-    from strainfmu.interface.plant_variables import FlightStart, Motion
-
-    names = [item.name.lower() for item in Motion]
-    if motion not in names:
-        raise InputError(f"--motion: expected one of {', '.join(names)}, got '{motion}'")
-    given = {
-        "--mach-number": mach_number,
-        "--altitude": altitude,
-        "--angle-of-attack": angle_of_attack,
-        "--sideslip": sideslip,
-    }
-    named = [name for name, value in given.items() if value is not None]
-    if named and motion == Motion.TRAJECTORY.name.lower():
-        raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
-    knots = load_flight_model(flight_model).mach_knots
-    middle = 0.5 * float(knots[0] + knots[-1])
-    mach, km, incidence, slip = (
-        default if value is None else value
-        for value, default in zip(given.values(), (middle, 20.0, 0.0, 0.0), strict=True)
-    )
-    start = FlightStart(
-        mach_number=mach, altitude=1e3 * km, angle_of_attack=radians(incidence), sideslip_angle=radians(slip)
-    )
-    export_native_plant(flight_model, output, Motion[motion.upper()], start, trajectory)
+    strainfmu.plant(**locals())
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import within
 
@@ -59,34 +60,10 @@ def snapshots(
 
         strainfmu snapshots my_vehicle.toml --set conditions.csv --scheduler tcp://cluster:8786
     """
-    from builder.aero.engines.registry import make_engine
+    given, console, start = dict(locals()), Console(), perf_counter()
     from builder.campaign.failures import ConditionsMissing, missing_line
-    from builder.campaign.notes import campaign_notes
-    from builder.campaign.run import run_campaign
-    from builder.campaign.scheduling import Scheduling
-    from builder.campaign.snapshot_fit import replaced_line
-    from builder.campaign.vehicle_campaign import vehicle_campaign
-    from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated
-    from builder.vehicle.file import load_vehicle
 
-    start = perf_counter()
-    scheduling = Scheduling(scheduler, workers)
-    loaded = load_vehicle(vehicle)
-    chosen = [condition_set(name) for name in sets or ()]
-    console = Console()
-    reporter = ConsoleReporter(console)
-    source = make_engine(loaded, engine, loaded.resolution.map, grid, reporter.note)
-    given = {"set": list(sets or ()), "engine": engine, "grid": grid}
-    campaign = vehicle_campaign(loaded, source, chosen, {name: value for name, value in given.items() if value})
-    repeated = count_repeated(campaign.conditions)
-    if repeated:
-        reporter.note(f"{repeated} conditions are in the sets more than once: kept in each, solved once")
-    replaced = replaced_line(output, campaign)
-    if replaced:
-        reporter.note(replaced)
-    result = run_campaign(campaign, output, scheduling, reporter)
-    for note in campaign_notes(result):
-        reporter.note(note)
+    result = builder.snapshots(**given | {"sets": sets or ()}, progress=ConsoleReporter(console))
     state = "up to date, not written again" if result.up_to_date else "written"
     console.print(
         f"{output}: {state}, {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
@@ -108,14 +85,7 @@ def surface(
 
         strainfmu surface my_vehicle.toml -o body.tri
     """
-    from builder.aero.cfd.formats.surface_export import write_surface
-    from builder.aero.engines.registry import make_engine
-    from builder.vehicle.file import load_vehicle
-
-    loaded = load_vehicle(vehicle)
-    # Imported results need this surface before they exist, so it is never theirs that is asked for.
-    engine = "euler" if loaded.aerodynamics.surface is None else "newtonian"
-    write_surface(output, make_engine(loaded, engine, loaded.resolution.map).surface, closed)
+    builder.surface(vehicle, output, closed=closed)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 
@@ -130,10 +100,7 @@ def convert(
 
         strainfmu convert results/snapshots.h5 -o fields --format vtu
     """
-    from builder.campaign.field_export import export_snapshots
-    from builder.campaign.snapshots import load_snapshots
-
-    files = export_snapshots(load_snapshots(snapshots), output, file_format)
+    files = builder.convert(**locals())
     Console().print(
         f"{files[-1]}: written, with {len(files) - 1} files next to it", highlight=False, soft_wrap=True
     )

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import number, within
 from strainfmu.errors import InputError
@@ -58,11 +59,7 @@ def loadtest(
     cell_error: Annotated[float, number(0.0, 100.0, "%", "Error of all loads together, 1 sigma.")] = 0.5,
     noise: Annotated[
         float | None,
-        typer.Option(
-            metavar="UM/M",
-            callback=within(1e-4, 1e3),
-            help="Noise of one sample of the recorder, 1 sigma in um/m. Default: the vehicle file's.",
-        ),
+        number(1e-4, 1e3, "um/m", "Noise of one sample of the recorder, 1 sigma. Default: the vehicle file's."),
     ] = None,
     samples: Annotated[
         int, typer.Option(metavar="N", callback=within(1, 10**6), help="Samples that a reading is the mean of.")
@@ -105,60 +102,25 @@ def loadtest(
 
         strainfmu loadtest my_vehicle.toml --force 800 --stations 0.6,1.2,2.4 --directions in,around --pressure 100
     """
-    from builder.calibration.ground_test.candidate_cases import LoadLimits
-    from builder.calibration.ground_test.load_test import LoadErrors
-    from builder.calibration.plan.schedule import Schedule
-    from builder.figures.calibration.load_plan import load_plan_figure
-    from builder.figures.drawing.canvas import save
-    from builder.pipeline.load_test_proposal import (
-        left_lines,
-        propose_load_test,
-        time_line,
-        write_proposal,
-        write_template,
-    )
-
-    console, start = Console(), perf_counter()
-    errors = LoadErrors(load=0.01 * load_error, common=0.01 * cell_error)
-    if template:
-        write_template(vehicle, output, errors)
+    given, console, start = dict(locals()), Console(), perf_counter()
+    if given.pop("template"):
+        builder.loadtest_template(vehicle, output, load_error=load_error, cell_error=cell_error)
         lines = (f"{output}: written", f"fill it in, then: strainfmu calibrate map.h5 {output} -o calibrated.h5")
         for line in lines:
             console.print(line, highlight=False, markup=False, soft_wrap=True)
         return
-    limits = LoadLimits(
-        force=force,
-        stations=tuple(numbers("--stations", stations)) if stations else None,
-        roll_angles=tuple(map(radians, numbers("--roll-angles", roll_angles))),
-        directions=tuple(one.strip() for one in directions.split(",")),
-        half_length=0.5e-3 * pad_length,
-        half_angle=radians(0.5 * pad_angle),
-        internal_pressure=1e3 * pressure,
-        axial_force=axial,
-        attitudes=tuple(map(radians, numbers("--attitudes", attitudes))),
-        largest_strain=1e-6 * largest_strain,
-    )
-    schedule = Schedule(steps=steps, setup_time=60.0 * setup_time, reading_time=60.0 * reading_time)
-    plan = propose_load_test(
-        vehicle,
-        cases,
-        limits,
-        errors,
-        ConsoleReporter(console),
-        snapshots,
-        noise=None if noise is None else 1e-6 * noise,
-        samples=samples,
-        checks=checks,
-        repeats=repeats,
-    )
-    write_proposal(plan, vehicle, output, errors, schedule)
-    picture = output.with_suffix(".png")
-    save(load_plan_figure(plan, vehicle.stem), picture)
-    _show(console, plan)
-    for line in (*left_lines(plan), time_line(plan, schedule)):
+    given |= {
+        "directions": [one.strip() for one in directions.split(",")],
+        "stations": numbers("--stations", stations) if stations else None,
+        "roll_angles": [*map(radians, numbers("--roll-angles", roll_angles))],
+        "attitudes": [*map(radians, numbers("--attitudes", attitudes))],
+    }
+    found = builder.loadtest(**given, progress=ConsoleReporter(console))
+    _show(console, found.plan)
+    for line in found.lines:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(
-        f"{output}, {picture}: {perf_counter() - start:.1f} s in all",
+        f"{', '.join(map(str, found.files))}: {perf_counter() - start:.1f} s in all",
         highlight=False,
         markup=False,
         soft_wrap=True,

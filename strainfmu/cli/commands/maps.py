@@ -11,9 +11,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import builder
+import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
+from builder.vehicle.named_file import naming
 from strainfmu.cli.commands.number_ranges import within
-from strainfmu.cli.named_vehicle import naming
 
 SNAPSHOTS_OPTION = typer.Option(
     "--snapshots", metavar="FILE", help="Snapshots to use, from anywhere. Default: snapshots.h5 of the folder."
@@ -52,13 +54,9 @@ def build(
 
         strainfmu build my_vehicle.toml -o results --estimator nonlinear
     """
-    from builder.pipeline.map_files import run_build
-    from builder.pipeline.pipeline import FilesGiven
-
-    console = Console()
-    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
+    given, console = dict(locals()), Console()
     with naming(vehicle):
-        path = run_build(vehicle, output, ConsoleReporter(console), given, estimator)
+        path = builder.build(**given, progress=ConsoleReporter(console))
     for written in (path, path.with_name("report.html")):
         if written.is_file():
             console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)
@@ -125,25 +123,14 @@ def export(
 
         strainfmu export results/map.h5 -o loads_c --kind c
     """
-    from strainfmu.fmu.export import ExportOptions, export_estimator
-
-    chosen = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
-    version = fmi.removesuffix(".0")
-    options = ExportOptions(
-        kind=kind,
-        fmi_version=version,
-        scalars=scalars,
-        platforms=chosen,
-        estimator=estimator,
-        zero_inputs=zero_inputs,
-        tare_known=tare_known,
-    )
-    found = export_estimator(inverse_map, output, options)
+    given = dict(locals())
+    given["platforms"] = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
+    found = strainfmu.export(**given)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
-    if version == "3" and not scalars:
+    if fmi.removesuffix(".0") == "3" and not scalars:
         note = (
             "note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none"
         )
@@ -171,9 +158,9 @@ def crosscheck(
 
         strainfmu crosscheck estimator.fmu -o compatibility
     """
-    from strainfmu.fmu.checks.crosscheck import check_results, write_crosscheck
+    from strainfmu.fmu.checks.crosscheck import check_results
 
-    results = write_crosscheck(fmu, output)
+    results = strainfmu.crosscheck(fmu, output)
     for result in results:
         Console().print(result.line, highlight=False, markup=False, soft_wrap=True)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
@@ -209,9 +196,7 @@ def inspect(
 
         strainfmu inspect results/snapshots.h5 -o figures
     """
-    from strainfmu.cli.inspection.files import inspect_artefact
-
-    inspect_artefact(artefact, figures, Console())
+    strainfmu.inspect(artefact, figures, console=Console())
 
 
 def bench(
@@ -299,9 +284,7 @@ def bench(
             print(f"{row.solver}, {row.n_dof:,} degrees of freedom: done", flush=True)
         print(growth_table(rows_of_sizes))
         return
-    from strainfmu.cli.bench import bench_loop
-
-    rows = bench_loop(folder / "map.h5", folder / "estimator.fmu", folder / "plant.fmu")
+    rows = strainfmu.bench(folder)
     rows |= _rival_costs(folder / "map.h5")
     table = Table(title=escape(f"One step, {folder}: median of repeated runs in one process"))
     for heading in ("what", "time per step", "of the bare product"):

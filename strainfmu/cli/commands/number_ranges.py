@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isnan
+from math import isnan, pi
 from typing import Any
 
 import typer
@@ -15,10 +15,16 @@ PRESSURE_PA = (1.0, 1e8)
 DURATION_S = (1e-3, 1e8)
 
 
+SI = {"mm": 1e-3, "km": 1e3, "deg": pi / 180.0, "um/m": 1e-6, "kPa": 1e3, "%": 0.01, "min": 60.0}
+"""Factors to SI units."""
+
+
 def within(
-    low: float, high: float, unit: str = "", *, takes_nan: bool = False
+    low: float, high: float, unit: str = "", *, takes_nan: bool = False, factor: float | None = None
 ) -> Callable[[typer.CallbackParam, float | None], float | None]:
     """Return the callback of an option that takes a number from ``low`` to ``high``, and NaN if ``takes_nan``.
+
+    The command gets the number times ``factor``; None leaves it as it is.
 
     Raises
     ------
@@ -31,11 +37,12 @@ def within(
             name = max(param.opts, key=len)
             shown = f"{low:.6g} .. {high:.10g} {unit}".rstrip() + (", or nan" if takes_nan else "")
             raise InputError(f"{name}: expected {shown}, got {value:.6g}")
-        return value
+        return value if value is None or factor is None else factor * value
 
     return checked
 
 
 def number(low: float, high: float, unit: str, help_text: str) -> Any:
-    """Return the option of a number from ``low`` to ``high``, shown with its unit; errors as :func:`within`."""
-    return typer.Option(metavar=unit.upper(), callback=within(low, high, unit), help=help_text)
+    """Return the option of a number from ``low`` to ``high`` in ``unit``, which the command gets in SI units."""
+    callback = within(low, high, unit, factor=SI.get(unit))
+    return typer.Option(metavar=unit.upper(), callback=callback, help=help_text)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+import builder
 from strainfmu.cli.commands.number_ranges import within
 
 
@@ -39,18 +40,7 @@ def picture(
 
         strainfmu picture demo -o vehicle.png --case 12 --excluded A1 --excluded A2
     """
-    from builder.campaign.snapshots import load_snapshots
-    from builder.figures.scene.picture_files import write_picture
-    from builder.figures.scene.scene import scene_of_snapshot
-    from strainfmu.errors import InputError
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-
-    for name in ("map.h5", "snapshots.h5"):
-        if not (folder / name).is_file():
-            raise InputError(f"{folder}: expected {name}, as `strainfmu build` and `demo` leave it, got none")
-    one, snapshots = load_inverse_map(folder / "map.h5"), load_snapshots(folder / "snapshots.h5")
-    scene = scene_of_snapshot(snapshots, one, one.vehicle, None if case is None else case - 1, excluded or ())
-    write_picture(scene, output)
+    scene = builder.picture(folder, output, case=case, excluded=excluded or ())
     Console().print(
         f"{output}: {scene.title}; {len(scene.gauge_names)} gauges, written",
         highlight=False,

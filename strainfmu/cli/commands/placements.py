@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import radians
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -10,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.load_tests import numbers
 from strainfmu.cli.commands.number_ranges import number, within
@@ -18,7 +20,6 @@ from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from builder.pipeline.gauge_placement import ProposedGauges
-    from builder.placement.limits import Zone
 
 
 def place(
@@ -102,52 +103,22 @@ def place(
 
         strainfmu place my_vehicle.toml --gauges 24 --forbid 1.2:1.5 --forbid 0:4@80:100 --pairs mirror --robust
     """
-    from builder.figures.drawing.canvas import save
-    from builder.figures.placement import placement_figure
-    from builder.pipeline.gauge_placement import propose_gauges, write_layout
-    from builder.placement.candidates import CandidateGrid
-    from builder.placement.design import GOALS, Aim
-    from builder.placement.limits import Limits
-
-    console, start = Console(), perf_counter()
-    if goal not in GOALS:
-        raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
-    kind = _estimator(estimator)
-    grid = CandidateGrid(
-        stations=tuple(_series("--stations", stations)) if stations else None,
-        roll_angles=tuple(_series("--roll-angles", roll_angles)) if roll_angles else None,
-        directions=tuple(one.strip() for one in directions.split(",")),
-        pairs=pairs,
+    given, console, start = dict(locals()), Console(), perf_counter()
+    found = builder.place(
+        **given
+        | {
+            "stations": _series("--stations", stations) if stations else None,
+            "roll_angles": _radians(_series("--roll-angles", roll_angles)) if roll_angles else None,
+            "directions": [one.strip() for one in directions.split(",")],
+            "forbid": [_zone(one) for one in forbid or ()],
+            "costs": _named("--costs", costs),
+            "cable": _cable(cable) if cable else (0.0, 0.0),
+            "loads": _named("--loads", loads) if loads else None,
+            "estimator": _estimator(estimator),
+        },
+        progress=ConsoleReporter(console),
     )
-    if costs and budget is None:
-        raise InputError("--costs: expected --budget with it, which limits the cost")
-    limits = Limits(
-        gauges=gauges if budget is None else None,
-        budget=budget,
-        costs=_named("--costs", costs),
-        spacing=1e-3 * spacing,
-        zones=tuple(_zone(one) for one in forbid or ()),
-        kinds=kinds,
-        cable=_cable(cable, budget),
-    )
-    if losses > 1 and not robust:
-        raise InputError(f"--losses: {losses} needs --robust")
-    aim = Aim(goal=goal, weights=_weights(loads), estimator=kind, starts=starts, robust=robust, losses=losses)
-    found = propose_gauges(
-        vehicle,
-        grid,
-        limits,
-        aim,
-        reporter=ConsoleReporter(console),
-        snapshots_path=snapshots,
-        keep=keep,
-        with_curves=curves is not None,
-    )
-    write_layout(found.placement.layout, output)
-    written = str(output)
-    if curves is not None and found.curves is not None:
-        save(placement_figure(found.curves, vehicle.stem), curves)
-        written += f", {curves}"
+    written = str(output) if curves is None else f"{output}, {curves}"
     _show(console, found)
     console.print(
         f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
@@ -180,20 +151,9 @@ def review(
 
         strainfmu review my_vehicle.toml --layout layout.csv -o review.html --snapshots results/snapshots.h5
     """
-    from builder.pipeline.gauge_placement import review_layout
-    from builder.placement.candidates import CandidateGrid
-
-    console, start = Console(), perf_counter()
-    kind = _estimator(estimator)
-    found = review_layout(
-        vehicle,
-        layout or None,
-        output,
-        grid=CandidateGrid(),
-        kind=kind,
-        reporter=ConsoleReporter(console),
-        snapshots_path=snapshots,
-    )
+    given, console, start = dict(locals()), Console(), perf_counter()
+    given |= {"layout": layout or None, "estimator": _estimator(estimator)}
+    found = builder.review(**given, progress=ConsoleReporter(console))
     name, gain = found.best
     written = [output, *([pdf] if (pdf := output.with_suffix(".pdf")).is_file() else [])]
     for line in (
@@ -267,38 +227,22 @@ def _named(option: str, text: str) -> dict[str, float]:
     return found
 
 
-def _weights(text: str) -> tuple[float, ...]:
-    if not text:
-        return (1.0,) * len(COEFFICIENT_NAMES)
-    named = _named("--loads", text)
-    for name, value in named.items():
-        if name not in COEFFICIENT_NAMES or value < 0.0:
-            raise InputError(
-                f"--loads: expected weights from 0 of {', '.join(COEFFICIENT_NAMES)}, got '{name}={value:g}'"
-            )
-    if not any(named.values()):
-        raise InputError("--loads: expected one weight above 0, got none")
-    return tuple(named.get(name, 0.0) for name in COEFFICIENT_NAMES)
-
-
-def _cable(text: str, budget: float | None) -> tuple[float, float]:
+def _cable(text: str) -> tuple[float, float]:
     """Return cost of a metre of cable and the station that it runs to [m]."""
-    if not text:
-        return 0.0, 0.0
-    if budget is None:
-        raise InputError("--cable: expected --budget with it, which limits the cost")
     parts = numbers("--cable", text.replace("@", ","))
     if len(parts) != 2 or parts[0] < 0.0 or text.count("@") != 1:
         raise InputError(f"--cable: expected COST@X with a cost from 0 per metre, got '{text}'")
     return parts[0], parts[1]
 
 
-def _zone(text: str) -> Zone:
-    from builder.placement.limits import Zone
-
+def _zone(text: str) -> tuple[float, ...]:
     along, _, around = text.partition("@")
     parts = numbers("--forbid", along.replace(":", ","))
-    angles = numbers("--forbid", around.replace(":", ",")) if around else [0.0, 360.0]
-    if len(parts) != 2 or len(angles) != 2 or parts[0] > parts[1]:
+    angles = numbers("--forbid", around.replace(":", ",")) if around else []
+    if len(parts) != 2 or len(angles) not in (0, 2) or parts[0] > parts[1]:
         raise InputError(f"--forbid: expected x1:x2 in m or x1:x2@roll1:roll2 in deg, got '{text}'")
-    return Zone(first=parts[0], last=parts[1], start=angles[0], end=angles[1])
+    return (*parts, *_radians(angles))
+
+
+def _radians(angles: list[float]) -> tuple[float, ...]:
+    return tuple(map(radians, angles))

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 
 
@@ -31,12 +32,10 @@ def reproduce(
 
         strainfmu reproduce -o paper
     """
-    from builder.reproduce.run import run_reproduction
+    given, console, start = dict(locals()), Console(), perf_counter()
     from builder.reproduce.setups import TITLES
 
-    console = Console()
-    start = perf_counter()
-    made = run_reproduction(output, quick, ConsoleReporter(console))
+    made = builder.reproduce_paper(**given, progress=ConsoleReporter(console))
     table = Table(title="Published and ours" + (" on coarse grids, not converged" if quick else ""))
     for heading in ("quantity", "published", *TITLES.values()):
         table.add_column(heading, justify="left" if heading == "quantity" else "right")

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+import builder
 from strainfmu.cli.commands.number_ranges import within
-
-if TYPE_CHECKING:
-    from builder.structure.structure_file import Structure
-    from builder.vehicle.file import Vehicle
 
 
 @dataclass
@@ -127,69 +124,32 @@ def structure(
 
         strainfmu structure my_vehicle.toml --export-loads loads --snapshots snapshots.h5
     """
-    from builder.structure.solid.case import solid_case, structure_case
-    from builder.structure.solid.mesh_choice import MeshChoice
-    from builder.structure.solid.model import update_structure
-    from builder.vehicle.file import load_vehicle
-    from builder.vehicle.map_needs import used_layouts
-    from builder.workspace import Workspace
-    from strainfmu.cli.commands.external_structures import (
-        needed_snapshots,
-        write_external,
-        write_influence_of,
-        write_loads,
-    )
-
-    start = perf_counter()
-    console = Console()
+    given, console, start = dict(locals()), Console(), perf_counter()
     if export_loads is not None:
-        given = needed_snapshots(snapshots, output.parent, "--export-loads")
-        return write_loads(load_vehicle(vehicle), given, export_loads, load_format, console)
-    log = _StageLog(console)
-    Workspace(output.parent)  # refuses a folder that cannot be written, before the long work
-    with log.stage("Vehicle"):
-        loaded = load_vehicle(vehicle)
-        entry = loaded.structure.external
-    if entry is not None:
-        given = needed_snapshots(snapshots, output.parent, f"structure.{entry}")
-        return write_external(loaded, given, output, console)
-    with log.stage("Case"):
-        choice = MeshChoice(
-            source=model,
-            resolution=resolution or loaded.structure.resolution,
-            unit=mesh_unit,
-            by_position=by_position,
+        return _say(
+            console, builder.export_loads(vehicle, export_loads, load_format, snapshots=_beside(output, snapshots))
         )
-        chosen = layouts or used_layouts(loaded)
-        case = structure_case(loaded, chosen, choice, solver, allow_locking)
+    for name in ("export_loads", "load_format", "export_influence"):
+        del given[name]
+    log = _StageLog(console)
     if export_influence is not None:
-        revolved = solid_case(loaded, chosen, choice, solver, allow_locking)
-        return write_influence_of(revolved, loaded, export_influence, console)
-    made, up_to_date = update_structure(output, case, log)
-    for line in _report(made, loaded):
-        log.note(line)
-    if not up_to_date:
+        names = ("resolution", "solver", "model", "layouts", "allow_locking", "mesh_unit", "by_position")
+        options = {name: given[name] for name in names}
+        return _say(console, builder.export_influence(vehicle, export_influence, **options, progress=log))
+    found = builder.run_structure(**given, progress=log)
+    _say(console, found.lines)
+    if found.up_to_date is False:
         for title, seconds, peak in log.rows:
             log.note(f"{title:<30} {seconds:7.2f} s   peak memory {peak / 2**30:5.2f} GiB")
-    state = "up to date, not computed again" if up_to_date else "written"
-    log.note(f"{output}: {state}, {perf_counter() - start:.1f} s in all")
+    if found.up_to_date is not None:
+        state = "up to date, not computed again" if found.up_to_date else "written"
+        log.note(f"{output}: {state}, {perf_counter() - start:.1f} s in all")
 
 
-def _report(made: Structure, vehicle: Vehicle) -> Iterator[str]:
-    """Yield what a structure holds: the mesh, its locking, the solver, the gauges and their mesh error."""
-    from builder.structure.solid.checks.reference_loads import mesh_error_line
-    from builder.structure.solid.mesh.mesh_report import report_text
+def _beside(output: Path, snapshots: Path | None) -> Path:
+    return snapshots or output.parent / "snapshots.h5"
 
-    yield f"{made.vehicle}, {made.model.replace('_', ' ')}"
-    yield report_text([(str(what), value, str(unit)) for what, value, unit in made.settings["mesh_report"]])
-    ratios = ", ".join(f"cos({m} phi) {100.0 * r:.2f} %" for m, r in made.settings["locking"].items())
-    yield f"bending of the wall kept (locking check): {ratios or 'none, a body without a cavity'}"
-    used = made.statistics
-    yield (
-        f"solver {used['solver']}, licence {used['licence']}: relative residual {used['relative_residual']:.0e}, "
-        f"of loads that move the whole body {used['probe_residual']:.0e}"
-    )
-    for layout in made.layouts:
-        yield f"layout {layout}: {len(made.gauges_of(layout))} gauges, {len(made.point)} pressure nodes"
-    noise = vehicle.noise.std_um_per_m
-    yield mesh_error_line(made, None if noise is None else 1e-6 * noise)
+
+def _say(console: Console, lines: Sequence[str]) -> None:
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)

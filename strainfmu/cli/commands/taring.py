@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from math import isfinite, radians
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 
-from strainfmu.cli.commands.number_ranges import number
-from strainfmu.errors import InputError, StrainfmuError
+import builder
+import strainfmu
+from strainfmu.cli.commands.number_ranges import number, within
+from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
-    from strainfmu.estimator.zeros.tare import KnownStrain, Tare
-    from strainfmu.recorded.tare_window import Window
+    from strainfmu.estimator.zeros.tare import Tare
 
 DateOrderOption = Annotated[
     Literal["day", "month"] | None,
@@ -51,10 +51,20 @@ def tare(
         ),
     ] = None,
     weight_up_roll_deg: Annotated[
-        float | None, number(-360.0, 360.0, "deg", "With --vehicle: roll angle of the meridian that is up.")
+        float | None,
+        typer.Option(
+            metavar="DEG",
+            callback=within(-360.0, 360.0, "deg"),
+            help="With --vehicle: roll angle of the meridian that is up.",
+        ),
     ] = None,
     weight_nose_deg: Annotated[
-        float, number(-90.0, 90.0, "deg", "With --weight-up-roll-deg: elevation of the nose.")
+        float,
+        typer.Option(
+            metavar="DEG",
+            callback=within(-90.0, 90.0, "deg"),
+            help="With --weight-up-roll-deg: elevation of the nose.",
+        ),
     ] = 0.0,
     ambient_pressure: Annotated[
         float, number(0.0, 1e6, "Pa", "With --vehicle: pressure of the air inside and outside.")
@@ -84,57 +94,40 @@ def tare(
         strainfmu tare map.h5 ground.tdms --window 5:65 --channels channels.toml --vehicle my_vehicle.toml
         --weight-up-roll-deg 0 --ambient-pressure 101325
     """
-    from strainfmu.cosim.estimators.zeros_file import write_zeros
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
-    from strainfmu.estimator.zeros.tare import TareLimits
     from strainfmu.estimator.zeros.tare_verdict import refusal
-    from strainfmu.recorded.tare_window import tare_file
 
-    chosen = _window(window)
-    held = load_inverse_map(inverse_map)
-    limits = TareLimits(
-        dynamic_pressure=max_dynamic_pressure, zero=1e-6 * largest_zero, drift=1e-6 * largest_drift
-    )
-    known: KnownStrain | None = None
-    stated: dict[str, str | float] = {}
+    known, known_of = None, dict[str, str | float]()
     if vehicle is not None:
-        known, stated = _known_strain(
-            held, vehicle, up_roll=weight_up_roll_deg, nose=weight_nose_deg, ambient=ambient_pressure
+        known, known_of = builder.known_strain(
+            inverse_map,
+            vehicle,
+            weight_up_roll_deg=weight_up_roll_deg,
+            weight_nose_deg=weight_nose_deg,
+            ambient_pressure=ambient_pressure,
+            known_output=known_output,
         )
-    if known is not None and known_output is not None:
-        write_zeros(
-            known_output,
-            held.gauge_names[: held.n_strain_gauges],
-            GaugeZeros(value=known.value, std=known.std),
-            stated,
-        )
-    found = tare_file(held, recording, chosen, limits, known, channels=channels, date_order=date_order)
+    found = strainfmu.tare(
+        inverse_map,
+        recording,
+        _window(window),
+        output,
+        channels=channels,
+        date_order=date_order,
+        max_dynamic_pressure=max_dynamic_pressure,
+        largest_zero=largest_zero,
+        largest_drift=largest_drift,
+        known=known,
+        known_of=known_of,
+        accept=accept,
+    )
     console = Console()
-    for note in found.notes:
+    for note in (*found.notes, *(f"accepted: {why}" for why in [refusal(found)] if why)):
         console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)
-    against = refusal(found)
-    if against and not accept:
-        raise StrainfmuError(f"{recording}: {against}; no zeros written")
-    if against:
-        console.print(f"{recording}: accepted: {against}", highlight=False, markup=False, soft_wrap=True)
-    made_from: dict[str, str | float] = {
-        "recording": str(recording),
-        "from_s": chosen.begin,
-        "to_s": chosen.end,
-        "samples": float(found.samples),
-        **stated,
-    }
-    if against:
-        made_from["accepted"] = against
-    write_zeros(output, held.gauge_names[: held.n_strain_gauges], found.zeros, made_from)
     console.print(_summary(found), highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
 
 
-def _window(text: str) -> Window:
-    from strainfmu.recorded.tare_window import Window
-
+def _window(text: str) -> tuple[float, float]:
     begin, colon, end = text.partition(":")
     try:
         numbers = float(begin), float(end)
@@ -142,31 +135,7 @@ def _window(text: str) -> Window:
         raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'") from error
     if not colon or not all(map(isfinite, numbers)):
         raise InputError(f"--window: expected FROM:TO in seconds, as 0:10, got '{text}'")
-    return Window(begin=numbers[0], end=numbers[1])
-
-
-def _known_strain(
-    held: InverseMap, vehicle: Path, *, up_roll: float | None, nose: float, ambient: float
-) -> tuple[KnownStrain, dict[str, str | float]]:
-    """Return the strain of own weight and ambient pressure, and what to state of it."""
-    import numpy as np
-
-    from builder.structure.loads.applied import Weight
-    from builder.structure.loads.standing import squeeze_strain, weight_strain
-    from builder.vehicle.file import load_vehicle
-    from strainfmu.estimator.zeros.tare import KnownStrain
-
-    n = held.n_strain_gauges
-    loaded, strain = load_vehicle(vehicle), np.zeros(n)
-    if up_roll is not None:
-        weight = Weight(up_roll_angle=radians(up_roll), nose_elevation=radians(nose))
-        strain = weight_strain(loaded, loaded.gauges.layout, weight)
-        if len(strain) != n:
-            raise InputError(f"{vehicle}: layout in use has {len(strain)} gauges, the map has {n}")
-    stated: dict[str, str | float] = {"vehicle": str(vehicle), "ambient_pressure_Pa": ambient}
-    if up_roll is not None:
-        stated |= {"weight_up_roll_deg": up_roll, "weight_nose_deg": nose}
-    return KnownStrain(value=strain + squeeze_strain(loaded, ambient)), stated
+    return numbers
 
 
 def _summary(found: Tare) -> str:

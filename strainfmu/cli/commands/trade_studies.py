@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.number_ranges import within
 from strainfmu.errors import StrainfmuError
@@ -59,10 +60,8 @@ def study(
 
         strainfmu study study.toml -o study --workers 1
     """
-    from builder.study import run_study
-
-    console, start = Console(), perf_counter()
-    result = run_study(file, output, ConsoleReporter(console), workers=workers, scheduler=scheduler)
+    given, console, start = dict(locals()), Console(), perf_counter()
+    result = builder.run_study(**given, progress=ConsoleReporter(console))
     if result.rows:
         _show(console, result)
     written = ", ".join(str(path) for path in result.files) or "no design was scored"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.maps import (
     ESTIMATOR_OPTION,
@@ -22,10 +23,9 @@ from strainfmu.cli.commands.maps import (
     Estimator,
 )
 from strainfmu.cli.commands.number_ranges import within
-from strainfmu.cli.named_vehicle import naming
 
 if TYPE_CHECKING:
-    from builder.pipeline.trial_run import TrialOptions, TrialResult
+    from builder.pipeline.trial_run import TrialResult
 
 WIDTH = 160
 """Smallest width of the table [characters]: it is of no use broken into columns of two letters."""
@@ -113,24 +113,8 @@ def trial(
 
         strainfmu trial uncertainty --map demo/map.h5 --flows demo/independent_flows.h5
     """
-    from builder.pipeline.trial_run import SUFFIXES, TrialOptions
-    from strainfmu.errors import InputError
-
-    suffixes = tuple(f".{name}" for name in formats or ["csv"])
-    if unknown := [suffix for suffix in suffixes if suffix not in SUFFIXES]:
-        raise InputError(f"--format: expected csv, parquet or json, got {unknown[0][1:]}")
-    options = TrialOptions(
-        only=tuple(only or ()),
-        changes=_changes(conditions, draws, seed, estimators),
-        map_path=inverse_map,
-        flows=flows,
-        given=_given(snapshots, structure, rebuild),
-        estimator=estimator,
-        formats=suffixes,
-        workers=workers,
-        scheduler=scheduler,
-    )
-    _run(file, vehicle, output, options)
+    given = {**locals(), "only": only or (), "formats": formats or ("csv",)}
+    _show_trial(builder.run_trial, given)
 
 
 def stress(
@@ -171,21 +155,7 @@ def stress(
 
         strainfmu stress my_vehicle.toml -o manoeuvres --flights
     """
-    from builder.pipeline.trial_run import TrialOptions
-    from builder.trial.table import stress_entries
-
-    options = TrialOptions(
-        changes=_changes(conditions, draws, seed, None),
-        map_path=inverse_map,
-        given=_given(snapshots, structure, rebuild),
-        estimator=estimator,
-        workers=workers,
-    )
-    result = _run("manoeuvres" if flights else "stress", vehicle, output, options)
-    text = json.dumps(stress_entries(result.cases, result.rows), indent=1, allow_nan=False) + "\n"
-    from strainfmu.files import write_bytes_atomically
-
-    write_bytes_atomically(output / "stress.json", text.encode())
+    _show_trial(builder.stress, dict(locals()))
 
 
 def compare(
@@ -222,52 +192,18 @@ def compare(
 
         strainfmu compare my_vehicle.toml -o compare --snapshots flows/fine.h5 --conditions 1000
     """
-    from builder.pipeline.trial_run import TrialOptions
-
-    training_changes = {} if training is None else {"training": training}
-    options = TrialOptions(
-        changes=_changes(conditions, draws, seed, None) | training_changes,
-        given=_given(snapshots, structure, rebuild),
-        workers=workers,
-    )
-    _run("compare", vehicle, output, options)
+    _show_trial(builder.compare, dict(locals()))
 
 
-def _changes(
-    conditions: int | None, draws: int | None, seed: int | None, names: list[str] | None
-) -> dict[str, Any]:
-    """Return what options change in the plan of a file."""
-    changes = {"conditions": conditions, "vehicles": draws, "seed": seed, "estimators": names}
-    return {name: value for name, value in changes.items() if value is not None}
-
-
-def _given(snapshots: Path | None, structure: Path | None, rebuild: bool) -> Any:
-    from builder.pipeline.pipeline import FilesGiven
-
-    return FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-
-
-def _run(file: str, vehicle: Path | None, output: Path, options: TrialOptions) -> TrialResult:
-    from builder.pipeline.closed_loop_trial import run_closed_loop
-    from builder.pipeline.trial_run import run_trial
-    from builder.trial.cases import load_trial, trial_path
-    from builder.vehicle.file import IC3X, VEHICLES
-
+def _show_trial(run: Callable[..., TrialResult], given: dict[str, Any]) -> None:
+    """Run a trial as the options say, and print its table."""
     console, start = Console(), perf_counter()
-    reporter, path = ConsoleReporter(console), trial_path(file)
-    trial = load_trial(path)
-    if trial.closed_loop is not None:
-        loop = trial.closed_loop
-        result = run_closed_loop(loop, vehicle or VEHICLES / "ic3x_flight.toml", output, reporter, options)
-    else:
-        with naming(vehicle or IC3X):
-            result = run_trial(path, vehicle or IC3X, output, reporter, options)
+    result = run(**given, progress=ConsoleReporter(console))
     _show(console, result)
     written = ", ".join(str(path) for path in result.files)
     console.print(
         f"{written}: {perf_counter() - start:.1f} s in all", highlight=False, markup=False, soft_wrap=True
     )
-    return result
 
 
 def _show(console: Console, result: TrialResult) -> None:

@@ -8,8 +8,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
+import builder
 from builder.pipeline.progress_bars import ConsoleReporter
+from builder.vehicle.named_file import naming
 from strainfmu.cli.commands.demo_results import show_result, write_readme
 from strainfmu.cli.commands.maps import (
     ESTIMATOR_OPTION,
@@ -19,7 +23,6 @@ from strainfmu.cli.commands.maps import (
     Estimator,
 )
 from strainfmu.cli.commands.number_ranges import within
-from strainfmu.cli.named_vehicle import naming
 
 VehicleArgument = Annotated[
     Path | None,
@@ -88,45 +91,20 @@ def demo(
 
         strainfmu demo --can
     """
-    from builder.pipeline.demonstration.demo import AS_BUILT_SEED, run_demo
-    from builder.pipeline.pipeline import FilesGiven
-    from builder.vehicle.file import IC3X
-
-    console = Console()
+    given, console = dict(locals()), Console()
     reporter = ConsoleReporter(console, is_verbose=verbose)
     start = perf_counter()
-    if can:
-        from strainfmu.can.demo import check_multicast, private_port
-
-        # Refused before the long work, not after it.
-        check_multicast(private_port())
-    given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
-    with naming(vehicle or IC3X):
-        result = run_demo(
-            vehicle or IC3X,
-            output,
-            reporter,
-            given,
-            None if perfect else AS_BUILT_SEED,
-            estimator,
-            ground_test=as_built,
-        )
+    del given["verbose"]
+    with naming(vehicle or builder.IC3X):
+        result = builder.demo(**given, progress=reporter)
     write_readme(result, reporter.lines)
     show_result(console, result, verbose)
-    if can:
-        _fly_over_bus(console, output, can_duration, can_authenticated)
+    if result.over_bus is not None:
+        from strainfmu.cli.commands.can_send import score_table
+
+        console.print(score_table(result.over_bus.score, "Over the CAN bus: the bridge's results against truth"))
+        console.print(result.over_bus.bridge, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{perf_counter() - start:.1f} s in all", highlight=False, soft_wrap=True)
-
-
-def _fly_over_bus(console: Console, folder: Path, duration: float, is_authenticated: bool) -> None:
-    """Fly plant and estimator as sender and bridge, and show the results of both."""
-    from strainfmu.can.demo import CYCLE_TIME, fly_over_bus
-    from strainfmu.cli.commands.can_send import score_table
-
-    with ConsoleReporter(console).stage(f"CAN bus: sender -> bridge, {duration:g} s at {1.0 / CYCLE_TIME:g} Hz"):
-        flown = fly_over_bus(folder, duration, is_authenticated)
-    console.print(score_table(flown.score, "Over the CAN bus: the bridge's results against truth"))
-    console.print(flown.bridge, highlight=False, markup=False, soft_wrap=True)
 
 
 def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")]) -> None:
@@ -138,6 +116,11 @@ def check(vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")])
 
         strainfmu check my_vehicle.toml
     """
-    from strainfmu.cli.inspection.vehicle import check_vehicle
-
-    check_vehicle(vehicle, Console())
+    console = Console()
+    found = builder.check(vehicle, progress=ConsoleReporter(console))
+    table = Table(title=escape(f"{vehicle}: {found.name}"), show_header=False)
+    for row in found.rows:
+        table.add_row(*map(escape, row))
+    console.print(table)
+    for line in found.lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)

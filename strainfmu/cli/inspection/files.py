@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
+from io import StringIO
 from math import degrees
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +20,33 @@ from strainfmu.estimator.map import inverse_map as map_file
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import content_hash_of, schema_of
 
+WIDTH = 120
+"""Of the text where it is not printed [characters]."""
+
 if TYPE_CHECKING:
     from builder.campaign.snapshots import Snapshots
+
+
+def inspect(
+    artefact: str | PathLike[str], figures: str | PathLike[str] | None = None, *, console: Console | None = None
+) -> str:
+    """Return the content of a map, a structure, a file of snapshots or an FMU as text.
+
+    Parameters
+    ----------
+    artefact : file.
+    figures : folder for figures; None for the file's name with ``_figures``, and for none of a map.
+    console : of rich, on which the text is printed too.
+
+    Raises
+    ------
+    InputError
+        The file is missing, damaged, or of a kind that is not shown.
+    """
+    shown = console or Console(file=StringIO(), width=WIDTH)
+    shown.record = True
+    inspect_artefact(Path(artefact), None if figures is None else Path(figures), shown)
+    return shown.export_text()
 
 
 def inspect_artefact(path: Path, figures: Path | None, console: Console) -> None:

@@ -16,6 +16,7 @@ import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from os import PathLike
 from pathlib import Path
 from platform import machine, system
 
@@ -60,8 +61,13 @@ class ImporterResult:
         return f"{self.importer:<20} {self.outcome:<8} {self.detail}"
 
 
-def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
-    """Write the folder for ``fmu`` and return what each importer made of it.
+def crosscheck(fmu: str | PathLike[str], output: str | PathLike[str] = "crosscheck") -> list[ImporterResult]:
+    """Run an FMU of this package in every importer that is installed; return what each made of it.
+
+    Parameters
+    ----------
+    fmu : any FMU that this package exported.
+    output : folder for input, reference, options and results.
 
     Raises
     ------
@@ -70,6 +76,7 @@ def write_crosscheck(fmu: Path, folder: Path) -> list[ImporterResult]:
     StrainfmuError
         A file could not be written.
     """
+    fmu, folder = Path(fmu), Path(output)
     description, contents, files = read_fmu(fmu)
     names = [f"{_FOLDER}/reference_{which}.csv" for which in ("in", "out")]
     missing = [name for name in names if name not in files]

@@ -17,9 +17,9 @@ from strainfmu.files import content_hash_of
 from strainfmu.fmu.checks.crosscheck import (
     ImporterResult,
     check_results,
+    crosscheck,
     failure_message,
     largest_deviation,
-    write_crosscheck,
 )
 from strainfmu.fmu.checks.importers import read_table
 from strainfmu.fmu.checks.integrity import damaged_entries
@@ -134,7 +134,7 @@ def test_a_wrong_check_sum_of_the_archive_is_told(fmus: dict[str, Path], tmp_pat
 @pytest.mark.parametrize("kind", ["native", "python"])
 def test_crosscheck_tells_what_the_fmu_says(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
     path = altered(fmus[kind], tmp_path / "a.fmu", RESOURCES[kind])
-    result = next(one for one in write_crosscheck(path, tmp_path / "out") if one.importer.startswith("FMPy"))
+    result = next(one for one in crosscheck(path, tmp_path / "out") if one.importer.startswith("FMPy"))
     words = "damaged or altered since it was written" if kind == "python" else "is damaged: its checksum is wrong"
     assert result.outcome == "failed"
     assert f"{RESOURCES[kind]}{':' if kind == 'python' else ''} {words}" in result.detail
@@ -152,7 +152,7 @@ def test_the_last_words_of_an_fmu_are_told() -> None:
 
 @pytest.mark.parametrize("kind", ["native", "native_3"])
 def test_a_crosscheck_folder_is_complete(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
-    results = write_crosscheck(fmus[kind], tmp_path)
+    results = crosscheck(fmus[kind], tmp_path)
     name = "StrainLoadEstimator"
     files = {f"{name}.fmu", f"{name}_in.csv", f"{name}_ref.csv", f"{name}_ref.opt", "Readme.txt"}
     assert {path.name for path in tmp_path.iterdir()} == files
@@ -188,7 +188,7 @@ def test_an_fmu_without_a_reference_run_is_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("modelDescription.xml", FOREIGN)
     with pytest.raises(InputError, match="holds no reference run"):
-        write_crosscheck(path, tmp_path / "none")
+        crosscheck(path, tmp_path / "none")
     assert not (tmp_path / "none").exists()
 
 
@@ -219,7 +219,7 @@ def test_a_reference_run_that_is_none_is_refused(tmp_path: Path, reference: str,
         archive.writestr("extra/org.fmi-standard.fmi-ls-ref/reference_in.csv", '"time"\n0\n1\n')
         archive.writestr("extra/org.fmi-standard.fmi-ls-ref/reference_out.csv", reference)
     with pytest.raises(InputError, match=words):
-        write_crosscheck(path, tmp_path / "none")
+        crosscheck(path, tmp_path / "none")
     assert not (tmp_path / "none").exists()
 
 
@@ -231,6 +231,6 @@ def test_the_name_of_a_model_is_no_path(tmp_path: Path) -> None:
         for which in ("in", "out"):
             name = f"extra/org.fmi-standard.fmi-ls-ref/reference_{which}.csv"
             archive.writestr(name, '"time","a[1]"\n0,1\n1,1\n')
-    write_crosscheck(path, tmp_path / "a" / "b")
+    crosscheck(path, tmp_path / "a" / "b")
     assert not list(tmp_path.glob("evil*"))
     assert (tmp_path / "a" / "b" / "_.._evil.fmu").is_file()

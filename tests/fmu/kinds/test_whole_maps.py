@@ -21,7 +21,7 @@ from sensor_maps import ROWS
 from thermal_maps import with_temperature
 from whole_maps import MAPS, N_LINEAR, N_T, linear_with_everything
 
-from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.checks.integrity import damaged_entries
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT
@@ -54,7 +54,7 @@ def test_no_faults(whole_fmus: Fmus, name: str, kind: str) -> None:
 @of_all_kinds
 def test_an_importer_finds_the_reference(whole_fmus: Fmus, tmp_path: Path, name: str, kind: str) -> None:
     """Reals to 1e-5, in FMPy."""
-    results = write_crosscheck(whole_fmus(name)[kind], tmp_path)
+    results = crosscheck(whole_fmus(name)[kind], tmp_path)
     assert [one.outcome for one in results if one.importer.startswith("FMPy")] == ["passed"], results
 
 

@@ -15,7 +15,7 @@ from slender_vehicle import make_slender_files
 
 from strainfmu.cosim.flight import INSTANCES
 from strainfmu.cosim.scenario import load_scenario
-from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.checks.importers import read_table
 from strainfmu.fmu.flight_export import export_flight
 
@@ -50,7 +50,7 @@ def test_the_input_table_can_be_read(fmus: dict[str, Path], tmp_path: Path, name
 
 
 def test_an_fmu_without_inputs_is_crosschecked(fmus: dict[str, Path], tmp_path: Path) -> None:
-    results = write_crosscheck(fmus["schedule"], tmp_path)
+    results = crosscheck(fmus["schedule"], tmp_path)
     assert next(result for result in results if result.importer.startswith("FMPy")).outcome == "passed"
     assert fmpy.read_csv(str(tmp_path / "FlightSchedule_in.csv")).dtype.names == ("time",)
 

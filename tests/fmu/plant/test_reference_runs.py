@@ -20,7 +20,7 @@ from strainfmu.cosim.models.plant_law import Plant
 from strainfmu.cosim.models.schedule import ScheduledSignal
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
-from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.checks.importers import read_table
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.fmu.reference_run.plant import covering_step, plant_reference
@@ -81,7 +81,7 @@ def references(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFacto
 @pytest.mark.parametrize("kind", KINDS)
 def test_importers_repeat_the_run(references: dict[str, Path], tmp_path: Path, kind: str) -> None:
     """Each FMU gives what numpy gave, to the 6 digits of the file; the folder is that of the rules."""
-    results = write_crosscheck(references[kind], tmp_path)
+    results = crosscheck(references[kind], tmp_path)
     model = next(path.stem for path in tmp_path.glob("*.fmu"))
     expected = {f"{model}{end}" for end in (".fmu", "_in.csv", "_ref.csv", "_ref.opt")}
     assert {path.name for path in tmp_path.iterdir()} == {*expected, "Readme.txt"}
@@ -151,7 +151,7 @@ def test_an_fmu_without_a_run_says_so(tmp_path: Path) -> None:
         start=replace(START, pitch_inertia=1e-3),
     )
     with pytest.raises(InputError, match="holds no reference run"):
-        write_crosscheck(path, tmp_path / "none")
+        crosscheck(path, tmp_path / "none")
 
 
 def test_the_law_places_its_poles() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from slender_vehicle import make_slender_files
 
-from strainfmu.fmu.checks.crosscheck import write_crosscheck
+from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 Run = Callable[..., tuple[int, str, str]]
@@ -26,7 +26,7 @@ def test_crosscheck_unzips_where_python_fmus_run(tmp_path: Path, monkeypatch: py
     for name in ("TMPDIR", "TEMP", "TMP"):
         monkeypatch.setenv(name, str(odd))
     monkeypatch.setattr(tempfile, "tempdir", str(odd))
-    results = write_crosscheck(fmu, odd / "folder")
+    results = crosscheck(fmu, odd / "folder")
     fmpy_result = next(result for result in results if result.importer.startswith("FMPy"))
     assert fmpy_result.outcome == "passed", fmpy_result.line
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
 
@@ -39,15 +40,22 @@ def check_report(path: Path) -> None:
         raise InputError(f"{path}: --report: expected one of {', '.join(SUFFIXES)}, got '{path.suffix}'")
 
 
-def write_flight_page(summary: EstimationSummary, path: Path, files: dict[str, Path]) -> None:
-    """Write the page of a flight; ``files`` are those that it follows from, by what they are.
+def write_flight_page(summary: EstimationSummary, report: str | Path, files: Mapping[str, str | Path]) -> None:
+    """Write the page of an estimated flight, HTML or PDF: usable or not, figures.
+
+    Parameters
+    ----------
+    summary : of :func:`strainfmu.estimate`.
+    report : file to write.
+    files : those that it follows from, by what they are: "recording" and "estimator", and others.
 
     Raises
     ------
     StrainfmuError
         matplotlib or reportlab is not installed, or the file cannot be written.
     """
-    page = flight_page(summary, files)
+    path = Path(report)
+    page = flight_page(summary, {name: Path(file) for name, file in files.items()})
     if path.suffix.lower() == ".html":
         write_page(page, path)
         return

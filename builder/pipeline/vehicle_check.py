@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
-from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
-
-from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.named_vehicle import named
+from builder.aero.engine import Engine
+from builder.aero.engines.registry import make_engine
+from builder.campaign.reach import extreme_conditions, flows_out_of_reach
+from builder.inverse.envelope.bounds import flight_ranges
+from builder.inverse.noise.inertia import inertia_in_words
+from builder.inverse.noise.recorder import reading_in_words
+from builder.inverse.problem import check_noise, check_other_loads
+from builder.pipeline.demonstration.demo import refuse_without_demo
+from builder.pipeline.gauge_placement import check_model
+from builder.pipeline.demonstration.flown_shape import check_parameters, manoeuvre_warnings
+from builder.truth.revolution.flow_table import truth_engine, truth_keys, truth_knots
+from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.reporting import Reporter
+from builder.structure.as_built.structure import refuse_beyond_calibration
+from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
+from builder.truth.independent_model import other_physics, refuse_without_independent_model
+from builder.vehicle.doubtful_entries import doubtful_entries
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import check_map_size, unused_entries
+from builder.vehicle.named_file import named
+from strainfmu.cosim.models.flight_model import check_envelope
+from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.validity import (
@@ -22,14 +39,7 @@ from strainfmu.estimator.map.validity import (
     valid_conditions,
     valid_parameters,
 )
-from strainfmu.flight_condition import ALTITUDE
-
-if TYPE_CHECKING:
-    from builder.aero.engine import Engine
-    from builder.reporting import Reporter
-    from builder.vehicle.file import Vehicle
-    from strainfmu.cosim.models.trajectory import Trajectory
-    from strainfmu.flight_condition import FlightCondition
+from strainfmu.flight_condition import ALTITUDE, FlightCondition
 
 T = TypeVar("T")
 
@@ -54,8 +64,17 @@ class _Faults:
             raise FaultsError("\n".join(dict.fromkeys(self.lines)))  # several checks may meet one fault
 
 
-def check_vehicle(path: Path, console: Console) -> None:
-    """Show what follows from the vehicle file at ``path``, and warn of what the demonstration would meet.
+@dataclass(frozen=True, kw_only=True)
+class VehicleCheck:
+    """What follows from a vehicle file: rows of name and value, and lines on what to know."""
+
+    name: str
+    rows: tuple[tuple[str, str], ...]
+    lines: tuple[str, ...]
+
+
+def check(vehicle: str | Path, *, progress: AnyProgress = None) -> VehicleCheck:
+    """Check a vehicle file, its gauges, the reach of the flow solver, and the manoeuvre of the demonstration.
 
     Gauges, modes and noise are checked against each other, the extreme flows are solved, the manoeuvre is read.
 
@@ -64,14 +83,11 @@ def check_vehicle(path: Path, console: Console) -> None:
     FaultsError
         What the commands that take the file would refuse; a line each, of all of these checks.
     """
-    from builder.aero.engines.registry import make_engine
-    from builder.inverse.problem import check_noise, check_other_loads
-    from builder.structure.gauge_checks import check_gauges
-    from builder.vehicle.file import load_vehicle
-    from builder.vehicle.map_needs import check_map_size
+    path, reporter = Path(vehicle), reporter_of(progress)
+    return _checked(load_vehicle(path), path, reporter)
 
-    vehicle = load_vehicle(path)
-    reporter = ConsoleReporter(console)
+
+def _checked(vehicle: Vehicle, path: Path, reporter: Reporter) -> VehicleCheck:
     faults = _Faults(path)
     gauges = faults.of(lambda: check_gauges(vehicle))
     engine = faults.of(lambda: make_engine(vehicle, None, vehicle.resolution.map, note=reporter.note))
@@ -87,17 +103,14 @@ def check_vehicle(path: Path, console: Console) -> None:
     assert engine is not None
     faults.lines += [f"{path}: {line}" for line in _out_of_reach(vehicle, engine, conditions, reporter)]
     faults.raise_if_any()
-    console.print(_table(path, vehicle, gauges, engine, conditions))
-    for warning in _warnings(vehicle, trajectory, conditions):
-        console.print(warning, highlight=False, markup=False, soft_wrap=True)
+    rows = _rows(vehicle, gauges, engine, conditions)
+    return VehicleCheck(
+        name=vehicle.name, rows=tuple(rows), lines=tuple(_warnings(vehicle, trajectory, conditions))
+    )
 
 
 def _manoeuvre(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Trajectory:
     """Return the manoeuvre, within the flight model of the demonstration and the parameters of the snapshots."""
-    from builder.pipeline.demonstration.flown_shape import check_parameters
-    from builder.truth.revolution.flow_table import truth_knots
-    from strainfmu.cosim.models.flight_model import check_envelope
-    from strainfmu.cosim.models.trajectory import load_trajectory
 
     path = vehicle.manoeuvre()
     trajectory = load_trajectory(path, tuple(vehicle.conditions.parameters))
@@ -111,8 +124,6 @@ def _out_of_reach(
     vehicle: Vehicle, engine: Engine, conditions: Sequence[FlightCondition], reporter: Reporter
 ) -> Iterator[str]:
     """Yield why extreme flows of the snapshots and of the flight model cannot be solved."""
-    from builder.campaign.reach import extreme_conditions, flows_out_of_reach
-    from builder.truth.revolution.flow_table import truth_engine, truth_keys
 
     keys = [engine.flow_key(condition) for condition in extreme_conditions(conditions)]
     for line in flows_out_of_reach(engine, keys, reporter, "Flow: extreme conditions"):
@@ -126,22 +137,17 @@ def _out_of_reach(
         yield f"truth: {line}"
 
 
-def _table(
-    path: Path, vehicle: Vehicle, gauges: dict[str, int], engine: Engine, conditions: Sequence[FlightCondition]
-) -> Table:
-    """Return what follows from the entries."""
-    from builder.inverse.envelope.bounds import flight_ranges
-    from builder.inverse.noise.recorder import reading_in_words
-
-    table = Table(title=escape(f"{path}: {vehicle.name}"), show_header=False)
-    for what, value in _shape_rows(vehicle, engine):
-        table.add_row(what, value)
+def _rows(
+    vehicle: Vehicle, gauges: dict[str, int], engine: Engine, conditions: Sequence[FlightCondition]
+) -> Iterator[tuple[str, str]]:
+    """Yield what follows from the entries."""
+    yield from _shape_rows(vehicle, engine)
     for name, count in gauges.items():
         in_use = " (in use)" if name == vehicle.gauges.layout else ""
-        table.add_row(escape(f"layout {name}{in_use}"), f"{count} gauges")
-    table.add_row("sigma of a reading", reading_in_words(vehicle.recorder, vehicle.noise.std_um_per_m))
+        yield f"layout {name}{in_use}", f"{count} gauges"
+    yield "sigma of a reading", reading_in_words(vehicle.recorder, vehicle.noise.std_um_per_m)
     flows = len({engine.flow_key(condition) for condition in conditions})
-    table.add_row("snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})")
+    yield "snapshots", f"{len(conditions)} conditions, {flows} distinct flows ({engine.name})"
     parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
     of_map = flight_ranges(vehicle, conditions)
     ranges = condition_ranges(conditions) | {
@@ -149,8 +155,7 @@ def _table(
         RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map.dynamic_pressure.tolist(),
     }
     for one in (*valid_conditions(ranges), *valid_parameters(parameters)):
-        table.add_row(f"valid over {one.quantity}", one.text)
-    return table
+        yield f"valid over {one.quantity}", one.text
 
 
 def _shape_rows(vehicle: Vehicle, engine: Engine) -> Iterator[tuple[str, str]]:
@@ -174,12 +179,6 @@ def _warnings(
     vehicle: Vehicle, trajectory: Trajectory | None, conditions: Sequence[FlightCondition]
 ) -> Iterator[str]:
     """Yield the manoeuvre's length, where it leaves the snapshots, doubtful entries, commands that refuse."""
-    from builder.inverse.noise.inertia import inertia_in_words
-    from builder.pipeline.demonstration.flown_shape import manoeuvre_warnings
-    from builder.structure.gauge_checks import gauges_at_breaks
-    from builder.truth.independent_model import other_physics
-    from builder.vehicle.doubtful_entries import doubtful_entries
-    from builder.vehicle.map_needs import unused_entries
 
     if trajectory is None:
         yield "manoeuvre: none; `strainfmu demo` needs truth.manoeuvre, other commands do not"
@@ -203,10 +202,6 @@ def _warnings(
 
 def _refused_commands(vehicle: Vehicle) -> Iterator[str]:
     """Yield the commands that this vehicle cannot use, and why."""
-    from builder.pipeline.demonstration.demo import refuse_without_demo
-    from builder.pipeline.gauge_placement import check_model
-    from builder.structure.as_built.structure import refuse_beyond_calibration
-    from builder.truth.independent_model import refuse_without_independent_model
 
     refusals: tuple[tuple[str, Callable[[], None]], ...] = (
         ("demo", lambda: refuse_without_demo(vehicle)),

@@ -11,20 +11,24 @@ from builder.figures.drawing.canvas import blank_figure, save
 from strainfmu.cosim.scenario import Scenario
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.health import HealthState
+from strainfmu.fmu.flight_export import ClosedLoopFlight
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def save_flight_figure(scenario: Scenario, recording: Recording, feedback: str, path: Path) -> None:
-    """Draw one run into a PNG file.
+def flight_figures(flown: ClosedLoopFlight, output: str | Path) -> list[Path]:
+    """Draw every run of a closed-loop flight of :func:`strainfmu.fly` into a folder; return the files.
 
     Raises
     ------
     StrainfmuError
-        matplotlib is not installed, or the file could not be written.
+        matplotlib is not installed, or a file could not be written.
     """
-    save(flight_figure(scenario, recording, feedback), path, resolution=120)
+    paths = [Path(output) / f"flight_{feedback}.png" for feedback in flown.recordings]
+    for path, (feedback, recording) in zip(paths, flown.recordings.items(), strict=True):
+        save(flight_figure(flown.scenario, recording, feedback), path, resolution=120)
+    return paths
 
 
 def flight_figure(scenario: Scenario, recording: Recording, feedback: str) -> Figure:

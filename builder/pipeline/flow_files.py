@@ -1,0 +1,82 @@
+"""Surface pressure in files: ``strainfmu snapshots`` and ``surface``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from builder.aero.cfd.formats.surface_export import write_surface
+from builder.aero.engines.registry import make_engine
+from builder.campaign.notes import campaign_notes
+from builder.campaign.run import CampaignResult, run_campaign
+from builder.campaign.scheduling import Scheduling
+from builder.campaign.snapshot_fit import replaced_line
+from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated
+from builder.vehicle.file import load_vehicle
+
+
+def snapshots(
+    vehicle: str | Path,
+    output: str | Path = "snapshots.h5",
+    *,
+    sets: Sequence[str] = (),
+    engine: str | None = None,
+    grid: str | None = None,
+    scheduler: str | None = None,
+    workers: int | None = None,
+    progress: AnyProgress = None,
+) -> CampaignResult:
+    """Solve the flow at many flight conditions: surface pressure in one HDF5 file.
+
+    Every distinct flow is solved once and kept: an interrupted run continues, a finished file is reused.
+    Conditions outside the reach of the flow model are left out and listed in the result.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    output : file to write.
+    sets : flight conditions: "P1", "P2" or CSV files; none for the vehicle file's.
+    engine : "euler", "newtonian" or "table"; None for the vehicle file's.
+    grid : cells of the euler engine: "coarse", "medium" or "fine"; None for the vehicle file's.
+    scheduler : address of a Dask scheduler whose workers solve.
+    workers : local processes; 0 for threads of this one; None for one per core.
+    progress : True for progress bars.
+
+    Raises
+    ------
+    InputError
+        The vehicle file, or a file it names, is wrong, or every condition is outside the solver's reach.
+    """
+    output, reporter, scheduling = Path(output), reporter_of(progress), Scheduling(scheduler, workers)
+    loaded = load_vehicle(vehicle)
+    chosen = [condition_set(name) for name in sets]
+    source = make_engine(loaded, engine, loaded.resolution.map, grid, reporter.note)
+    given = {"set": list(sets), "engine": engine, "grid": grid}
+    campaign = vehicle_campaign(loaded, source, chosen, {name: value for name, value in given.items() if value})
+    repeated = count_repeated(campaign.conditions)
+    if repeated:
+        reporter.note(f"{repeated} conditions are in the sets more than once: kept in each, solved once")
+    replaced = replaced_line(output, campaign)
+    if replaced:
+        reporter.note(replaced)
+    result = run_campaign(campaign, output, scheduling, reporter)
+    for note in campaign_notes(result):
+        reporter.note(note)
+    return result
+
+
+def surface(vehicle: str | Path, output: str | Path, *, closed: bool = False) -> None:
+    """Write a vehicle's aerodynamic surface, in body axes (x aft, y starboard, z up) and metres.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    output : file to write: .stl, .tri, .vtp or .vtu.
+    closed : whether the open base is covered, as volume meshers need.
+    """
+    loaded = load_vehicle(vehicle)
+    # Imported results need this surface before they exist, so it is never theirs that is asked for.
+    engine = "euler" if loaded.aerodynamics.surface is None else "newtonian"
+    write_surface(Path(output), make_engine(loaded, engine, loaded.resolution.map).surface, closed)

@@ -1,0 +1,201 @@
+"""Three-dimensional structures in files: ``strainfmu structure``, and what goes to and from another code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from builder.campaign.snapshot_fit import body_misfits
+from builder.campaign.snapshots import load_snapshots
+from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.structure.external import influence_export, load_export
+from builder.structure.external.load_cases import load_cases
+from builder.structure.external.structure import external_structure
+from builder.structure.solid.case import solid_case, structure_case
+from builder.structure.solid.checks.reference_loads import mesh_error_line
+from builder.structure.solid.mesh.mesh_report import report_text
+from builder.structure.solid.mesh_choice import MeshChoice
+from builder.structure.solid.model import update_structure
+from builder.structure.structure_file import Structure, save_structure
+from builder.vehicle.file import Vehicle, load_vehicle
+from builder.vehicle.map_needs import used_layouts
+from builder.workspace import Workspace, refuse_misfits
+from strainfmu.errors import InputError
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StructureRun:
+    """A structure in its file, lines on what it holds, and whether it was up to date; None of another code's."""
+
+    structure: Structure
+    lines: tuple[str, ...]
+    up_to_date: bool | None
+
+
+def run_structure(
+    vehicle: str | Path,
+    output: str | Path = "structure.h5",
+    *,
+    resolution: str | None = None,
+    solver: str | None = None,
+    model: str = "swept",
+    layouts: Sequence[str] | None = None,
+    allow_locking: bool = False,
+    mesh_unit: float = 1.0,
+    by_position: bool = False,
+    snapshots: str | Path | None = None,
+    progress: AnyProgress = None,
+) -> StructureRun:
+    """Compute the strain of gauges per surface pressure by three-dimensional elasticity, into a file.
+
+    A file that is up to date is not computed again.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    output : file to write.
+    resolution : "coarse", "medium" or "paper"; None for the vehicle file's.
+    solver : name; None for sectors on a swept mesh, else the fastest installed.
+    model : mesh: "swept" hexahedra, "gmsh", or a file of a mesh.
+    layouts : gauge layouts; None for all that a map needs.
+    allow_locking : whether to go on with elements that lose over 10 % of the bending.
+    mesh_unit : length of the unit of a mesh file [m].
+    by_position : whether surfaces of a mesh file are found by position, not by name.
+    snapshots : pressures, for a structure of another code; None for snapshots.h5 next to ``output``.
+    progress : True for progress bars.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong, or a mesh loses bending.
+    """
+    output, reporter = Path(output), reporter_of(progress)
+    Workspace(output.parent)  # refuses a folder that cannot be written, before the long work
+    with reporter.stage("Vehicle"):
+        loaded = load_vehicle(vehicle)
+        entry = loaded.structure.external
+    if entry is not None:
+        given = Path(snapshots or output.parent / "snapshots.h5")
+        return _of_another_code(loaded, _needed(given, f"structure.{entry}"), output)
+    with reporter.stage("Case"):
+        choice = _mesh_choice(loaded, resolution, model, mesh_unit=mesh_unit, by_position=by_position)
+        case = structure_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
+    made, up_to_date = update_structure(output, case, reporter)
+    return StructureRun(structure=made, lines=tuple(_report(made, loaded)), up_to_date=up_to_date)
+
+
+def export_influence(
+    vehicle: str | Path,
+    export_influence: str | Path,
+    *,
+    layouts: Sequence[str] | None = None,
+    solver: str | None = None,
+    allow_locking: bool = False,
+    progress: AnyProgress = None,
+    **mesh: Any,
+) -> tuple[str, ...]:
+    """Write the strain per force at each outer node of a mesh to a file .h5; return a line on it.
+
+    Parameters are as :func:`run_structure` takes them.
+    """
+    path = Path(export_influence)
+    with reporter_of(progress).stage("Case"):
+        loaded = load_vehicle(vehicle)
+        choice = _mesh_choice(loaded, **mesh)
+        case = solid_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
+    if path.suffix.lower() not in (".h5", ".hdf5"):
+        raise InputError(f"--export-influence: expected a file .h5, got {path}")
+    found = influence_export.export_influence(case, loaded.gauges.layout, path)
+    return (f"{path}: {len(found.column)} gauges, forces at {len(found.node)} nodes, written",)
+
+
+def export_loads(
+    vehicle: str | Path,
+    export_loads: str | Path,
+    load_format: str = "csv",
+    *,
+    snapshots: str | Path = "snapshots.h5",
+) -> tuple[str, ...]:
+    """Write the pressures of snapshots as load cases for another structural code; return lines on what to do.
+
+    Parameters
+    ----------
+    vehicle : vehicle file.
+    export_loads : folder for the load cases.
+    load_format : "csv", "vtu" (ParaView) or "bdf" (Nastran).
+    snapshots : pressures of the load cases.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong, or the snapshots are of another body.
+    """
+    folder, path, loaded = Path(export_loads), _needed(Path(snapshots), "--export-loads"), load_vehicle(vehicle)
+    pressures = load_snapshots(path)
+    refuse_misfits(path, body_misfits(pressures, loaded.body()))
+    cases, layouts = load_cases(loaded, pressures), solid_case(loaded, used_layouts(loaded)).layouts
+    files = load_export.export_loads(cases, layouts, loaded.gauges.layout, folder, load_format)
+    counts = f"{folder}: {len(cases.names)} load cases on {len(cases.surface.point)} nodes, {len(files)} files"
+    if load_format == load_export.NASTRAN:
+        return (
+            counts,
+            f"run them as SUBCASEs, and name {files[-1]} and the results in the vehicle file: [structure]",
+            "strain_per_snapshot, nastran_results, nastran_gauges",
+        )
+    return counts, f"fill in {files[-1]}, and name it in the vehicle file: [structure] strain_per_snapshot"
+
+
+def _needed(path: Path, why: str) -> Path:
+    """Return snapshots that are there; ``why`` says what needs them.
+
+    Raises
+    ------
+    InputError
+        There are none.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; {why} needs snapshots: strainfmu snapshots VEHICLE -o {path}")
+    return path
+
+
+def _mesh_choice(
+    vehicle: Vehicle,
+    resolution: str | None = None,
+    model: str = "swept",
+    *,
+    mesh_unit: float = 1.0,
+    by_position: bool = False,
+) -> MeshChoice:
+    resolution = resolution or vehicle.structure.resolution
+    return MeshChoice(source=model, resolution=resolution, unit=mesh_unit, by_position=by_position)
+
+
+def _of_another_code(vehicle: Vehicle, snapshots: Path, output: Path) -> StructureRun:
+    """Write the structure behind the file that the vehicle file names."""
+    made = external_structure(vehicle, load_snapshots(snapshots))
+    save_structure(made, output)
+    lines = [
+        f"layout {one}: {len(made.gauges_of(one))} gauges, {len(made.point)} pressure nodes"
+        for one in made.layouts
+    ]
+    lines.append(f"{output}: {made.model.replace('_', ' ')}, {made.size}, written")
+    return StructureRun(structure=made, lines=tuple(lines), up_to_date=None)
+
+
+def _report(made: Structure, vehicle: Vehicle) -> Iterator[str]:
+    """Yield what a structure holds: the mesh, its locking, the solver, the gauges and their mesh error."""
+    yield f"{made.vehicle}, {made.model.replace('_', ' ')}"
+    yield report_text([(str(what), value, str(unit)) for what, value, unit in made.settings["mesh_report"]])
+    ratios = ", ".join(f"cos({m} phi) {100.0 * r:.2f} %" for m, r in made.settings["locking"].items())
+    yield f"bending of the wall kept (locking check): {ratios or 'none, a body without a cavity'}"
+    used = made.statistics
+    yield (
+        f"solver {used['solver']}, licence {used['licence']}: relative residual {used['relative_residual']:.0e}, "
+        f"of loads that move the whole body {used['probe_residual']:.0e}"
+    )
+    for layout in made.layouts:
+        yield f"layout {layout}: {len(made.gauges_of(layout))} gauges, {len(made.point)} pressure nodes"
+    noise = vehicle.noise.std_um_per_m
+    yield mesh_error_line(made, None if noise is None else 1e-6 * noise)
