@@ -37,8 +37,8 @@ from strainfmu.fmu.export import export as export
 from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
 from strainfmu.fmu.plant_export import plant as plant
 from strainfmu.fmu.flight_export import fly as fly
-from strainfmu.fmu.flight_export import ClosedLoopFlight as ClosedLoopFlight
 from strainfmu.cli.bench import bench as bench
+from strainfmu.fmu.checks.worst_step import bench_worst as bench_worst
 from strainfmu.fmu.export import ExportOptions as ExportOptions
 from strainfmu.fmu.export import export_estimator as export_estimator
 from strainfmu.cosim.systems.system import Connection as Connection

@@ -34,7 +34,7 @@ def run_trial(
     draws: int | None = None,
     training: int | None = None,
     seed: int | None = None,
-    formats: Sequence[str] = ("csv",),
+    formats: Sequence[str] = (),
     workers: int = 1,
     scheduler: str | None = None,
     snapshots: str | Path | None = None,
@@ -58,7 +58,7 @@ def run_trial(
     estimators : such as "linear", "nonlinear", "linear 10 s"; None for the file's.
     conditions, draws, training, seed : flight conditions of each case, draws of vehicle and noise at each, flights
         that train each learning estimator, and the seed of all; None for the file's.
-    formats : of the table: some of "csv", "parquet", "json".
+    formats : of the table: some of "csv", "parquet", "json"; none for "csv".
     workers : cases at a time on this machine.
     scheduler : address of a Dask scheduler whose workers share the files.
     snapshots, structure, rebuild, estimator : as :func:`build` takes them.
@@ -71,7 +71,7 @@ def run_trial(
     StrainfmuError
         A file could not be written.
     """
-    suffixes = tuple(f".{name}" for name in formats)
+    suffixes = tuple(f".{name}" for name in formats or ("csv",))
     if unknown := [suffix for suffix in suffixes if suffix not in SUFFIXES]:
         raise InputError(f"--format: expected csv, parquet or json, got {unknown[0][1:]}")
     changes = {

@@ -12,14 +12,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from builder.aero.loads.operator import load_operator
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
-from builder.reporting import Progress, Reporter
+from builder.reporting import Progress, Reporter, Silent
 from builder.structure.fourier.model import StructuralModel, place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
@@ -36,11 +37,12 @@ from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
 from builder.structure.solid.model import SolidCase
 from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from builder.trial.score import rows_of
-from builder.vehicle.file import Vehicle
+from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import used_layouts
 from builder.vehicle.shape.geometry import BodyOfRevolution
@@ -48,6 +50,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.files import write_bytes_atomically
 
 FOURIER = "Fourier model"
 LAYERS = 2  # of the Fourier model's wall
@@ -317,3 +320,33 @@ def study_csv(rows: Sequence[StudyRow]) -> str:
         numbers = (row.strain_rms, row.strain_largest, *row.error_of_range, *row.coverage, row.alarms)
         writer.writerow([row.mesh, row.n_dof, *(f"{value:.6g}" for value in numbers)])
     return text.getvalue()
+
+
+def bench_meshes(
+    mesh: str | Path,
+    snapshots: str | Path,
+    output: str | Path = "mesh_study.csv",
+    *,
+    solver: str | None = None,
+    reporter: Reporter | None = None,
+) -> list[StudyRow]:
+    """Compare the meshes of a vehicle's structure: errors in gauge strains, and in a map built on each.
+
+    Parameters
+    ----------
+    mesh : vehicle file.
+    snapshots : pressures (snapshots.h5).
+    output : table to write (CSV).
+    solver : name; None for the one that fits each mesh.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file is missing or wrong, or the solver is not installed.
+    """
+    vehicle, pressure, report = load_vehicle(mesh), load_snapshots(snapshots), reporter or Silent()
+    if solver not in (None, CYCLIC) and not (back_end := named_back_end(solver)).installed():
+        raise back_end.missing()
+    rows = list(mesh_study(vehicle, pressure, report, study_meshes(report.note), solver))
+    write_bytes_atomically(Path(output), study_csv(rows).encode())
+    return rows

@@ -17,7 +17,7 @@ from typer.models import ArgumentInfo
 
 from strainfmu.cli.commands import program
 from strainfmu.cli.commands.command import PAGES
-from strainfmu.cli.commands.help_layout import COMMANDS
+from strainfmu.cli.commands.help_layout import COMMANDS, public_functions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +102,8 @@ def _section(name: str, command: Callable[..., None]) -> str:
     usage = " ".join(entry.names[0] for entry in listed if entry.is_argument)
     lines = [f"(command-{name})=", f"## {name}", ""]
     lines += [f"```text\nstrainfmu {name} [OPTIONS] {usage}".rstrip() + "\n```", "", _prose(_help(command)), ""]
+    called = ", ".join(f"`{function}`" for function in public_functions(name))
+    lines += [f"In Python: {called}", ""]
     lines += [f"More: [{PAGES[name]}](../{PAGES[name].removeprefix('docs/')})", ""]
     for title, wanted in (("argument", True), ("option", False)):
         rows = [_row(entry) for entry in listed if entry.is_argument is wanted]

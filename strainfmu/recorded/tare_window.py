@@ -108,14 +108,17 @@ def tare(
     InputError
         As :func:`tare_file`.
     StrainfmuError
-        A check refuses them; or as :func:`tare_file`.
+        A check refuses them, and the notes of the error say more; or as :func:`tare_file`.
     """
     loaded, between = load_inverse_map(Path(inverse_map)), Window(begin=window[0], end=window[1])
     limits = TareLimits(dynamic_pressure=max_dynamic_pressure, zero=largest_zero, drift=largest_drift)
     found = tare_file(loaded, recording, between, limits, known, channels=channels, date_order=date_order)
     against = refusal(found)
     if against and not accept:
-        raise StrainfmuError(f"{recording}: {against}; no zeros written")
+        error = StrainfmuError(f"{recording}: {against}; no zeros written")
+        for note in found.notes:
+            error.add_note(note)
+        raise error
     made_from: dict[str, str | float] = {
         "recording": str(recording),
         "from_s": between.begin,

@@ -65,7 +65,7 @@ def test_ctrl_c_within_a_command_ends_in_one_line(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("strainfmu.estimator.map.inverse_map.load_inverse_map", interrupted)
+    monkeypatch.setattr("strainfmu.tare", interrupted)
     code, out, errors = run("tare", "map.h5", "ground.csv", "--window", "0:1", "-o", tmp_path / "z.toml")
     assert (code, out) == (130, "")
     assert errors == "strainfmu: interrupted; what was finished is kept\n"

@@ -120,7 +120,7 @@ def test_a_deflection_out_of_range_is_refused(run: Run, tmp_path: Path) -> None:
 @pytest.fixture
 def without_flows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the flows, which take longest."""
-    monkeypatch.setattr("strainfmu.cli.inspection.vehicle._out_of_reach", lambda *parts: ())
+    monkeypatch.setattr("builder.pipeline.vehicle_check._out_of_reach", lambda *parts: ())
 
 
 @pytest.mark.usefixtures("without_flows")

@@ -154,8 +154,8 @@ def demo(
     output : folder for the results.
     vehicle : vehicle file; None for the shipped one.
     snapshots, structure, rebuild : as :func:`build` takes them.
-    perfect : whether the vehicle that flies is exactly that of the file. Otherwise its hardware errors are drawn
-        at the sizes of the section [noise].
+    perfect : whether exactly the vehicle of the file flies. Otherwise hardware errors are drawn at the sizes of
+        the section [noise].
     as_built : seed of a vehicle drawn from the section [calibration] instead, which is tested on the ground and
         flies with the map that the test calibrates.
     estimator : replaces the entry of the section [map].

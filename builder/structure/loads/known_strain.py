@@ -39,7 +39,7 @@ def known_strain(
     Raises
     ------
     InputError
-        A file is missing or wrong, or its gauges are others than those of the map.
+        A file is missing or wrong, or it has other gauges than the map.
     """
     loaded, held = load_vehicle(vehicle), load_inverse_map(Path(inverse_map))
     n = held.n_strain_gauges

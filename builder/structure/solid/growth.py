@@ -33,7 +33,7 @@ from builder.structure.solid.operators.supports import Clamped
 from builder.structure.solid.operators.surface_load import pressure_load
 from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
 from builder.structure.solid.solvers.problem import SolveStatistics
-from builder.structure.solid.solvers.solver import CYCLIC, choose_solver
+from builder.structure.solid.solvers.solver import CYCLIC, choose_solver, named_back_end
 from builder.structure.solid.strain_operator import held_problem, strain_operator
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
@@ -145,6 +145,29 @@ def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
         relative_residual=statistics.relative_residual,
         probe_residual=statistics.probe_residual,
     )
+
+
+def bench_structure(
+    structure: str | Path, *, solver: Sequence[str] = (CYCLIC,), largest: int = 5_000_000
+) -> Iterator[GrowthRow]:
+    """Yield time and memory of a vehicle's three-dimensional structure, size by size.
+
+    Parameters
+    ----------
+    structure : vehicle file.
+    solver : names of solvers.
+    largest : largest number of degrees of freedom.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        The vehicle file is wrong, there is no such solver, or a process fails.
+    """
+    load_vehicle(structure)  # refused here, not in the process of each size
+    for name in solver:
+        if name != CYCLIC:
+            named_back_end(name)
+    yield from growth_rows(Path(structure), solver, [size for size in SIZES if size <= largest])
 
 
 def growth_rows(path: Path, solver_names: Sequence[str], sizes: Sequence[int] = SIZES) -> Iterator[GrowthRow]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.signal_names import TARE
 from strainfmu.flight_condition import ALTITUDE, ANGLE_OF_ATTACK, MACH_NUMBER
+from strainfmu.public_names import public_names
 
 COMMANDS: dict[str, dict[str, str]] = {
     "Use a map": {
@@ -50,6 +51,18 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
 }
 """Panels of ``strainfmu --help`` in their order, the commands of each, and the page of each."""
+
+FUNCTIONS: dict[str, tuple[str, ...]] = {
+    "bench": ("strainfmu.bench", "strainfmu.bench_worst", "builder.bench_meshes", "builder.bench_structure"),
+    "fly": ("strainfmu.fly", "builder.flight_figures"),
+    "loadtest": ("builder.loadtest", "builder.loadtest_template"),
+    "reproduce": ("builder.reproduce_paper",),
+    "structure": ("builder.run_structure", "builder.export_loads", "builder.export_influence"),
+    "study": ("builder.run_study",),
+    TARE: ("strainfmu.tare", "builder.known_strain"),
+    "trial": ("builder.run_trial",),
+}
+"""Public functions of commands that have several, or another name: modules have the command's."""
 
 FILES = ("snapshots", "structure", "rebuild")
 
@@ -160,3 +173,9 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "bench": (("structure", "mesh", "worst"),),
 }
 """Options of which one at most is given, by the names of the parameters."""
+
+
+def public_functions(command: str) -> tuple[str, ...]:
+    """Return the public functions that a command calls, with their packages."""
+    run_time = command in public_names("strainfmu")
+    return FUNCTIONS.get(command) or (f"{'strainfmu' if run_time else 'builder'}.{command}",)

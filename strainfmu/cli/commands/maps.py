@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -16,6 +17,10 @@ import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.vehicle.named_file import naming
 from strainfmu.cli.commands.number_ranges import within
+from strainfmu.errors import InputError
+
+if TYPE_CHECKING:
+    from strainfmu.fmu.checks.worst_step import EventCost
 
 SNAPSHOTS_OPTION = typer.Option(
     "--snapshots", metavar="FILE", help="Snapshots to use, from anywhere. Default: snapshots.h5 of the folder."
@@ -124,7 +129,8 @@ def export(
         strainfmu export results/map.h5 -o loads_c --kind c
     """
     given = dict(locals())
-    given["platforms"] = None if platforms == "all" else [name.strip() for name in platforms.split(",")]
+    if platforms != "all":
+        given["platforms"] = [name.strip() for name in platforms.split(",")]
     found = strainfmu.export(**given)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "nonlinear":
@@ -263,27 +269,25 @@ def bench(
         strainfmu bench demo --worst
     """
     if worst:
-        _print_worst_steps(folder / "map.h5", random_steps)
-        return
+        return _show_worst_steps(strainfmu.bench_worst(folder, random_steps=random_steps), folder, random_steps)
     if mesh is not None:
-        _compare_meshes(mesh, snapshots, output, solver[0] if solver else None)
-        return
-    if structure is not None:
-        from builder.structure.solid.growth import SIZES, growth_rows, growth_table
-        from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
-        from builder.vehicle.file import load_vehicle
+        from builder.reports.mesh_study import study_table
 
-        load_vehicle(structure)  # refused here, not in the process of each size
-        for name in solver or ():
-            if name != CYCLIC:
-                named_back_end(name)
-        sizes = [size for size in SIZES if size <= largest]
+        if snapshots is None:
+            raise InputError(
+                "bench --mesh: --snapshots FILE is missing: `strainfmu build VEHICLE` leaves snapshots.h5"
+            )
+        only, reporter = solver[0] if solver else None, ConsoleReporter(Console())
+        print(study_table(builder.bench_meshes(mesh, snapshots, output, solver=only, reporter=reporter)))
+        return print(f"{output}: written")
+    if structure is not None:
+        from builder.structure.solid.growth import growth_table
+
         rows_of_sizes = []
-        for row in growth_rows(structure, solver or ["cyclic"], sizes):
+        for row in builder.bench_structure(structure, solver=solver or ["cyclic"], largest=largest):
             rows_of_sizes.append(row)
             print(f"{row.solver}, {row.n_dof:,} degrees of freedom: done", flush=True)
-        print(growth_table(rows_of_sizes))
-        return
+        return print(growth_table(rows_of_sizes))
     rows = strainfmu.bench(folder)
     rows |= _rival_costs(folder / "map.h5")
     table = Table(title=escape(f"One step, {folder}: median of repeated runs in one process"))
@@ -294,12 +298,11 @@ def bench(
     Console().print(table)
 
 
-def _print_worst_steps(map_path: Path, random_steps: int) -> None:
-    """Measure the dearest steps of the native FMUs of a map, and ``random_steps`` with events at random."""
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS, REPEATS, processor_name, worst_steps
+def _show_worst_steps(found: Mapping[str, Mapping[str, EventCost]], folder: Path, random_steps: int) -> None:
+    """Print the slowest steps of the native FMUs of a map, and ``random_steps`` with events at random."""
+    from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS, REPEATS, processor_name
 
-    found, n = worst_steps(map_path, random_steps), load_inverse_map(map_path).n_gauges
+    n = strainfmu.load_inverse_map(folder / "map.h5").n_gauges
     title = f"Steps of {n} gauges, {processor_name()}: median and largest of {REPEATS}, processor time in us"
     table = Table(title=escape(title))
     table.add_column("what happens in the step", justify="left")
@@ -319,9 +322,7 @@ def _some(value: float | None) -> tuple[float, ...]:
 
 def _rival_costs(map_path: Path) -> dict[str, float]:
     """Return the time per step [s] of learning estimators; none without tables or without scikit-learn."""
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-
-    manifold = load_inverse_map(map_path).manifold
+    manifold = strainfmu.load_inverse_map(map_path).manifold
     if manifold is None:
         return {}
     if find_spec("sklearn") is None:
@@ -330,26 +331,3 @@ def _rival_costs(map_path: Path) -> dict[str, float]:
     from builder.trial.other_estimators import step_costs
 
     return step_costs(manifold)
-
-
-def _compare_meshes(vehicle: Path, snapshots: Path | None, output: Path, solver: str | None) -> None:
-    """Run the mesh study, print its table and write it."""
-    from builder.campaign.snapshots import load_snapshots
-    from builder.reports.mesh_study import mesh_study, study_csv, study_meshes, study_table
-    from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
-    from builder.vehicle.file import load_vehicle
-    from strainfmu.errors import InputError
-    from strainfmu.files import write_bytes_atomically
-
-    if snapshots is None:
-        raise InputError(
-            "bench --mesh: --snapshots FILE is missing: `strainfmu build VEHICLE` leaves snapshots.h5"
-        )
-    loaded, pressure = load_vehicle(vehicle), load_snapshots(snapshots)
-    if solver not in (None, CYCLIC) and not (back_end := named_back_end(solver)).installed():
-        raise back_end.missing()
-    reporter = ConsoleReporter(Console())
-    rows = list(mesh_study(loaded, pressure, reporter, study_meshes(reporter.note), solver))
-    print(study_table(rows))
-    write_bytes_atomically(output, study_csv(rows).encode())
-    print(f"{output}: written")

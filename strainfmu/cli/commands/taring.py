@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -12,7 +13,7 @@ from rich.console import Console
 import builder
 import strainfmu
 from strainfmu.cli.commands.number_ranges import number, within
-from strainfmu.errors import InputError
+from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
     from strainfmu.estimator.zeros.tare import Tare
@@ -106,25 +107,33 @@ def tare(
             ambient_pressure=ambient_pressure,
             known_output=known_output,
         )
-    found = strainfmu.tare(
-        inverse_map,
-        recording,
-        _window(window),
-        output,
-        channels=channels,
-        date_order=date_order,
-        max_dynamic_pressure=max_dynamic_pressure,
-        largest_zero=largest_zero,
-        largest_drift=largest_drift,
-        known=known,
-        known_of=known_of,
-        accept=accept,
-    )
     console = Console()
-    for note in (*found.notes, *(f"accepted: {why}" for why in [refusal(found)] if why)):
-        console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)
+    try:
+        found = strainfmu.tare(
+            inverse_map,
+            recording,
+            _window(window),
+            output,
+            channels=channels,
+            date_order=date_order,
+            max_dynamic_pressure=max_dynamic_pressure,
+            largest_zero=largest_zero,
+            largest_drift=largest_drift,
+            known=known,
+            known_of=known_of,
+            accept=accept,
+        )
+    except StrainfmuError as error:
+        _show_notes(console, recording, getattr(error, "__notes__", ()))
+        raise
+    _show_notes(console, recording, (*found.notes, *(f"accepted: {why}" for why in [refusal(found)] if why)))
     console.print(_summary(found), highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+
+
+def _show_notes(console: Console, recording: Path, notes: Sequence[str]) -> None:
+    for note in notes:
+        console.print(f"{recording}: {note}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _window(text: str) -> tuple[float, float]:

@@ -113,7 +113,7 @@ def trial(
 
         strainfmu trial uncertainty --map demo/map.h5 --flows demo/independent_flows.h5
     """
-    given = {**locals(), "only": only or (), "formats": formats or ("csv",)}
+    given = {**locals(), "only": only or (), "formats": formats or ()}
     _show_trial(builder.run_trial, given)
 
 

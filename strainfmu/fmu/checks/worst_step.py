@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,13 @@ class EventCost:
     median: float
     largest: float
     rare: float | None = None
+
+
+def bench_worst(
+    folder: str | PathLike[str] = "demo", *, random_steps: int = 20_000
+) -> dict[str, Mapping[str, EventCost]]:
+    """Return the costs of the slowest steps of native FMUs of the map in ``folder``, as :func:`worst_steps`."""
+    return worst_steps(Path(folder) / "map.h5", random_steps)
 
 
 def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, EventCost]]:
