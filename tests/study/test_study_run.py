@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from builder.reporting import Silent
 from builder.study import SCORES, TABLE, designs_of, flows_key, load_study, run_study, vehicle_of
 from builder.vehicle.file import IC3X, Vehicle
 from strainfmu.cli.main import main
