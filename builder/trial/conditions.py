@@ -146,19 +146,13 @@ def _inside(
 def _in_square(
     part: float, vehicle: Vehicle, heights_km: tuple[float, float], count: int, random: np.random.Generator
 ) -> list[FlightCondition]:
-    entry, angle, largest = vehicle.conditions, square_angle(part, vehicle), largest_incidence(vehicle)
+    angle, largest = square_angle(part, vehicle), largest_incidence(vehicle)
     half = largest if angle is None else angle
-
-    def angles() -> tuple[float, float]:
-        alpha, beta = random.uniform(-half, half, 2).tolist()
-        return alpha, beta
-
-    return drawn_conditions(
+    return uniform_conditions(
         count,
         random,
-        angles=angles,
-        mach_numbers=(min(entry.mach_number), max(entry.mach_number)),
-        altitudes_km=heights_km,
+        ranges=[(-half, half), (-half, half), range_of(vehicle.conditions.mach_number), heights_km],
+        made=lambda alpha, beta, mach, height: FlightCondition(mach, alpha, beta, 1e3 * height),
         is_inside=lambda one: angle is not None or hypot(one.angle_of_attack, one.sideslip_angle) <= largest,
     )
 
@@ -216,15 +210,15 @@ def _at_edge(
 def _mirrored(condition: FlightCondition, vehicle: Vehicle, random: np.random.Generator) -> FlightCondition:
     """Return a condition of the listed ranges whose angle of attack, sideslip or both have the other sign."""
     entry, incidence = vehicle.conditions, envelope_incidence(vehicle)
-    sign = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(random.integers(3))]
-    while True:
-        alpha, beta = (
-            side * radians(float(random.uniform(min(listed), max(listed))))
-            for side, listed in zip(sign, (entry.angle_of_attack_deg, entry.sideslip_angle_deg), strict=True)
-        )
-        turned = replace(condition, angle_of_attack=alpha, sideslip_angle=beta)
-        if turned.total_incidence <= incidence:
-            return turned
+    of_alpha, of_beta = ((-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0))[int(random.integers(3))]
+
+    def turned(alpha: float, beta: float) -> FlightCondition:
+        angles = of_alpha * radians(alpha), of_beta * radians(beta)
+        return replace(condition, angle_of_attack=angles[0], sideslip_angle=angles[1])
+
+    ranges = [range_of(entry.angle_of_attack_deg), range_of(entry.sideslip_angle_deg)]
+    (found,) = uniform_conditions(1, random, ranges, turned, lambda one: one.total_incidence <= incidence)
+    return found
 
 
 def _refuse_beyond(needed: float, known: float, what: str) -> None:
@@ -281,7 +275,7 @@ def largest_incidence(vehicle: Vehicle) -> float:
 
 def listed_altitudes_km(vehicle: Vehicle) -> tuple[float, float]:
     """Return lowest and highest altitude [km] of the flight conditions."""
-    return min(vehicle.conditions.altitudes_km), max(vehicle.conditions.altitudes_km)
+    return range_of(vehicle.conditions.altitudes_km)
 
 
 def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITUDES_KM) -> tuple[float, float]:
@@ -314,58 +308,26 @@ def held_out_conditions(
         They have no Mach number in common.
     """
     entry, incidence = vehicle.conditions, min(largest_incidence(vehicle), float(table.incidence_knots[-1]))
-    low, high = band or (0.0, incidence)
-
-    def angles() -> tuple[float, float]:
-        if band is not None or vehicle.map.symmetry == "full":
-            total = float(random.uniform(low, high))
-            return wind_angles(total, float(random.uniform(0.0, 2.0 * np.pi)))
-        alpha, beta = (
-            radians(float(random.uniform(min(listed), max(listed))))
-            for listed in (entry.angle_of_attack_deg, entry.sideslip_angle_deg)
-        )
-        return alpha, beta
-
     lowest = max(min(entry.mach_number), float(table.mach_knots[0]))
     highest = min(max(entry.mach_number), float(table.mach_knots[-1]))
     if lowest > highest:
         known = f"{table.mach_knots[0]:g} .. {table.mach_knots[-1]:g}, of the flows of the independent model"
         raise InputError(f"conditions.mach_number: expected some within {known}, got {entry.mach_number}")
-    return drawn_conditions(
+    is_rolled = band is not None or vehicle.map.symmetry == "full"
+    of_wind = [band or (0.0, incidence), (0.0, 2.0 * pi)]
+    angles = of_wind if is_rolled else [range_of(entry.angle_of_attack_deg), range_of(entry.sideslip_angle_deg)]
+
+    def made(first: float, second: float, mach: float, height: float) -> FlightCondition:
+        alpha, beta = wind_angles(first, second) if is_rolled else (radians(first), radians(second))
+        return FlightCondition(mach, alpha, beta, 1e3 * height)
+
+    return uniform_conditions(
         count,
         random,
-        angles=angles,
-        mach_numbers=(lowest, highest),
-        altitudes_km=drawn_altitudes_km(vehicle),
+        ranges=[*angles, (lowest, highest), drawn_altitudes_km(vehicle)],
+        made=made,
         is_inside=lambda one: band is not None or one.total_incidence <= incidence,
     )
-
-
-def drawn_conditions(
-    count: int,
-    random: np.random.Generator,
-    *,
-    angles: Callable[[], tuple[float, float]],
-    mach_numbers: tuple[float, float],
-    altitudes_km: tuple[float, float],
-    is_inside: Callable[[FlightCondition], bool],
-) -> list[FlightCondition]:
-    """Return ``count`` conditions, uniform in Mach number and altitude.
-
-    ``angles`` draws angle of attack and sideslip [rad]; a condition that is not inside is drawn again.
-    """
-    conditions = list[FlightCondition]()
-    while len(conditions) < count:
-        alpha, beta = angles()
-        condition = FlightCondition(
-            mach_number=float(random.uniform(*mach_numbers)),
-            angle_of_attack=alpha,
-            sideslip_angle=beta,
-            altitude=1e3 * float(random.uniform(*altitudes_km)),
-        )
-        if is_inside(condition):
-            conditions.append(condition)
-    return conditions
 
 
 def conditions_in_ranges(
@@ -375,16 +337,36 @@ def conditions_in_ranges(
 
     For vehicles of any shape: nothing is rolled.
     """
-    entry, conditions = vehicle.conditions, list[FlightCondition]()
+    entry, heights = vehicle.conditions, (1e3 * altitudes_km[0], 1e3 * altitudes_km[1])
     listed = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg]
     listed += [one.values for one in entry.parameters.values()]
-    low, high = (np.array([side(one) for one in listed]) for side in (min, max))
-    bottom, top = altitudes_km
-    for _ in range(count):
-        mach, alpha, beta, *parameters = random.uniform(low, high).tolist()
-        altitude = float(random.uniform(1e3 * bottom, 1e3 * top))
-        conditions.append(FlightCondition(mach, radians(alpha), radians(beta), altitude, tuple(parameters)))
+
+    def made(mach: float, alpha: float, beta: float, *others: float) -> FlightCondition:
+        return FlightCondition(mach, radians(alpha), radians(beta), others[-1], others[:-1])
+
+    return uniform_conditions(count, random, [*map(range_of, listed), heights], made)
+
+
+def uniform_conditions(
+    count: int,
+    random: np.random.Generator,
+    ranges: Sequence[tuple[float, float]],
+    made: Callable[..., FlightCondition],
+    is_inside: Callable[[FlightCondition], bool] = lambda one: True,
+) -> list[FlightCondition]:
+    """Return ``count`` conditions, ``made`` of numbers that are uniform in ``ranges``; a condition that is not
+    inside is drawn again."""
+    (low, high), conditions = np.transpose(ranges), list[FlightCondition]()
+    while len(conditions) < count:
+        condition = made(*random.uniform(low, high).tolist())
+        if is_inside(condition):
+            conditions.append(condition)
     return conditions
+
+
+def range_of(values: Sequence[float]) -> tuple[float, float]:
+    """Return the smallest and the largest of ``values``."""
+    return min(values), max(values)
 
 
 def flight_states(conditions: Sequence[FlightCondition]) -> FloatArray:
