@@ -40,6 +40,18 @@ def noise_map(noise_only: Vehicle, snapshots: Snapshots, structure: StructuralMo
 
 
 @pytest.fixture(scope="session")
+def full_map(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
+    """The map of all conditions with tables, levels those of the theory; it identifies nothing of one row."""
+    return with_manifold(build_inverse_map(vehicle, snapshots, structure), vehicle, snapshots, structure)
+
+
+@pytest.fixture(scope="session")
+def full_world(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, full_map: InverseMap) -> World:
+    """The same, flown at 200 conditions between the snapshots."""
+    return World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=full_map, seed=4)
+
+
+@pytest.fixture(scope="session")
 def flown(vehicle: Vehicle) -> Vehicle:
     """The coarse vehicle with every second listed angle and Mach number."""
     listed = {"mach_number": [5.0, 6.0, 7.0], "angle_of_attack_deg": [0.0, 3.0, 7.0, 10.0]}

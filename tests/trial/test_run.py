@@ -16,7 +16,7 @@ from builder.manifold.build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
 from builder.pipeline.trial_run import TrialOptions, check_fit, of_map, run_trial, world_of
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.model import structural_model
 from builder.trial.added import AtEnd, Heating, heated, standard_temperature
 from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
 from builder.trial.faults import Lost, NoSuchGaugesError, gauge_rows
@@ -26,7 +26,6 @@ from builder.trial.run import readings_of, run_task, scored
 from builder.trial.score import ALL, MISSED, Row
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
-from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
@@ -319,17 +318,8 @@ TARGET = 99.0
 
 
 @pytest.fixture(scope="module")
-def mapped(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: StructuralModel,
-    true_model: TrueStructure,
-    table: FlowTable,
-) -> World:
-    """A map of all conditions: it identifies nothing of one row."""
-    linear = build_inverse_map(vehicle, snapshots, structure)
-    made = with_manifold(linear, vehicle, snapshots, structure)
-    return World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=made, conditions=150, seed=3)
+def mapped(full_world: World) -> World:
+    return other_world(full_world, conditions=150, seed=3)
 
 
 def sets_of(world: World, **lost: object) -> list[np.ndarray]:
