@@ -110,7 +110,7 @@ class TrialOptions:
     scheduler: str | None = None
 
 
-class Flown(NamedTuple):
+class Prepared(NamedTuple):
     """What the cases of a trial are flown in: the vehicle, a function that makes the world, what it is made from,
     how it is flown, and what scores a case."""
 
@@ -140,11 +140,13 @@ def run_trial(
         A file could not be written.
     """
     trial = load_trial(file).changed(options.changes)
-    prepare = compared_flown if trial.trial.training else tested_flown if trial.ground else map_flown
-    flown = prepare(trial, vehicle_path, folder, reporter, options)
-    cases = cases_for(flown.vehicle, trial, options.only)
-    inputs = {**flown.inputs, "vehicle": flown.vehicle.model_dump(exclude={"description", "truth"})}
-    tasks = tasks_of(cases, flown.plan, flown.make_world, inputs, flown.score)
+    prepare = (
+        prepared_comparison if trial.trial.training else prepared_ground_tests if trial.ground else prepared_map
+    )
+    prepared = prepare(trial, vehicle_path, folder, reporter, options)
+    cases = cases_for(prepared.vehicle, trial, options.only)
+    inputs = {**prepared.inputs, "vehicle": prepared.vehicle.model_dump(exclude={"description", "truth"})}
+    tasks = tasks_of(cases, prepared.plan, prepared.make_world, inputs, prepared.score)
     results = run_tasks(tasks, folder / CASES, reporter, workers=options.workers, scheduler=options.scheduler)
     rows = list[Row]()
     for case, result in zip(cases, results, strict=True):
@@ -155,12 +157,12 @@ def run_trial(
     for row in rows:
         if row["estimator"] == CALIBRATION:
             reporter.note(line_of_tests(row, rows))
-    return written(flown.vehicle.name, cases, rows, folder, options.formats)
+    return written(prepared.vehicle.name, cases, rows, folder, options.formats)
 
 
-def map_flown(
+def prepared_map(
     trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
-) -> Flown:
+) -> Prepared:
     """Make the map in ``folder``, or take the one that is given, and flows."""
     entry = with_estimator(load_vehicle(vehicle_path), options.estimator)
     if any(case.heating for case in trial.cases):
@@ -186,12 +188,12 @@ def map_flown(
     structure = pipeline.path(STRUCTURE)
     files = pipeline.path(MAP), pipeline.path(FLOWS), structure if structure.is_file() else None
     inputs = {"map": _content_of_map(pipeline.path(MAP)), "flows": pipeline.made_from(FLOWS)}
-    return Flown(vehicle, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, plan)
+    return Prepared(vehicle, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, plan)
 
 
-def compared_flown(
+def prepared_comparison(
     trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
-) -> Flown:
+) -> Prepared:
     """Make what maps for the errors of each case are built from, and flows; without scikit-learn its regressions
     are left out, with a note."""
     names, training = trial.trial.estimators, trial.trial.training
@@ -217,12 +219,12 @@ def compared_flown(
     files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
     world = partial(compared_world, vehicle, *files, plan.conditions, plan.seed, training)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, FLOWS, *solid), "training": training}
-    return Flown(vehicle, world, inputs, plan, partial(scored, make_estimators=compared_estimators))
+    return Prepared(vehicle, world, inputs, plan, partial(scored, make_estimators=compared_estimators))
 
 
-def tested_flown(
+def prepared_ground_tests(
     trial: TrialFile, vehicle_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
-) -> Flown:
+) -> Prepared:
     """Make snapshots and flows, which ground tests of vehicles of an independent truth are made from."""
     plan, tests = trial.trial, trial.ground
     assert tests is not None
@@ -237,7 +239,7 @@ def tested_flown(
     files = pipeline.path(SNAPSHOTS), pipeline.path(LEVEL_FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, LEVEL_FLOWS), "ground": tests.model_dump()}
     world = partial(tested_world, vehicle, *files, plan.conditions, tests)
-    return Flown(vehicle, world, inputs, plan, ground_rows)
+    return Prepared(vehicle, world, inputs, plan, ground_rows)
 
 
 def opened(
