@@ -23,9 +23,10 @@ from typing import Any
 import numpy as np
 
 from builder.processors import processors
-from builder.trial.readings import Readings
+from builder.trial.readings import ANGLES, Readings
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
@@ -35,9 +36,6 @@ STEPPING = "stepping"
 
 NAME = re.compile(rf"(map|linear|nonlinear)(?: ({STEPPING}|(\d*\.?\d+)(?: s)?))?")
 """Kind, and how it steps or the time constant of its filter [s]."""
-
-N_ANGLES = 2
-"""Air data that are scored along a flight in time: angle of attack and sideslip."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -106,7 +104,7 @@ def of_estimator(estimator: Estimator) -> EstimateReadings:
     def estimate(read: Readings) -> Estimates:
         known = known_by(estimator, read.known)
         if read.time is None:
-            return _estimates(estimator.estimate(read.strain, **known))
+            return estimates_from(estimator.estimate(read.strain, **known))
         return (_at_ends if read.strain.ndim > 2 else _along)(estimator, replace(read, known=known), read.time)
 
     return estimate
@@ -129,19 +127,23 @@ def known_by(estimator: Estimator, known: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in known.items() if not (both and name == needless)}
 
 
-def _estimates(made: Estimate, with_angles: bool = False) -> Estimates:
-    value, std, air = made.coefficients, made.coefficients_std, made.air_data
-    if with_angles and not np.isnan(air.value[:, :N_ANGLES]).all():
-        value, std = (
-            np.hstack([loads, angles[:, :N_ANGLES]]) for loads, angles in ((value, air.value), (std, air.std))
-        )
+def estimates_from(made: Estimate, air_data: Sequence[str] = ()) -> Estimates:
+    """Return the loads of estimates, and the ``air_data`` of these names where some are known."""
+    value, std, columns = (
+        made.coefficients,
+        made.coefficients_std,
+        [AIR_DATA_NAMES.index(name) for name in air_data],
+    )
+    if columns and not np.isnan(made.air_data.value[:, columns]).all():
+        value = np.hstack([value, made.air_data.value[:, columns]])
+        std = np.hstack([std, made.air_data.std[:, columns]])
     return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64))
 
 
 def _stepping(estimator: Estimator, read: Readings) -> Estimates:
     known = known_by(estimator, read.known)
     made = estimator.estimate(read.strain, **known, start=read.states)
-    return _estimates(estimator.estimate(read.strain, **known, start=made.state))
+    return estimates_from(estimator.estimate(read.strain, **known, start=made.state))
 
 
 def _along(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
@@ -151,7 +153,7 @@ def _along(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:
         of_flight = read.rows(np.flatnonzero(read.vehicle == number))
         track = estimator.filter(estimator.filter_time_constant)
         made = track.track(of_flight.strain, time=time[read.vehicle == number], **of_flight.known)
-        tracks.append(_estimates(made, with_angles=True))
+        tracks.append(estimates_from(made, ANGLES))
     return together(tracks)
 
 

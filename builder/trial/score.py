@@ -80,15 +80,12 @@ class Clusters:
     def percent(self, name: str, event: BoolArray) -> Row:
         """Return how often ``event`` (n,) is true [%], its standard error, and its upper limit at 95 %."""
         mean, error = self.mean(event)
+        upper = mean + 2.0 * error
         if not 0.0 < mean < 1.0:
             error = min(1.0, 3.0 / max(self.sizes))
-            return _columns(name, mean, error, mean + error)
-        return _columns(name, mean, error, mean + 2.0 * error)
-
-
-def _columns(name: str, mean: float, error: float, upper: float) -> Row:
-    values = 100.0 * mean, 100.0 * error, min(100.0, 100.0 * upper)
-    return dict(zip((f"{name}_percent", f"{name}_percent_error", f"{name}_percent_upper"), values, strict=True))
+            upper = mean + error
+        of_name = {"": mean, "_error": error, "_upper": min(1.0, upper)}
+        return {f"{name}_percent{suffix}": 100.0 * value for suffix, value in of_name.items()}
 
 
 def rows_of(names: Sequence[str], made: Estimates, read: Readings) -> list[Row]:

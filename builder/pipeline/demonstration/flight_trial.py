@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from builder.trial.bound import cramer_rao_bound
-from builder.trial.estimators import Estimates, known_by, of_map
+from builder.trial.estimators import Estimates, estimates_from, known_by, of_map
 from builder.trial.readings import ANGLES, Readings
 from builder.trial.score import ROLLING, Row, by_load, rows_of
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.recording import Recording
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
@@ -126,19 +125,14 @@ def flown_estimators(
     )
     flown = {"linear": Flown(read, of_map(inverse_map, "linear")(read))}
     if inverse_map.manifold is not None:
-        made = _with_air_data(inverse_map, read) if estimator is None else outputs_of(recording, names, estimator)
+        nonlinear = Estimator(inverse_map)
+        made = (
+            estimates_from(nonlinear.estimate(read.strain, **known_by(nonlinear, read.known)), AIR_DATA)
+            if estimator is None
+            else outputs_of(recording, names, estimator)
+        )
         flown["nonlinear"] = Flown(read, made)
     return flown
-
-
-def _with_air_data(inverse_map: InverseMap, read: Readings) -> Estimates:
-    estimator, columns = Estimator(inverse_map), [AIR_DATA_NAMES.index(name) for name in AIR_DATA]
-    made = estimator.estimate(read.strain, **known_by(estimator, read.known))
-    return Estimates(
-        value=np.hstack([made.coefficients, made.air_data.value[:, columns]]),
-        std=np.hstack([made.coefficients_std, made.air_data.std[:, columns]]),
-        health=np.asarray(made.health, dtype=np.int64),
-    )
 
 
 def outputs_of(recording: Recording, names: Sequence[str], instance: str = "estimator") -> Estimates:
