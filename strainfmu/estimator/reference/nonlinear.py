@@ -25,6 +25,7 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.policies import LARGEST_STEP
 from strainfmu.estimator.reference.air import (
     DROPPED,
@@ -283,14 +284,20 @@ class NonlinearReference:
         return states, unit.reshape(INCIDENCES, -1, self.n_d)
 
     def starts(self, sample: Sample) -> FloatArray:
-        """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data."""
+        """Return (INCIDENCES, 4) the best state of the grid at each incidence, p_inf by strain and air data.
+
+        S is that in the middle of the grid, its diagonal where a gauge is not in use.
+        """
         states, unit = self.grid
         at = np.append(states[INCIDENCES // 2, 0, :LOG_PRESSURE], self.prior_mean[LOG_PRESSURE])
-        weight = np.where(sample.used, 1.0 / np.sqrt(np.diag(self.strain_covariance(at))), 0.0)
-        data = weight * np.where(sample.used, sample.rows - self.rows.fixed_response[: self.n_d], 0.0)
+        covariance = self.strain_covariance(at)
+        if not sample.used.all():
+            covariance = np.diag(np.diag(covariance))
+        weight = inverse_root(covariance) * sample.used
+        data = weight @ np.where(sample.used, sample.rows - self.rows.fixed_response[: self.n_d], 0.0)
         best = []
         for state, strain in zip(states, unit, strict=True):
-            cost, log_pressure = self._joined(state[:, MACH], strain * weight, data, sample.air)
+            cost, log_pressure = self._joined(state[:, MACH], strain @ weight.T, data, sample.air)
             apart = (sample.air.direction - state[:, 1:3]) / sample.air.direction_std
             cost = cost + np.sum(apart**2, axis=1)
             one = np.argmin(cost)

@@ -2,9 +2,8 @@
 
    The grid has SEARCH_STARTS incidences, in the middle of six equal parts of the range of (u, w), times SEARCH_MACHS
    Mach numbers from end to end, times SEARCH_ROLLS roll angles: 288 states. At p_inf = 1 Pa the tables give the
-   strain t (n) of each, once, when an instance is made; strain is in proportion to p_inf. With the weights W =
-   diag(1 / S_ii), S at one state in the middle of the grid and 0 for gauges that are not in use, the cost of a state
-   at pressure p is, less d' W d,
+   strain t (n) of each, once, when an instance is made; strain is in proportion to p_inf. With the weights W = S^-1,
+   S at one state in the middle of the grid, the cost of a state at pressure p is, less d' W d,
 
        cost(p) = p^2 size - 2 p dot + sum_m (z_m - h_m)^2 / sigma_m^2,     size = t' W t,   dot = t' W (d - d_fixed).
 
@@ -17,6 +16,10 @@
    at which the cost is taken. The state of smallest cost at an incidence is a start. From each start
    start_iterations Gauss-Newton iterations follow (flight_solve.c), and the end of smallest -2 ln likelihood is
    solved further.
+
+   Whitened by S = L L', grid and strain need one product each: L^-1 t stands there for all states. Where a gauge is
+   not in use W is diag(1 / S_ii), 0 for that gauge. Without the correlations of S strain by inertia, or by anything
+   that acts on all gauges, would choose the starts: on the wrong side of the body, where all of them end.
 
    So a search costs the same whatever it finds. A step may search at most KEPT_SEARCHES times, with all navigation
    and without what is inconsistent; ends are kept for the step by the precisions that they belong to.
@@ -99,21 +102,28 @@ void flight_search_prepare(FlightSolver *solver) {
     flight_search_weigh(solver);
 }
 
-/* 1 / sqrt(S_ii) of each gauge at the middle of the grid. Weights without correlations suffice for a comparison of
-   starts. */
+/* 1 / sqrt(S_ii) of each gauge, L, and L^-1 t of all states, by S at the middle of the grid. */
 void flight_search_weigh(FlightSolver *solver) {
     const size_t n = solver->n;
-    double state[N_STATES] = {0.0};
+    double state[N_STATES] = {0.0}, *factor = solver->search_factor;
     set_state(solver, SEARCH_STARTS / 2, 0, state);
     state[STATE_PRESSURE] = solver->map->middle_log_pressure;
     flight_response(&solver->tables, solver->wide, state, &solver->response);
     flight_strain_covariance(solver);
-    for (size_t g = 0; g < solver->n_gauges; g++) {
-        solver->search_weight[g] = 1.0 / sqrt(solver->factor[g * n + g]);
+    memcpy(factor, solver->factor, n * n * sizeof *factor);
+    for (size_t g = 0; g < n; g++) {
+        if (g < solver->n_gauges) {
+            solver->search_weight[g] = 1.0 / sqrt(factor[g * n + g]);
+        } else {
+            factor[g * n + g] = 1.0;
+        }
     }
+    cholesky(solver->wide, n, factor);
+    memcpy(solver->search_whitened, solver->search_strain, SEARCH_STARTS * SEARCH_STATES * n * sizeof *factor);
+    solve_lower(solver->wide, n, factor, SEARCH_STARTS * SEARCH_STATES, solver->search_whitened);
 }
 
-/* dot = sum of weighted t, size = sum of square t^2, where weighted = W (d - d_fixed) and square = diag(W). */
+/* dot = sum of weighted t, size = sum of square t^2. */
 EVERYWHERE void compare(size_t n, const double *restrict weighted, const double *restrict square,
                         const double *restrict strain, double *dot, double *size) {
     double d[LANES] = {0.0}, s[LANES] = {0.0};
@@ -183,28 +193,43 @@ static double against_angles(const FlightSolver *solver, size_t start, size_t wh
     return cost;
 }
 
-/* W (d - d_fixed) and diag(W); 0 of gauges that are not in use. */
-static void weigh_strain(const FlightSolver *solver, double *weighted, double *square) {
+/* A comparison of the grid with a sample. */
+typedef struct {
+    const double *grid; /* L^-1 t, or t where a gauge is not in use */
+    double *weighted;   /* L^-1 (d - d_fixed), or W (d - d_fixed), */
+    double *square;     /* and 1, or diag(W) */
+} Comparison;
+
+/* It stands in solver->turned until the first iteration. */
+static Comparison weighed(FlightSolver *solver) {
     const Sample *sample = &solver->sample;
-    memset(weighted, 0, solver->n * sizeof *weighted);
-    memset(square, 0, solver->n * sizeof *square);
+    const size_t n = solver->n;
+    Comparison out = {solver->search_whitened, solver->turned, solver->turned + n};
     for (size_t g = 0; g < solver->n_gauges; g++) {
-        const double weight = sample->used[g] ? solver->search_weight[g] : 0.0;
-        square[g] = weight * weight;
-        weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * square[g] : 0.0;
+        out.grid = sample->used[g] ? out.grid : solver->search_strain;
     }
+    const int whitens = out.grid == solver->search_whitened;
+    memset(out.weighted, 0, 2 * n * sizeof *out.weighted);
+    for (size_t g = 0; g < solver->n_gauges; g++) {
+        const double weight = whitens ? 1.0 : sample->used[g] ? solver->search_weight[g] : 0.0;
+        out.square[g] = weight * weight;
+        out.weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * out.square[g] : 0.0;
+    }
+    if (whitens) {
+        solve_lower(solver->wide, n, solver->search_factor, 1, out.weighted);
+    }
+    return out;
 }
 
 /* Cost and ln p_inf of the SEARCH_STATES states at one incidence. Logarithms and exponentials are taken of all
    together, so that their divisions do not wait for each other. */
-static void set_costs(FlightSolver *solver, size_t start, double *cost, double *log_pressure) {
+static void set_costs(const FlightSolver *solver, const Comparison *with, size_t start, double *cost,
+                      double *log_pressure) {
     const size_t n = solver->n;
-    double *weighted = solver->turned, *square = solver->turned + n;
-    weigh_strain(solver, weighted, square);
     double dot[SEARCH_STATES], size[SEARCH_STATES], by_strain[SEARCH_STATES];
     double pressure[SEARCH_STATES], of_navigation[SEARCH_STATES];
     for (size_t k = 0; k < SEARCH_STATES; k++) {
-        CHOSEN(solver->wide, compare)(n, weighted, square, solver->search_strain + (start * SEARCH_STATES + k) * n,
+        CHOSEN(solver->wide, compare)(n, with->weighted, with->square, with->grid + (start * SEARCH_STATES + k) * n,
                                       &dot[k], &size[k]);
         by_strain[k] = clipped(dot[k] / (size[k] > 1e-300 ? size[k] : 1e-300), SMALLEST_PRESSURE, LARGEST_PRESSURE);
     }
@@ -236,9 +261,9 @@ static void set_start_at(const FlightSolver *solver, size_t start, size_t which,
 }
 
 /* The best state at an incidence, by its index. */
-static void set_start(FlightSolver *solver, size_t start, double *state) {
+static void set_start(const FlightSolver *solver, const Comparison *with, size_t start, double *state) {
     double cost[SEARCH_STATES], log_pressure[SEARCH_STATES];
-    set_costs(solver, start, cost, log_pressure);
+    set_costs(solver, with, start, cost, log_pressure);
     size_t best = 0;
     for (size_t k = 1; k < SEARCH_STATES; k++) {
         best = cost[k] < cost[best] ? k : best;
@@ -276,8 +301,11 @@ size_t flight_search_ends(FlightSolver *solver) {
         memcpy(solver->end_deviance, kept->deviance, sizeof solver->end_deviance);
     /* A third search in one step would break the bound on its time: the last ends stay. */
     } else if (solver->n_kept < KEPT_SEARCHES) {
+        const Comparison with = weighed(solver);
         for (size_t start = 0; start < SEARCH_STARTS; start++) {
-            set_start(solver, start, solver->end[start]);
+            set_start(solver, &with, start, solver->end[start]);
+        }
+        for (size_t start = 0; start < SEARCH_STARTS; start++) {
             solver->end_deviance[start] = flight_iterate_start(solver, solver->end[start]);
         }
         keep(solver);
@@ -300,8 +328,9 @@ typedef struct {
 
 static void set_directions(FlightSolver *solver, Directions *all) {
     double cost[SEARCH_STATES], log_pressure[SEARCH_STATES];
+    const Comparison with = weighed(solver);
     for (size_t start = 0; start < SEARCH_STARTS; start++) {
-        set_costs(solver, start, cost, log_pressure);
+        set_costs(solver, &with, start, cost, log_pressure);
         for (size_t roll = 0; roll < SEARCH_ROLLS; roll++) {
             size_t best = roll;
             for (size_t k = roll + SEARCH_ROLLS; k < SEARCH_STATES; k += SEARCH_ROLLS) {

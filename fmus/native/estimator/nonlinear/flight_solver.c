@@ -19,8 +19,8 @@ size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
     const size_t n = in_lanes(n_gauges);
     const size_t of_tables =
         map->considered.n_rows == 0 ? 0 : flight_tables_doubles(&map->considered) + response_doubles(&map->considered);
-    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 6 * n * n
-         + SEARCH_STARTS * SEARCH_STATES * n
+    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 7 * n * n
+         + 2 * SEARCH_STARTS * SEARCH_STATES * n
          + (6 + 3 * N_RIGHT + N_LOADS + map->n_common + map->n_considered_common + 2 + map->n_shapes) * n;
 }
 
@@ -47,6 +47,8 @@ void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, Fligh
     solver->full.factor = taken(doubles, n * n);
     solver->inverse = taken(doubles, n * n);
     solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_whitened = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_factor = taken(doubles, n * n);
     solver->search_weight = taken(doubles, n);
     solver->search_slope[0] = taken(doubles, n);
     solver->search_slope[1] = taken(doubles, n);

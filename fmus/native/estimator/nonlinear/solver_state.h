@@ -77,7 +77,9 @@ typedef struct {
     int wide;
     FlightTables tables;
     double *gauge_covariance, *scaled_covariance, *considered_covariance; /* (n, n) */
-    double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa] */
+    double *search_strain;                        /* (SEARCH_STARTS, SEARCH_STATES, n) per p_inf [1/Pa], */
+    double *search_whitened;                      /* and L^-1 of it, */
+    double *search_factor;                        /* (n, n) L of S in the middle of the grid */
     double search_mach[SEARCH_MACHS], search_crossflow[SEARCH_STARTS][2];
     double search_cosine[SEARCH_ROLLS], search_sine[SEARCH_ROLLS];
     double *search_weight;                        /* (n) 1 over the standard deviation of each gauge */
