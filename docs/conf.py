@@ -33,6 +33,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "command_line",
     "docstrings",
+    "map_arrays",
     "fmu_variables",
     "gallery_results",
     "mathml",

@@ -39,8 +39,8 @@ def save_record(
 ) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
-    ``units`` holds the unit of each field; fields without one are of unit 1. The fields ``left_out`` are not
-    written.
+    ``units`` holds the unit of each field; fields without one have the ``unit`` of their metadata, or 1. The
+    fields ``left_out`` are not written.
 
     Raises
     ------
@@ -76,7 +76,8 @@ def write_record(group: h5py.Group, record: Any, units: Mapping[str, str], left_
         elif is_dataclass(value):
             write_record(group.create_group(entry.name), value, entry.metadata["units"])
         elif value is not None:
-            group.create_dataset(entry.name, data=value).attrs["unit"] = units.get(entry.name, "1")
+            unit = units.get(entry.name, entry.metadata.get("unit"))
+            group.create_dataset(entry.name, data=value).attrs["unit"] = unit or "1"
 
 
 def load_record(kind: type[Record], path: str | PathLike[str], schema: str, schema_version: int) -> Record:

@@ -28,10 +28,9 @@ from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.estimator.tables.parameter_tables import ParameterTables
-from strainfmu.estimator.tables.shape_field import ShapeField
+from strainfmu.estimator.tables.surface_field import FlightField, ShapeField
 
 
 def with_manifold(

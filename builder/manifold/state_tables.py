@@ -35,8 +35,7 @@ from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.tables.flight_field import FlightField
-from strainfmu.estimator.tables.shape_field import ShapeField
+from strainfmu.estimator.tables.surface_field import FlightField, ShapeField
 
 MIN_FLOWS = (2, 4)
 """Least number of Mach numbers, and of incidences but zero, of a spline of a body of revolution."""

@@ -24,7 +24,7 @@ from strainfmu.estimator.development_library import SUFFIX, development_library
 from strainfmu.estimator.development_library import NoCoreError as NoCoreError
 from strainfmu.estimator.library_sources import BINARIES, is_of_sources, library_digest
 
-VERSION = 4
+VERSION = 5
 """``SL_VERSION`` of the library that this file calls."""
 
 LIBRARIES_OF_FMU = "native"

@@ -130,7 +130,7 @@ def _at_temperature(
     theta, known = readings_of_modes(inverse_map.thermal, inverse_map.inertia, sample.temperature[None], inertial)
     ratio = vibration_ratio(inverse_map.inertia, inertial.get(VIBRATION, np.full(1, np.nan)))[0]
     if known.any() or np.isfinite(ratio):
-        modes = with_vibration(inverse_map.modes, inverse_map.inertia, float(ratio))
+        modes = with_vibration(inverse_map.thermal_and_inertia, inverse_map.inertia, float(ratio))
         of_sensors = amplitudes(modes, theta, known[0])
         amplitude, left = of_sensors.mean, of_sensors.covariance
     of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)

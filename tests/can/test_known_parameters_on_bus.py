@@ -25,7 +25,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 FINS, Q, STD = 0x300, 0.7 * 6.5**2 * 4000.0, 0.05

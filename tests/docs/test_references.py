@@ -22,7 +22,7 @@ from strainfmu.cosim.models import flight_model
 from strainfmu.cosim.systems import recording
 from strainfmu.estimator.map import inverse_map
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.schema import entries, records_of
 from strainfmu.fmu.description import fmi2
 
 pytestmark = pytest.mark.fast
@@ -100,10 +100,10 @@ def test_versions_of_files_are_those_of_the_code() -> None:
         assert int(version) == build_page.SCHEMA_VERSION, page
 
 
-@pytest.mark.parametrize("record", [InverseMap, ManifoldMap], ids=lambda record: record.__name__)
-def test_every_data_set_of_a_map_is_on_the_page_of_files(record: type[Any]) -> None:
-    text = (ROOT / "docs" / "reference" / "files.md").read_text(encoding="utf-8")
-    assert [entry.name for entry in fields(record) if f"`{entry.name}`" not in text] == []
+def test_every_data_set_of_a_map_is_in_its_schema() -> None:
+    """The page of files, what is checked and the units in files follow from the schema."""
+    for record in (InverseMap, *records_of(InverseMap).values()):
+        assert [one.name for one in fields(record) if one.name not in entries(record)] in ([], ["provenance"])
 
 
 def test_the_first_step_of_a_pressure_is_the_function_that_turns_it_parallel_to_the_wall() -> None:

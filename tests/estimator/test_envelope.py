@@ -14,8 +14,7 @@ from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.envelope import FlightRanges
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
 
 pytestmark = pytest.mark.fast
 

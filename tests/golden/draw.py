@@ -14,8 +14,7 @@ from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inertia import channels_of
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import ManifoldMap, with_known
 
 Random = np.random.Generator
 

@@ -27,8 +27,7 @@ from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import nothing_of, save_inverse_map
 from strainfmu.estimator.pressure_modes import prior_of_snapshots
 from strainfmu.estimator.state_map import gaussian_map
 

@@ -25,8 +25,7 @@ from builder.vehicle.map.options import MapEntry
 from strainfmu.estimator.alarm_limits import correlations, minimal_isolable_bias, outlier_threshold
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
 
 N_GAUGES = 54

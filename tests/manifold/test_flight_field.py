@@ -22,7 +22,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.tables.flight_field import FlightField
+from strainfmu.estimator.tables.surface_field import FlightField
 
 
 def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:

@@ -17,7 +17,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import with_known
 
 
 @cache

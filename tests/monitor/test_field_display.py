@@ -25,7 +25,7 @@ from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed

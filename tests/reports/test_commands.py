@@ -21,8 +21,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.cli.inspection.files import inspect_artefact
 from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenvalues
-from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import load_inverse_map, nothing_of, save_inverse_map
 from strainfmu.estimator.map.validity import ValidRange, valid_ranges
 from strainfmu.estimator.reference.gain import load_covariance
 

@@ -218,7 +218,7 @@ class NumpyCore:
             at = np.flatnonzero((key == one).all(axis=1))
             known, amplitude, left = one[n:-2] != 0.0, None, None
             if known.any() or one[-2]:
-                modes = with_vibration(held.modes, held.inertia, float(ratio[at[0]]))
+                modes = with_vibration(held.thermal_and_inertia, held.inertia, float(ratio[at[0]]))
                 of_sensors = amplitudes(modes, theta[at], known)
                 amplitude, left = of_sensors.mean, of_sensors.covariance
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)

@@ -12,7 +12,7 @@ from builder.vehicle.map.options import MapEntry, Region
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.hinge_lines import HingeLines
+from strainfmu.estimator.map.sensors import HingeLines
 
 
 def hinge_operator(surface: SurfaceGrid | SurfaceMesh, entry: MapEntry) -> FloatArray:

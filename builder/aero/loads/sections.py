@@ -19,7 +19,7 @@ from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.hinge_lines import HingeLines
+from strainfmu.estimator.map.sensors import HingeLines
 
 
 def six_loads(mesh: SurfaceMesh, moment_station: float, ahead_of: float = np.inf) -> FloatArray:

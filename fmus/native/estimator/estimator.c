@@ -11,8 +11,8 @@
 
    A step marks the outputs as stepped. Only when the next step comes, or an input changes, does the sample join the
    filter and the next flight state become the base (estimator_before_change): outputs may be read before and after
-   without effect. All memory is one block that is allocated at creation, doubles first and aligned for vector loads,
-   and what each part of a map needs of its own. docs/developers/native.md, "States, derivatives, messages" and "The
+   without effect. Memory is one block that is taken at creation, doubles first, and one for each part of a
+   map; numerics/memory.c frees them together. docs/developers/native.md, "States, derivatives, messages" and "The
    nonlinear step". */
 
 #include "estimator.h"
@@ -29,9 +29,6 @@
 #include "policies/health.h"
 #include "sample/inertia.h"
 #include "sample/readings.h"
-
-/* Bytes that vector loads like to start at a multiple of. */
-#define ALIGNMENT 64
 
 /* Iterations of a step that does not search the tables; a search takes more. */
 #define SHORT_ITERATIONS 16
@@ -56,19 +53,18 @@ static void connect(Estimator *e) {
 }
 
 /* One block for all arrays: doubles, then indices and bytes. */
-static int allocate(Estimator *e) {
+static int allocate(Estimator *e, MapFile *file) {
     const Map *map = &e->map;
     const size_t n = map->n_gauges, n_inputs = inputs_count(&e->inputs);
     const size_t n_doubles =
         linear_doubles(&e->linear, e->sensors.n_strains) + renewal_doubles(e->sensors.n_strains) + 3 * n_inputs + n
         + 3 * estimator_derivatives(e);
     const size_t n_indices = linear_indices(map);
-    e->memory = calloc(1, ALIGNMENT + n_doubles * sizeof(double) + n_indices * sizeof(size_t) + prepared_bytes(map) + 2 * n);
-    if (e->memory == NULL) {
+    double *doubles =
+        map_take(file, n_doubles * sizeof(double) + n_indices * sizeof(size_t) + prepared_bytes(map) + 2 * n);
+    if (doubles == NULL) {
         return 0;
     }
-    unsigned char *start = e->memory;
-    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     size_t *indices = (size_t *)(void *)(doubles + n_doubles);
     unsigned char *bytes = (unsigned char *)(indices + n_indices);
     linear_arrays(&e->map, e->sensors.n_strains, &e->linear, &doubles, &indices, &bytes);
@@ -104,7 +100,7 @@ static int create(Estimator *e, MapFile *file) {
     if (!map_parse(file, &e->map) || !check_parts(file, map->form.follows_pressure)
         || !thermal_create(file, map->n_gauges, wide, &e->thermal) || !flow_parameters_parse(file, &e->parameters)
         || !sensor_rows_parse(file, map->n_gauges, &e->sensors)
-        || !other_loads_create(file, map->n_gauges, map->n_states, &e->other_loads)) {
+        || !other_loads_create(file, map->n_gauges, &e->other_loads)) {
         return 0;
     }
     if (!inputs_parse(file, &e->inputs)) {
@@ -116,8 +112,8 @@ static int create(Estimator *e, MapFile *file) {
     }
     e->inputs.n_temperatures = e->thermal.present ? e->thermal.map.n_sensors - n_channels : 0;
     e->inputs.n_inertial = n_channels > 0 ? N_INERTIAL_INPUTS : 0;
-    if (!allocate(e)) {
-        return map_no_memory(file);
+    if (!allocate(e, file)) {
+        return 0;
     }
     if (!linear_begin(&e->linear)) {
         map_require(file, 0, "linear.gauge_covariance", "a covariance");
@@ -132,35 +128,23 @@ static int create(Estimator *e, MapFile *file) {
     return tare_create(file, n, map->largest_zero, &e->tare) && map_close(file);
 }
 
-Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+Estimator *estimator_create(Memory *memory, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
     MapFile file;
-    Estimator *e = calloc(1, sizeof *e);
+    Estimator *e = memory_take(memory, sizeof *e);
     if (e == NULL) {
         snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        free(bytes);
         return NULL;
     }
-    e->bytes = bytes;
     connect(e);
-    if (!map_open(&file, bytes, length, text) || !create(e, &file)) {
-        estimator_free(e);
+    if (!map_open(&file, bytes, length, text)) {
+        return NULL;
+    }
+    file.memory = memory;
+    if (!create(e, &file)) {
         return NULL;
     }
     estimator_reset(e);
     return e;
-}
-
-void estimator_free(Estimator *e) {
-    if (e != NULL) {
-        flight_free(&e->flight);
-        filter_free(&e->filter);
-        thermal_free(&e->thermal);
-        other_loads_free(&e->other_loads);
-        tare_free(&e->tare);
-        free(e->memory);
-        free(e->bytes);
-        free(e);
-    }
 }
 
 void estimator_restart(Estimator *e) {

@@ -19,8 +19,8 @@
 typedef struct {
     Model base; /* for the FMI fronts, filled in by estimator_model.c */
     Map map;
-    unsigned char *bytes; /* of map.bin */
-    void *memory;         /* of all arrays that no part has of its own */
+    unsigned char *bytes; /* of map.bin, if the instance owns them */
+    Memory memory;        /* blocks of the instance: estimator_model.c frees them */
     SensorRows sensors;
     FlowParameters parameters;
     OtherLoads other_loads;      /* loads in addition to the five, of a map that has some */
@@ -42,11 +42,9 @@ typedef struct {
     double settled[N_WHOLE]; /* and the whole numbers of the last event in model exchange */
 } Estimator;
 
-/* Make an estimator of the map in bytes [length], and own them: they are freed here if that fails. Return NULL with a
-   text that states why. */
-Estimator *estimator_create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
-
-void estimator_free(Estimator *estimator);
+/* Make an estimator of the map in bytes [length], which must outlive it, in blocks of `memory`: the caller frees these, also
+   if it fails. Return NULL with a text then. */
+Estimator *estimator_create(Memory *memory, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]);
 
 /* Give inputs and settings their start values, and forget steps and tare. */
 void estimator_reset(Estimator *estimator);

@@ -20,7 +20,6 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
@@ -98,7 +97,7 @@ class FlightModel:
     noise_std: float
     provenance: dict[str, Any] = field(default_factory=dict)
     apparent_strain: FloatArray | None = None
-    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, SENSOR_UNITS))
+    sensors: SensorRows | None = field(default=None, metadata=inner_record(SensorRows, {}))
 
     def __post_init__(self) -> None:
         _check_shapes(self)

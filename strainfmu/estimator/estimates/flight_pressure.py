@@ -20,11 +20,9 @@ from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.reference.air import lognormal_std
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.tables import flight_tables
-from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_tables import with_known
-from strainfmu.estimator.tables.shape_field import ShapeField, field_with_known
+from strainfmu.estimator.tables.manifold_map import ManifoldMap, with_known
+from strainfmu.estimator.tables.surface_field import FlightField, ShapeField, field_with_known
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""

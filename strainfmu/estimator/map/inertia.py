@@ -24,6 +24,7 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import MEASURED_MOTION, NOT_KNOWN
 from strainfmu.estimator.map.temperature import ThermalMap, known_sensors
+from strainfmu.estimator.tables.schema import POSITIVE, check, described, entry
 
 CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
 """Names of the amplitudes for people; units m/s2, rad/s2, rad2/s2."""
@@ -40,57 +41,50 @@ LARGEST_CHANNEL = 1e6
 """Size of a channel beyond which the unit is taken to be broken."""
 
 
+@described
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InertiaMap:
-    """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration.
+    """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration."""
 
-    Attributes
-    ----------
-    prior_std : (k,) s, standard deviations of the channels where they are not measured.
-    sensor_std : (k,) standard deviations of the errors of measured channels.
-    mode_strain : (n_d, k) Phi, strain of the gauges per channel [(m/m)/unit].
-    rest_covariance : (n_d, n_d) the map's gauge_covariance without modes of inertia, vibration and temperature
-        [(m/m)^2].
-    vibration_strain : (n_d, v) strain of the gauges by each mode of vibration, over the strain of the gauge
-        that it strains most [1].
-    vibration_std : standard deviation of each where it is not known [m/m].
-    vehicle_mass : of the whole vehicle in flight [kg], for :func:`contradicted_forces`; None where not stated.
-    """
-
-    prior_std: FloatArray
-    sensor_std: FloatArray
-    mode_strain: FloatArray
-    rest_covariance: FloatArray
-    vibration_strain: FloatArray
-    vibration_std: float
-    vehicle_mass: float | None = None
+    prior_std: FloatArray = entry(
+        "k", "m/s2, rad/s2, rad2/s2", "s, standard deviations of the channels where they are not measured"
+    )
+    sensor_std: FloatArray = entry(
+        "k", "m/s2, rad/s2, rad2/s2", "standard deviations of the errors of measured channels"
+    )
+    mode_strain: FloatArray = entry(
+        "n_d k", "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)", "Phi, strain of the gauges per channel"
+    )
+    rest_covariance: FloatArray = entry(
+        "n_d n_d",
+        "(m/m)^2",
+        "the map's gauge_covariance without modes of inertia, vibration and temperature",
+    )
+    vibration_strain: FloatArray = entry(
+        "n_d v",
+        "1",
+        "strain of the gauges by each mode of vibration, over the strain of the gauge that it strains most",
+    )
+    vibration_std: float = entry(unit="m/m", meaning="standard deviation of each mode where it is not known")
+    vehicle_mass: float | None = entry(
+        unit="kg",
+        meaning="mass of the whole vehicle in flight, for :func:`contradicted_forces`; None where not stated",
+        default=None,
+        place="vehicle.mass",
+        rule=POSITIVE,
+        member="vehicle_mass",
+    )
 
     def __post_init__(self) -> None:
-        k, n_d = len(CHANNELS), len(self.mode_strain)
-        if self.vibration_strain.shape[:1] != (n_d,) or not np.all(np.isfinite(self.vibration_strain)):
-            raise InputError(f"inertia vibration_strain: expected finite values of {n_d} gauges")
+        check(self, "inertia", k=len(CHANNELS), n_d=len(self.mode_strain))
         if not self.vibration_std > 0.0:
-            raise InputError(f"inertia vibration_std: expected a positive value, got {self.vibration_std:g}")
+            raise InputError(f"inertia: vibration_std is {self.vibration_std:g}, must be positive")
         if self.vehicle_mass is not None and not 0.0 < self.vehicle_mass < np.inf:
-            raise InputError(f"inertia vehicle_mass: expected a positive value, got {self.vehicle_mass:g}")
-        shapes = {"prior_std": (k,), "sensor_std": (k,), "mode_strain": (n_d, k), "rest_covariance": (n_d, n_d)}
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value.shape != shape or not np.all(np.isfinite(value)):
-                raise InputError(f"inertia {name}: expected finite values of shape {shape}, got {value.shape}")
+            raise InputError(f"inertia: vehicle_mass is {self.vehicle_mass:g}, must be positive")
         for name in ("prior_std", "sensor_std"):
             if not np.all(getattr(self, name) > 0.0):
-                raise InputError(f"inertia {name}: expected positive values")
+                raise InputError(f"inertia: {name} must be positive")
 
-
-UNITS = {
-    "prior_std": "m/s2, rad/s2, rad2/s2",
-    "sensor_std": "m/s2, rad/s2, rad2/s2",
-    "mode_strain": "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)",
-    "rest_covariance": "(m/m)^2",
-    "vibration_std": "m/m",
-    "vehicle_mass": "kg",
-}
 
 LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
 """Place among the five loads of the force that causes each specific force across the axis."""

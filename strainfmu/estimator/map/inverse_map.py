@@ -17,7 +17,7 @@ dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -27,33 +27,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.map.hinge_lines import UNITS as HINGE_UNITS
-from strainfmu.estimator.map.hinge_lines import HingeLines
-from strainfmu.estimator.map.inertia import UNITS as INERTIA_UNITS
 from strainfmu.estimator.map.inertia import InertiaMap, with_inertia
-from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE, check_arrays, check_groups, check_inverse_map
-from strainfmu.estimator.map.neutral import (
-    fill,
-    neutral_arrays,
-    neutral_fields,
-    neutral_parts,
-    no_indices,
-    no_numbers,
-    no_singles,
+from strainfmu.estimator.map.inverse_map_checks import (
+    GROUPS,
+    PER_PRESSURE,
+    check_groups,
+    check_inverse_map,
+    check_number_of_loads,
 )
-from strainfmu.estimator.map.sensors import UNITS as SENSOR_UNITS
-from strainfmu.estimator.map.sensors import SensorRows, strain_rows
-from strainfmu.estimator.map.temperature import UNITS as THERMAL_UNITS
+from strainfmu.estimator.map.sensors import HingeLines, SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
-from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES
 from strainfmu.estimator.signal_names import LOAD_UNITS as LOAD_UNITS
-from strainfmu.estimator.tables.manifold_map import UNITS as MANIFOLD_UNITS
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.records import OPTIONAL, inner_record, load_record, save_record
+from strainfmu.estimator.tables.schema import (
+    POSITIVE,
+    Sizes,
+    check,
+    described,
+    entries,
+    entry,
+    equal,
+    has_no_values,
+    neutral_names,
+    neutral_value,
+)
+from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 10
@@ -62,6 +64,7 @@ DEFAULT_SCORE_LIMIT = 3.0
 """Standard deviations beyond the envelope that count as outside, where the map states no other."""
 
 
+@described
 @dataclass(frozen=True, kw_only=True, eq=False)
 class InverseMap:
     """A finished inverse map for n_d gauges and n_q pressure states.
@@ -71,125 +74,218 @@ class InverseMap:
     n_f is 5 where that is zero, as of a body of revolution, and no other loads are wanted. A load that is known to
     be zero has rows of zeros. Coefficients are the five of :data:`COEFFICIENT_NAMES`.
 
-    Attributes
-    ----------
-    vehicle : name of the vehicle and what it stands for.
-    case : 1, least squares on POD modes, or 2, low-rank Gaussian prior.
-    gauge_names : n_d names, unique.
-    gauge_position : (n_d, 3) position in body axes [m].
-    gauge_direction : (n_d, 3) unit vectors of the measured strain.
-    noise_std : (n_d,) standard deviation sigma of each gauge's noise [m/m].
-    state_operator : (n_d, n_q) A [(m/m)/state]; the unit of a state is Pa in Case 1, 1 in Case 2.
-    gauge_covariance : (n_d, n_d) Gamma_g [(m/m)^2], of the errors that have no columns; they do not follow q_inf.
-    error_strain, error_load : (n_d, k) N [m/m] and (n_f, k) N_f [N, N m], strain and load of each error per
-        standard deviation, at the nominal dynamic pressure.
-    regularisation : gamma [1], 0 in Case 1, positive in Case 2.
-    load_per_state : (n_f, n_q) M, G C_map V or G C_map F [N/state, N m/state].
-    load_of_mean : (n_f,) f_mean, loads of the mean pressure [N, N m].
-    mean_strain : (n_d,) m, strain of the mean pressure [m/m].
-    strain_range : (n_d,) largest |strain| over the snapshots [m/m].
-    coefficient_range : (5, 2) smallest and largest coefficient over the snapshots.
-    reference_area : S [m2].
-    reference_length : L [m].
-    nominal_dynamic_pressure : mean q_inf of the snapshots [Pa].
-    provenance : what the map was built from: settings, versions, hashes, the flight envelope.
-    field_mean, field_modes : (n_p,) [Pa] and (n_p, n_q) [Pa/state], p = field_mean + field_modes q. A map
-        without a pressure field has n_p = 0 nodes.
-    field_std : (n_p,) standard deviation of the pressure that no state holds, as of truncated modes [Pa].
-    field_is_net : whether that field is p - p_inf.
-    point, triangle : (n_p, 3) [m] and (n_t, 3), the surface of that field.
-    form : one of :data:`FORMS`.
-    fixed_strain, fixed_load : (n_d,) d_0 [m/m] and (n_f,) f_0 [N, N m], which do not follow q_inf, as the effects
-        of an internal pressure that is not the ambient one; part of ``mean_strain`` and ``load_of_mean``. 0 for
-        none.
-    zero_offset : (n_d,) reading of each strain gauge without strain [m/m], by the map's calibration; 0 without
-        one. Estimators subtract it unless other zero offsets are given; its errors are part of the noise.
-    gauge_error_product : (21, n_d) [(m/m)^2], common_error : (n_t, 6, n_d) [m/m], mean_product : (21,) [1], see
-        :class:`~strainfmu.estimator.map.proportional_errors.ErrorModel`; 0 and no terms where no error follows the
-        current strain.
-    dynamic_pressure_error : standard deviation of q_inf relative to q_inf, where the caller states none [1].
-    chi_square_scale, outlier_scale : factors on the alarm levels of chi-square and of the square of the largest
-        |z|, from data of an independent model [1].
-    level_slope : a, 0 to 1; these levels are in proportion to r (1 - a + a r), r the expected chi-square over that
-        at the mean strain.
-    envelope_direction, envelope_limit : (n, 5) [1] and (n,) half-spaces of the coefficients; n = 0 for none.
-    envelope_score_limit : standard deviations beyond them that count as outside [1].
-    dynamic_pressure_range, mach_number_range, altitude_range : (2,) [Pa, 1, m] of validity; -inf to inf where
-        nothing bounds them.
-    sensors : what the rows measure. All other fields hold the rows as strain, readings over ``sensors.scale``.
-    section_station : (n_s,) x of the sections [m], rising; none where no sections are wanted.
-    hinge_lines : lines about which the map gives hinge moments; None where none are wanted.
-    bending_lines : the same of bending moments of the part ahead of a station, points on the axis there.
-    thermal : modes of the wall's temperature and sensors of it; of a map that knows of none, no modes.
-    inertia : modes of the vehicle's inertia, and what measures them; None of a map that knows of none.
-    manifold : tables of the nonlinear estimator for the same gauges; None in a map for the linear one alone.
-
-    Data that a map does not have are neutral: zeros, no rows, no bounds (:mod:`strainfmu.estimator.map.neutral`).
-    A caller leaves them out, or gives an array without values.
+    Data that a map does not have are neutral: zeros, no rows, no bounds. A caller leaves them out, or gives an
+    array without values; a file leaves them out, too.
     """
 
-    vehicle: str
-    case: int
-    gauge_names: tuple[str, ...]
-    gauge_position: FloatArray
-    gauge_direction: FloatArray
-    noise_std: FloatArray
-    state_operator: FloatArray
-    gauge_covariance: FloatArray
-    error_strain: FloatArray
-    error_load: FloatArray
-    regularisation: float
-    load_per_state: FloatArray
-    load_of_mean: FloatArray
-    mean_strain: FloatArray
-    strain_range: FloatArray
-    coefficient_range: FloatArray
-    reference_area: float
-    reference_length: float
-    nominal_dynamic_pressure: float
+    vehicle: str = entry(meaning="name of the vehicle and what it stands for", unit="")
+    case: int = entry(meaning="1, least squares on POD modes, or 2, low-rank Gaussian prior", unit="")
+    gauge_names: tuple[str, ...] = entry("n_d", "", "names, unique")
+    gauge_position: FloatArray = entry("n_d 3", "m", "position in body axes")
+    gauge_direction: FloatArray = entry("n_d 3", "1", "unit vectors of the measured strain in body axes")
+    noise_std: FloatArray = entry(
+        "n_d",
+        "m/m",
+        "sigma, standard deviation of the noise of each gauge",
+        place="tare.noise_std",
+        stored="n_strains",
+        rule=POSITIVE,
+    )
+    state_operator: FloatArray = entry(
+        "n_d n_q",
+        "(m/m)/state",
+        "A; the unit of a state is Pa in Case 1, 1 in Case 2",
+        place="linear.state_operator",
+        stored="n_q n_d",
+    )
+    gauge_covariance: FloatArray = entry(
+        "n_d n_d",
+        "(m/m)^2",
+        "Gamma_g, covariance of the errors that have no columns: gauge noise, and all that does not follow q_inf",
+        place="linear.gauge_covariance",
+    )
+    error_strain: FloatArray = entry(
+        "n_d k",
+        "m/m",
+        "N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure",
+        place="linear.error_strain",
+        stored="k n_d",
+    )
+    error_load: FloatArray = entry(
+        "n_f k",
+        "N, N.m",
+        "N_f, loads of the errors of error_strain",
+        place="linear.error_load",
+        stored="k 5",
+    )
+    regularisation: float = entry(
+        meaning="gamma, 0 in Case 1, positive in Case 2", place="linear.regularisation", low=0.0
+    )
+    load_per_state: FloatArray = entry(
+        "n_f n_q",
+        "N/state, N.m/state",
+        "M, loads of each state: G C_map V or G C_map F",
+        place="linear.load_per_state",
+        stored="n_q 5",
+    )
+    load_of_mean: FloatArray = entry(
+        "n_f", "N, N.m", "f_mean, loads of the mean pressure", place="linear.load_of_mean", stored="5"
+    )
+    mean_strain: FloatArray = entry("n_d", "m/m", "m, strain of the mean pressure", place="linear.mean_strain")
+    strain_range: FloatArray = entry("n_d", "m/m", "largest |strain| over the snapshots")
+    coefficient_range: FloatArray = entry("5 2", "1", "smallest and largest coefficient over the snapshots")
+    reference_area: float = entry(unit="m2", meaning="S")
+    reference_length: float = entry(unit="m", meaning="L")
+    nominal_dynamic_pressure: float = entry(
+        unit="Pa",
+        meaning="mean q_inf of the snapshots",
+        place="settings.dynamic_pressure",
+        rule=POSITIVE,
+    )
     provenance: dict[str, Any] = field(default_factory=dict)
-    field_mean: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
-    field_modes: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
-    field_std: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
-    field_is_net: bool = field(default=False, metadata=OPTIONAL)
-    point: NDArray[np.float32] = field(default_factory=no_singles, metadata=OPTIONAL)
-    triangle: NDArray[np.int32] = field(default_factory=no_indices, metadata=OPTIONAL)
-    form: str = "absolute"
-    fixed_strain: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    fixed_load: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    zero_offset: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    gauge_error_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    common_error: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    mean_product: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    dynamic_pressure_error: float = 0.0
-    chi_square_scale: float = 1.0
-    outlier_scale: float = 1.0
-    level_slope: float = field(default=0.0, metadata=OPTIONAL)
-    envelope_direction: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    envelope_limit: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    envelope_score_limit: float = DEFAULT_SCORE_LIMIT
-    dynamic_pressure_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    mach_number_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    altitude_range: FloatArray = field(default_factory=no_numbers, metadata=OPTIONAL)
-    sensors: SensorRows = field(
-        default_factory=lambda: strain_rows(0), metadata=OPTIONAL | inner_record(SensorRows, SENSOR_UNITS)
+    field_mean: NDArray[np.float32] = entry(
+        "n_p",
+        "Pa",
+        "pressure at the nodes is field_mean + field_modes q; no nodes: no field",
+        neutral=0,
+        dtype="f4",
     )
-    section_station: FloatArray = field(default_factory=no_numbers)
-    hinge_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
-    bending_lines: HingeLines | None = field(default=None, metadata=inner_record(HingeLines, HINGE_UNITS))
-    thermal: ThermalMap = field(
-        default_factory=lambda: no_temperature(np.zeros((0, 0))),
-        metadata=OPTIONAL | inner_record(ThermalMap, THERMAL_UNITS),
+    field_modes: NDArray[np.float32] = entry("n_p n_q", "Pa/state", "see field_mean", neutral=0, dtype="f4")
+    field_std: NDArray[np.float32] = entry(
+        "n_p",
+        "Pa",
+        "standard deviation of pressure that no state holds, as of truncated modes",
+        neutral=0,
+        dtype="f4",
     )
-    inertia: InertiaMap | None = field(default=None, metadata=inner_record(InertiaMap, INERTIA_UNITS))
-    manifold: ManifoldMap | None = field(default=None, metadata=inner_record(ManifoldMap, MANIFOLD_UNITS))
+    field_is_net: bool = entry(meaning="1 if the field is p - p_inf", neutral=False, default=False)
+    point: NDArray[np.float32] = entry("n_p 3", "m", "nodes of the surface of the field", neutral=0, dtype="f4")
+    triangle: NDArray[np.int32] = entry("n_t 3", "1", "its triangles, numbers of nodes", neutral=0, dtype="i4")
+    form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute")
+    fixed_strain: FloatArray = entry(
+        "n_d",
+        "m/m",
+        "d_0, strain that does not follow q_inf, as by an internal pressure that is not the ambient one",
+        neutral=0.0,
+    )
+    fixed_load: FloatArray = entry(
+        "n_f", "N, N.m", "f_0, the same of loads; both are part of the mean", neutral=0.0
+    )
+    zero_offset: FloatArray = entry(
+        "n_d",
+        "m/m",
+        "reading of each strain gauge without strain by the calibration; subtracted unless others are given",
+        neutral=0.0,
+        place="settings.zero_offset",
+        stored="n_strains",
+    )
+    gauge_error_product: FloatArray = entry(
+        "21 n_d",
+        "(m/m)^2",
+        "errors that follow the current strain: sum of D_a D_b over the terms of each gauge, doubled for a < b",
+        neutral=0.0,
+        place="scaled_errors.of_gauge",
+    )
+    common_error: FloatArray = entry(
+        "n_e 6 n_d",
+        "m/m",
+        "E of each such term that all gauges have in common",
+        neutral=0.0,
+        place="scaled_errors.common",
+    )
+    mean_product: FloatArray = entry(
+        "21", "1", "mean of c_a c_b over the snapshots", neutral=0.0, place="scaled_errors.mean_product"
+    )
+    dynamic_pressure_error: float = entry(
+        meaning="standard deviation of q_inf over q_inf, where the caller states none",
+        default=0.0,
+        place="linear.dynamic_pressure_error",
+    )
+    chi_square_scale: float = entry(
+        meaning="factor on the detection threshold of chi-square, from data of a truth model",
+        default=1.0,
+        place="linear.chi_square_scale",
+        rule=POSITIVE,
+    )
+    outlier_scale: float = entry(
+        meaning="the same on the threshold of the square of the largest |z|",
+        default=1.0,
+        place="linear.outlier_scale",
+        rule=POSITIVE,
+    )
+    level_slope: float = entry(
+        meaning="a: the thresholds follow r (1 - a + a r), r the expected chi-square over the one at the mean",
+        neutral=0.0,
+        default=0.0,
+        place="linear.level_slope",
+        low=0.0,
+        high=1.0,
+    )
+    envelope_direction: FloatArray = entry(
+        "m 5",
+        "1",
+        "half-spaces of the coefficients, n'C <= envelope_limit",
+        neutral=0.0,
+        place="envelope.direction",
+        stored="5 m",
+    )
+    envelope_limit: FloatArray = entry("m", "1", "see envelope_direction", neutral=0.0, place="envelope.limit")
+    envelope_score_limit: float = entry(
+        meaning="standard deviations beyond them that count as outside",
+        default=DEFAULT_SCORE_LIMIT,
+        place="envelope.score_limit",
+    )
+    dynamic_pressure_range: FloatArray = entry(
+        "2", "Pa", "validity, -inf to inf without limits", neutral=0, is_range=True
+    )
+    mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, is_range=True)
+    altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, is_range=True)
+    sensors: SensorRows = entry(
+        unit="",
+        meaning="what the rows measure; other fields hold all rows as strain, readings over ``sensors.scale``",
+        neutral=lambda one: strain_rows(len(one.gauge_names)),
+        default=strain_rows(0),
+        record=SensorRows,
+    )
+    section_station: FloatArray = entry("n_s", "m", "x of the sections, rising; may be empty", default=np.zeros(0))
+    hinge_lines: HingeLines | None = entry(
+        unit="", meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines
+    )
+    bending_lines: HingeLines | None = entry(
+        unit="",
+        meaning="the same of bending moments of the part ahead of a station, points on the axis there",
+        default=None,
+        record=HingeLines,
+    )
+    thermal: ThermalMap = entry(
+        unit="",
+        meaning="modes of the wall's temperature and sensors of it; no modes where the map knows of none",
+        neutral=lambda one: no_temperature(one.gauge_covariance),
+        default=no_temperature(np.zeros((0, 0))),
+        record=ThermalMap,
+    )
+    inertia: InertiaMap | None = entry(
+        unit="", meaning="modes of the vehicle's inertia, and what measures them", default=None, record=InertiaMap
+    )
+    manifold: ManifoldMap | None = entry(
+        unit="", meaning="tables of the nonlinear estimator for the same gauges", default=None, record=ManifoldMap
+    )
 
     def __post_init__(self) -> None:
         check_groups(self)
-        fill(self, neutral_arrays(self))
-        check_arrays(self)
-        fill(self, neutral_parts(self))
+        sizes = {"n_d": len(self.gauge_names), "n_f": self.load_of_mean.size, "n_q": self.state_operator.shape[-1]}
+        sizes["n_p"] = len(self.field_mean)
+        self._fill(sizes, are_arrays=True)
+        check_number_of_loads(self)
+        check(self, "inverse map", m=len(self.envelope_limit), **sizes)
+        self._fill(sizes, are_arrays=False)
         check_inverse_map(self)
+
+    def _fill(self, sizes: Sizes, are_arrays: bool) -> None:
+        """Put neutral values into the fields without values."""
+        for name in neutral_names(self):
+            if bool(entries(self)[name].shape) == are_arrays and has_no_values(getattr(self, name)):
+                object.__setattr__(self, name, neutral_value(self, name, sizes))
 
     def _repr_html_(self) -> str:
         from strainfmu.estimator.map.map_html import map_html
@@ -272,7 +368,7 @@ class InverseMap:
         return self.inertia is not None
 
     @cached_property
-    def modes(self) -> ThermalMap:
+    def thermal_and_inertia(self) -> ThermalMap:
         """Modes of the wall's temperature, then modes of inertia, with all that measures them."""
         return with_inertia(self.thermal, self.inertia)
 
@@ -302,38 +398,29 @@ class InverseMap:
         return self.n_gauges - (self.n_states if self.case == 1 else 0)
 
 
-def _units(case: int) -> dict[str, str]:
-    """Return the unit of each field; a state is a pressure in Case 1 and a number in Case 2."""
-    state = "Pa" if case == 1 else "1"
-    return {
-        "gauge_position": "m",
-        "gauge_direction": "1",
-        "noise_std": "m/m",
-        "state_operator": f"(m/m)/{state}",
-        "load_per_state": f"N/{state}, N.m/{state}",
-        "load_of_mean": "N, N.m",
-        "mean_strain": "m/m",
-        "strain_range": "m/m",
-        "coefficient_range": "1",
-        OF_AREA: "m2",
-        OF_LENGTH: "m",
-        "nominal_dynamic_pressure": "Pa",
-        "gauge_covariance": "(m/m)^2",
-        "error_strain": "m/m",
-        "error_load": "N, N.m",
-        "fixed_strain": "m/m",
-        "fixed_load": "N, N.m",
-        "zero_offset": "m/m",
-        "gauge_error_product": "(m/m)^2",
-        "common_error": "m/m",
-        "dynamic_pressure_range": "Pa",
-        "altitude_range": "m",
-        "section_station": "m",
-        "field_mean": "Pa",
-        "field_modes": f"Pa/{state}",
-        "field_std": "Pa",
-        "point": "m",
-    }
+def nothing_of(inverse_map: InverseMap, *names: str) -> dict[str, Any]:
+    """Return changes of ``inverse_map``, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
+    factories = {one.name: one.default_factory for one in fields(inverse_map)}
+    changes = dict[str, Any]()
+    for name in names:
+        factory = factories[name]
+        if factory is MISSING:
+            raise ValueError(f"{name}: expected a field that a map may leave out")
+        changes[name] = factory()
+    return changes
+
+
+def neutral_fields(inverse_map: InverseMap) -> list[str]:
+    """Return the names of the fields of ``inverse_map`` that hold neutral values, which its file leaves out."""
+    sizes = {"n_d": inverse_map.n_gauges, "n_f": inverse_map.n_loads, "n_q": inverse_map.n_states}
+    sizes["n_p"] = len(inverse_map.field_mean)
+    names = [
+        name
+        for name in neutral_names(inverse_map)
+        if equal(getattr(inverse_map, name), neutral_value(inverse_map, name, sizes))
+    ]
+    partial = {name for group in GROUPS if not set(names).issuperset(group) for name in group}
+    return [name for name in names if name not in partial]
 
 
 def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
@@ -344,8 +431,9 @@ def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-    units, left_out = _units(inverse_map.case), neutral_fields(inverse_map)
-    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out)
+    state = "Pa" if inverse_map.case == 1 else "1"
+    units = {name: one.unit.replace("state", state) for name, one in entries(inverse_map).items()}
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, neutral_fields(inverse_map))
 
 
 def load_inverse_map(path: str | PathLike[str]) -> InverseMap:

@@ -1,4 +1,4 @@
-"""Sensors of a map that are no strain gauges: their units, and the scale that makes their rows look like strain.
+"""Sensors of a map that are no strain gauges, and lines about which it gives hinge moments.
 
 A map's rows all have the unit m/m inside. The row of another sensor is divided by its scale, so that its own noise
 equals the noise of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the digits of every
@@ -16,6 +16,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import FORCE, MOMENT
 from strainfmu.estimator.signal_names import STRAIN as STRAIN
+from strainfmu.estimator.tables.schema import POSITIVE, check, described, entry
 
 KINDS = (
     STRAIN,
@@ -30,41 +31,53 @@ KINDS = (
 
 _SHOWN_STRAIN = (1e6, "um/m")
 
-UNITS = {"thrust_response": "unit/N", "scale": "unit/(m/m)", "largest": "unit"}
 
-
+@described
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensorRows:
-    """What the n_d rows of a map measure.
+    """What the n_d rows of a map measure."""
 
-    Attributes
-    ----------
-    kind : n_d names of :data:`KINDS`.
-    unit : n_d units of the readings.
-    scale : (n_d,) reading per row [unit/(m/m)]; 1 for strain.
-    largest : (n_d,) largest |reading| of a working sensor [unit]; of strain the estimator's setting counts.
-    thrust_response : (n_d,) reading per thrust [unit/N], forward along the axis.
-    """
-
-    kind: tuple[str, ...]
-    unit: tuple[str, ...]
-    scale: FloatArray
-    largest: FloatArray
-    thrust_response: FloatArray
+    kind: tuple[str, ...] = entry("n_d", "", "strain or another kind of sensor")
+    unit: tuple[str, ...] = entry("n_d", "", "unit of the readings")
+    scale: FloatArray = entry(
+        "n_d",
+        "unit/(m/m)",
+        "reading per row; 1 for strain",
+        place="sensors.scale",
+        stored="n_others",
+        rule=POSITIVE,
+    )
+    largest: FloatArray = entry(
+        "n_d",
+        "unit",
+        "largest |reading| of a working sensor; of strain the estimator's setting counts",
+        place="sensors.largest",
+        stored="n_others",
+        rule=POSITIVE,
+    )
+    thrust_response: FloatArray = entry(
+        "n_d",
+        "unit/N",
+        "reading per thrust, forward along the axis",
+        place="sensors.thrust_response",
+        stored="n_others",
+    )
 
     def __post_init__(self) -> None:
         n = len(self.kind)
         unknown = sorted(set(self.kind) - set(KINDS))
         if unknown:
             raise InputError(f"sensors: kind '{unknown[0]}', must be one of {', '.join(KINDS)}")
-        for name in ("scale", "largest", "thrust_response"):
-            value = getattr(self, name)
-            if value.shape != (n,) or not np.all(np.isfinite(value)):
-                raise InputError(f"sensors: {name} has shape {value.shape}, must be ({n},) finite numbers")
-        if len(self.unit) != n or not (np.all(self.scale > 0.0) and np.all(self.largest > 0.0)):
-            raise InputError(f"sensors: {len(self.unit)} units, must be {n}, with positive scale and largest")
+        check(self, "sensors")
+        if not (np.all(self.scale > 0.0) and np.all(self.largest > 0.0)):
+            raise InputError("sensors: scale and largest must be positive")
         if n and (STRAIN not in self.kind or not np.all(self.is_strain[: self.n_strain_gauges])):
             raise InputError("sensors: expected strain gauges, then the other sensors, got another order")
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no rows."""
+        return not self.kind
 
     @property
     def is_strain(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
@@ -122,3 +135,30 @@ def refuse_sensors(rows: SensorRows, what: str) -> None:
     found = sorted(set(rows.kind) - {STRAIN})
     if found:
         raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(found)} sensors")
+
+
+@described
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HingeLines:
+    """Hinge lines, each of a region of the surface.
+
+    Raises
+    ------
+    InputError
+        Shapes or values are wrong.
+    """
+
+    name: tuple[str, ...] = entry("n_h", "", "unique names")
+    region: tuple[str, ...] = entry("n_h", "", "names of the regions by the vehicle file")
+    point: FloatArray = entry("n_h 3", "m", "a point of each line in body axes")
+    direction: FloatArray = entry(
+        "n_h 3", "1", "its direction, a unit vector in body axes; moments are right-handed about it"
+    )
+
+    def __post_init__(self) -> None:
+        n = len(self.name)
+        if not n or not all(self.name) or len(set(self.name)) != n:
+            raise InputError("hinge_lines: expected names, none empty or twice")
+        check(self, "hinge_lines")
+        if not np.allclose(np.linalg.norm(self.direction, axis=1), 1.0, rtol=0.0, atol=1e-9):
+            raise InputError("hinge_lines: direction must hold unit vectors")

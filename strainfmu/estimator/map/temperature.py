@@ -19,58 +19,59 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.tables.schema import COVARIANCE, POSITIVE, check, described, entry
 
 LARGEST_RISE = 2000.0
 """|rise| above the reference [K] beyond which a sensor is taken to be broken."""
 
 
+@described
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ThermalMap:
-    """Temperature modes of a map for n_d gauges, k modes and n_t sensors.
+    """Temperature modes of a map for n_d gauges, k modes and n_t sensors."""
 
-    Attributes
-    ----------
-    reference_temperature : at which zeros, gauge factors and modulus hold [K].
-    prior_std : (k,) s, standard deviation of each mode's amplitude [K].
-    mode_strain : (n_d, k) Phi, what gauges read of each mode per amplitude [(m/m)/K].
-    gauge_operator : (n_d, k) B, temperature of the gauges per amplitude [1].
-    sensor_names : n_t names.
-    sensor_operator : (n_t, k) C, temperature of the sensors per amplitude [1].
-    sensor_std : (n_t,) standard deviations of the sensors' errors [K].
-    apparent_strain : (j,) coefficients of p, of rise^1 to rise^j [(m/m)/K^j].
-    gauge_factor_slope : g [1/K].
-    modulus_slope : m [1/K].
-    isothermal_covariance : (n_d, n_d) the map's gauge_covariance without the modes [(m/m)^2].
-    """
-
-    reference_temperature: float
-    prior_std: FloatArray
-    mode_strain: FloatArray
-    gauge_operator: FloatArray
-    sensor_names: tuple[str, ...]
-    sensor_operator: FloatArray
-    sensor_std: FloatArray
-    apparent_strain: FloatArray
-    gauge_factor_slope: float
-    modulus_slope: float
-    isothermal_covariance: FloatArray
+    reference_temperature: float = entry(
+        unit="K", meaning="at which zeros, gauge factors and modulus hold", place="thermal.reference_temperature"
+    )
+    prior_std: FloatArray = entry(
+        "k", "K", "s, standard deviation of each mode's amplitude", place="thermal.prior_std", rule=POSITIVE
+    )
+    mode_strain: FloatArray = entry(
+        "n_d k", "1/K", "Phi, what gauges read of each mode per amplitude", place="thermal.mode_strain"
+    )
+    gauge_operator: FloatArray = entry(
+        "n_d k", "1", "B, temperature of the gauges per amplitude", place="thermal.gauge_operator"
+    )
+    sensor_names: tuple[str, ...] = entry("n_t", "", "names of the sensors")
+    sensor_operator: FloatArray = entry(
+        "n_t k", "1", "C, temperature of the sensors per amplitude", place="thermal.sensor_operator"
+    )
+    sensor_std: FloatArray = entry(
+        "n_t", "K", "standard deviations of the sensors' errors", place="thermal.sensor_std", rule=POSITIVE
+    )
+    apparent_strain: FloatArray = entry(
+        "j", "1/K, 1/K^2 ..", "coefficients of p, of rise^1 to rise^j", place="thermal.apparent_strain"
+    )
+    gauge_factor_slope: float = entry(unit="1/K", meaning="g", place="thermal.gauge_factor_slope")
+    modulus_slope: float = entry(unit="1/K", meaning="m", place="thermal.modulus_slope")
+    isothermal_covariance: FloatArray = entry(
+        "n_d n_d",
+        "(m/m)^2",
+        "the map's gauge_covariance without the modes",
+        place="thermal.isothermal_covariance",
+        rule=COVARIANCE,
+    )
 
     def __post_init__(self) -> None:
-        k, n_d, n_t = len(self.prior_std), len(self.mode_strain), len(self.sensor_names)
-        shapes = {
-            "mode_strain": (n_d, k),
-            "gauge_operator": (n_d, k),
-            "sensor_operator": (n_t, k),
-            "sensor_std": (n_t,),
-            "isothermal_covariance": (n_d, n_d),
-        }
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if value.shape != shape or not np.all(np.isfinite(value)):
-                raise InputError(f"thermal {name}: expected finite values of shape {shape}, got {value.shape}")
+        check(self, "thermal", n_d=len(self.mode_strain), k=len(self.prior_std))
         for name in ("prior_std", "sensor_std"):
             if not np.all(getattr(self, name) > 0.0):
-                raise InputError(f"thermal {name}: expected positive values")
+                raise InputError(f"thermal: {name} must be positive")
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no modes and no sensors."""
+        return not (self.n_modes or self.n_sensors)
 
     @property
     def linear_strain(self) -> FloatArray:
@@ -105,17 +106,6 @@ def no_temperature(gauge_covariance: FloatArray) -> ThermalMap:
         modulus_slope=0.0,
         isothermal_covariance=gauge_covariance,
     )
-
-
-UNITS = {
-    "reference_temperature": "K",
-    "prior_std": "K",
-    "mode_strain": "1/K",
-    "sensor_std": "K",
-    "apparent_strain": "1/K, 1/K^2 ..",
-    "gauge_factor_slope": "1/K",
-    "modulus_slope": "1/K",
-}
 
 
 def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:

@@ -127,7 +127,7 @@ def strain_covariance(
 class NonlinearReference:
     """A nonlinear map with the tables and the noise of a sample.
 
-    See :func:`~strainfmu.estimator.tables.parameter_tables.with_known` and
+    See :func:`~strainfmu.estimator.tables.manifold_map.with_known` and
     :func:`~strainfmu.estimator.reference.readings.row_noise`.
     """
 

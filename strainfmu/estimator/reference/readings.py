@@ -53,7 +53,7 @@ def rows_of(
         rows = rows - np.pad(zeros.value, (0, inverse_map.n_gauges - len(zeros.value)))
     if amplitude is None:
         return rows
-    thermal = inverse_map.modes
+    thermal = inverse_map.thermal_and_inertia
     warmer = amplitude @ thermal.gauge_operator.T
     apparent = sum(one * warmer ** (power + 1) for power, one in enumerate(thermal.apparent_strain))
     by_load = rows / (1.0 + thermal.gauge_factor_slope * warmer) - amplitude @ thermal.mode_strain.T - apparent
@@ -81,7 +81,7 @@ def row_noise(
     prior, so that the isothermal one counts then.
     """
     if left is not None:
-        thermal = inverse_map.modes
+        thermal = inverse_map.thermal_and_inertia
         strain = thermal.linear_strain
         covariance = thermal.isothermal_covariance + strain @ left @ strain.T
     if zeros is None:

@@ -1,11 +1,15 @@
-"""The arrays of ``map.bin`` that a nonlinear map adds: its tables, section loads, flow parameters."""
+"""The arrays of ``map.bin`` that follow from the tables of a nonlinear map."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from math import log
+from typing import Any
 
 import numpy as np
 
+from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.alarm_limits import outlier_threshold, outside_score, shape_limit
@@ -27,157 +31,146 @@ from strainfmu.estimator.policies import (
     START_ITERATIONS,
     WARM_ITERATIONS,
 )
-from strainfmu.estimator.resource.container import Values
-from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
-from strainfmu.estimator.tables.channel_tables import channel_tables
-from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE, FlightTables
+from strainfmu.estimator.tables.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_factors import error_products, factors
-from strainfmu.estimator.tables.parameter_tables import ParameterTables
+from strainfmu.estimator.tables.parameter_factors import error_products
+from strainfmu.estimator.tables.schema import INCREASING, POSITIVE, Stored, derived
 
 
-def nonlinear_parts(inverse_map: InverseMap) -> dict[str, Values]:
-    """Return the parts of the tables of ``inverse_map`` by name; none of a linear map."""
-    manifold = inverse_map.manifold
-    if manifold is None:
-        return {}
-    parts: dict[str, Values] = {
-        "flight": {
-            **_tables(inverse_map, manifold),
-            **_ranges(manifold),
-            **_solver(manifold),
-            **_errors(manifold),
-        },
-    }
-    if manifold.considered_tables is not None:
-        parts["considered"] = _considered(inverse_map, manifold.considered_tables)
-    if inverse_map.has_other_loads:
-        parts["flight_loads"] = _other_loads(manifold)
-    if manifold.parameters is not None:
-        parts["parameter_tables"] = _parameter_tables(manifold, manifold.parameters)
-    return parts
+def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Stored, ...]:
+    """Return the arrays of tables without repetition (:mod:`strainfmu.estimator.tables.channel_tables`)."""
+    # fmt: off
+    return (
+        derived(f"{part}.table", "coefficients of each channel, per p_inf", lambda s: s.channels[part].table,
+            "n_mach+2 n_incidence+2 n_channels n_harmonics", unit="1/Pa, m2, m3"),
+        derived(f"{part}.row", "that a term adds to, ascending", lambda s: s.channels[part].row, "n_terms"),
+        derived(f"{part}.channel", "of each term", lambda s: s.channels[part].channel, "n_terms"),
+        derived(f"{part}.cosine", "factors of cos m phi_T in a term", lambda s: s.channels[part].cosine,
+            "n_terms n_harmonics"),
+        derived(f"{part}.sine", "the same of sin m phi_T", lambda s: s.channels[part].sine, "n_terms n_harmonics"),
+        derived(f"{part}.fixed_response", "part that does not follow p_inf", fixed_response, "n_rows",
+            unit="m/m, N, N.m"),
+    )
+    # fmt: on
 
 
-def _tables(inverse_map: InverseMap, manifold: ManifoldMap) -> Values:
-    """Return the tables of strain and loads on their knots."""
-    return {
-        OF_AREA: manifold.reference_area,
-        OF_LENGTH: manifold.reference_length,
-        "min_incidence": MIN_INCIDENCE,
-        "mach_knots": manifold.mach_knots,
-        "incidence_knots": manifold.incidence_knots,
-        **vars(channel_tables(manifold.tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
-        "fixed_response": manifold.tables.fixed_response,
-    }
+def _considered(tables: ManifoldMap) -> tuple[FloatArray, FloatArray]:
+    """Return strain (n_d, k) and the five loads (5, k) of considered errors."""
+    columns = tables.considered_columns
+    return columns[: tables.n_gauges], columns[tables.n_gauges :][FIVE_LOADS]
 
 
-def _considered(inverse_map: InverseMap, tables: FlightTables) -> Values:
-    """Return the tables of strain and all loads of the considered error of the flow."""
-    return {
-        **vars(channel_tables(tables.response, np.arctan2(*inverse_map.gauge_position[:, 1:].T))),
-        "fixed_response": tables.fixed_response,
-    }
+# fmt: off
+DERIVED: tuple[Stored, ...] = (
+    derived("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
+        lambda s: MIN_INCIDENCE, unit="rad", rule=POSITIVE),
+    *_tables("flight", lambda s: s.nonlinear.tables.fixed_response),
+    derived("flight.log_pressure_range", "ln(p_inf / Pa)",
+        lambda s: [log(p) for p in s.nonlinear.pressure_range.tolist()], "2", rule=INCREASING, kind="values"),
+    derived("flight.middle_log_pressure", "the same", lambda s: np.log(s.nonlinear.pressure_range).mean()),
+    derived("flight.has_crossflow_range", "1, or 0: incidence_limit at every aerodynamic roll angle",
+        lambda s: s.nonlinear.crossflow_range is not None, whole=(0, 1)),
+    derived("flight.crossflow_middle", "of the ranges of u and w", lambda s: s.nonlinear.crossflow.middle, "2",
+        unit="rad", kind="values"),
+    derived("flight.crossflow_half", "half widths of these", lambda s: s.nonlinear.crossflow.half, "2", unit="rad",
+        rule=POSITIVE, kind="values"),
+    derived("flight.outside_score", "of the flight state from which it is outside",
+        lambda s: outside_score(s.nonlinear)),
+    derived("flight.range_tolerance", "part of a range by which it may be left", lambda s: RANGE_TOLERANCE),
+    derived("flight.navigation_error",
+        "of navigation without a standard deviation: of M, relative of p_inf and q_inf",
+        lambda s: [getattr(s.nonlinear, f"{name}_error") for name in NAVIGATION],
+        "3", kind="values"),
+    derived("flight.prior_mean", "of the flight state where nothing is known",
+        lambda s: s.nonlinear.state_prior.mean, "4", unit="", kind="values"),
+    derived("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.nonlinear.state_prior.std**2, "4",
+        unit="", rule=POSITIVE, kind="values"),
+    derived("flight.navigation_limit", "standardised residuals above which navigation is inconsistent",
+        lambda s: [outlier_threshold(1, rate) for rate in FALSE_ALARMS], "3", kind="values"),
+    derived("flight.navigation_alarm", "from which an input that is dropped is an alarm",
+        lambda s: NAVIGATION_ALARM),
+    derived("flight.half_gamma", "q = half_gamma M^2 p", lambda s: 0.5 * HEAT_CAPACITY_RATIO),
+    derived("flight.log_half_gamma", "its logarithm", lambda s: log(0.5 * HEAT_CAPACITY_RATIO)),
+    derived("flight.largest_step", "of an iteration", lambda s: LARGEST_STEP, "4", unit="", rule=POSITIVE,
+        kind="values"),
+    derived("flight.min_gain", "of an iteration that goes on", lambda s: MIN_GAIN),
+    derived("flight.min_incidence_score", "from which the wind has a roll angle", lambda s: MIN_INCIDENCE_SCORE),
+    derived("flight.search_every", "steps", lambda s: SEARCH_EVERY, whole=(0, 1000000)),
+    derived("flight.return_after", "steps", lambda s: RETURN_AFTER, whole=(0, 1000000)),
+    derived("flight.start_iterations", "an even number", lambda s: START_ITERATIONS, whole=(2, 1000)),
+    derived("flight.cold_iterations", "after a search", lambda s: COLD_ITERATIONS, whole=(0, 1000)),
+    derived("flight.warm_iterations", "of a step that goes on", lambda s: WARM_ITERATIONS, whole=(0, 1000)),
+    derived("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
+        lambda s: shape_limit(s.nonlinear, 1.0)),
+    derived("flight.outlier_threshold", "of the largest leave-one-out residual",
+        lambda s: outlier_threshold(s.nonlinear.n_gauges, FALSE_ALARM_PROBABILITY)),
+    derived("flight.chi_square_limit", "by degrees of freedom from 0 on",
+        lambda s: [chi_square_limit(max(k, 1)) for k in range(s.nonlinear.n_gauges + len(NAVIGATION) + 1)],
+        "n_gauges+4"),
+    derived("flight.gain_std", "error of each gain, relative", lambda s: s.nonlinear.gain_std, "n_gauges"),
+    derived("flight.common_gain", "error that gains have in common, in each of them",
+        lambda s: s.nonlinear.common_gain, "n_gauges"),
+    derived("flight.scaled_covariance", "of errors that the gain may correct, per p_inf^2",
+        lambda s: product(s.nonlinear.error_strain, s.nonlinear.error_strain.T), "n_gauges n_gauges",
+        unit="1/Pa^2"),
+    derived("flight.load_strain_covariance", "the same of loads with strain",
+        lambda s: product(s.nonlinear.error_load[FIVE_LOADS], s.nonlinear.error_strain.T), "5 n_gauges", unit=""),
+    derived("flight.load_covariance", "the same of loads",
+        lambda s: product(s.nonlinear.error_load[FIVE_LOADS], s.nonlinear.error_load[FIVE_LOADS].T), "5 5",
+        unit=""),
+    derived("flight.considered_covariance", "of considered errors",
+        lambda s: product(_considered(s.nonlinear)[0], _considered(s.nonlinear)[0].T), "n_gauges n_gauges",
+        unit="1/Pa^2"),
+    derived("flight.considered_load_strain_covariance", "the same of loads with strain",
+        lambda s: product(_considered(s.nonlinear)[1], _considered(s.nonlinear)[0].T), "5 n_gauges", unit=""),
+    derived("flight.considered_load_covariance", "the same of loads",
+        lambda s: product(_considered(s.nonlinear)[1], _considered(s.nonlinear)[1].T), "5 5", unit=""),
+    derived("flight.considered_common", "considered ones of common_error",
+        lambda s: _or_none(s.nonlinear.considered_common, s.nonlinear.n_gauges),
+        "n_considered_common 6 n_gauges", unit="1/Pa"),
+    derived("flight.shapes", "discrepancy modes", lambda s: s.nonlinear.shapes.T, "n_shapes n_gauges"),
+    *_tables("considered", lambda s: s.considered_tables.fixed_response),
+    *_tables("flight_loads", lambda s: s.nonlinear.fixed_response[s.nonlinear.n_gauges + FIVE_LOADS.stop :]),
+    derived("flight_loads.strain_covariance", "with strain, of errors that the gain may correct, per p_inf^2",
+        lambda s: product(s.nonlinear.error_load[OTHER_LOADS], s.nonlinear.error_strain.T), "n_loads n_gauges",
+        unit=""),
+    derived("flight_loads.variance", "the same of each load",
+        lambda s: _sums_of_squares(s.nonlinear.error_load[OTHER_LOADS]), "n_loads", unit=""),
+    derived("flight_loads.considered_strain_covariance", "with strain, of considered errors",
+        lambda s: product(_considered_others(s.nonlinear), _considered(s.nonlinear)[0].T), "n_loads n_gauges",
+        unit=""),
+    derived("flight_loads.considered_variance", "the same of each load",
+        lambda s: _sums_of_squares(_considered_others(s.nonlinear)), "n_loads", unit=""),
+    derived("parameter_tables.largest_score", "of a parameter's range by which it may leave it and still be used",
+        lambda s: LARGEST_USED_SCORE, bounds=(0.0, sys.float_info.max)),
+    derived("parameter_tables.basis", "tables, orthonormal, whose sums by", lambda s: s.factors[0],
+        "n_basis n_incidence+2 n_harmonics 2"),
+    derived("parameter_tables.row_weight", "are of a unit of a power, per p_inf", lambda s: s.factors[1],
+        "n_mach+2 n_powers n_rows n_basis", unit="1/Pa, m2, m3"),
+    derived("parameter_tables.product",
+        "of errors, per p_inf^2: of those that no parameter makes; of pairs of powers; of each spread",
+        lambda s: error_products(s.parameter_tables, s.nonlinear.n_gauges, s.nonlinear.n_loads),
+        "n_products product_size", unit=""),
+)
+# fmt: on
+"""Values that follow from the tables."""
+
+PARTS: dict[str, Callable[[InverseMap], bool]] = {
+    "flight": lambda one: one.manifold is not None,
+    "considered": lambda one: one.manifold is not None and one.manifold.considered_tables is not None,
+    "flight_loads": lambda one: one.manifold is not None and one.has_other_loads,
+    "parameter_tables": lambda one: one.manifold is not None and one.manifold.parameters is not None,
+}
+"""Whether a map has a part."""
 
 
-def _ranges(manifold: ManifoldMap) -> Values:
-    """Return where the tables hold, and what is known of the flight state without strain."""
-    prior = manifold.state_prior
-    low, high = manifold.pressure_range.tolist()
-    return {
-        "mach_range": manifold.mach_range,
-        "pressure_range": [low, high],
-        "log_pressure_range": [log(low), log(high)],
-        "middle_log_pressure": np.log(manifold.pressure_range).mean(),
-        "incidence_limit": manifold.incidence_limit,
-        "has_crossflow_range": manifold.crossflow_range is not None,
-        "crossflow_middle": manifold.crossflow.middle,
-        "crossflow_half": manifold.crossflow.half,
-        "outside_score": outside_score(manifold),
-        "range_tolerance": RANGE_TOLERANCE,
-        "navigation_error": [
-            manifold.mach_number_error,
-            manifold.static_pressure_error,
-            manifold.dynamic_pressure_error,
-        ],
-        "altitude_error": manifold.altitude_error,
-        "prior_mean": prior.mean,
-        "prior_precision": 1.0 / prior.std**2,
-        "navigation_limit": [outlier_threshold(1, rate) for rate in FALSE_ALARMS],
-        "navigation_alarm": NAVIGATION_ALARM,
-        "half_gamma": 0.5 * HEAT_CAPACITY_RATIO,
-        "log_half_gamma": log(0.5 * HEAT_CAPACITY_RATIO),
-    }
+def _considered_others(tables: ManifoldMap) -> FloatArray:
+    return tables.considered_columns[tables.n_gauges + FIVE_LOADS.stop :]
 
 
-def _solver(manifold: ManifoldMap) -> Values:
-    """Return what the iterations and the health of their solution need."""
-    n = manifold.tables.n_gauges
-    return {
-        "largest_step": LARGEST_STEP,
-        "min_gain": MIN_GAIN,
-        "min_incidence_score": MIN_INCIDENCE_SCORE,
-        "search_every": SEARCH_EVERY,
-        "return_after": RETURN_AFTER,
-        "start_iterations": START_ITERATIONS,
-        "cold_iterations": COLD_ITERATIONS,
-        "warm_iterations": WARM_ITERATIONS,
-        "chi_square_scale": manifold.chi_square_scale,
-        "outlier_scale": manifold.outlier_scale,
-        "shape_limit": shape_limit(manifold, 1.0),
-        "outlier_threshold": outlier_threshold(n, FALSE_ALARM_PROBABILITY),
-        "chi_square_limit": [chi_square_limit(max(freedom, 1)) for freedom in range(n + len(NAVIGATION) + 1)],
-    }
+def _or_none(common: FloatArray | None, n_gauges: int) -> FloatArray:
+    return np.zeros((0, 6, n_gauges)) if common is None else common
 
 
-def _errors(manifold: ManifoldMap) -> Values:
-    """Return the errors of strain and loads, per p_inf^2 where they scale; considered ones apart."""
-    strain, load = manifold.error_strain, manifold.error_load[FIVE_LOADS]
-    columns, common = manifold.considered_columns, manifold.considered_common
-    considered, considered_load = columns[: manifold.n_gauges], columns[manifold.n_gauges :][FIVE_LOADS]
-    return {
-        "gain_std": manifold.gain_std,
-        "common_gain": manifold.common_gain,
-        "gauge_covariance": manifold.gauge_covariance,
-        "scaled_covariance": product(strain, strain.T),
-        "load_strain_covariance": product(load, strain.T),
-        "load_covariance": product(load, load.T),
-        "gauge_error_product": manifold.gauge_error_product,
-        "common_error": manifold.common_error,
-        "considered_covariance": product(considered, considered.T),
-        "considered_load_strain_covariance": product(considered_load, considered.T),
-        "considered_load_covariance": product(considered_load, considered_load.T),
-        "considered_common": np.zeros((0, *manifold.common_error.shape[1:])) if common is None else common,
-        "shapes": manifold.shapes.T,
-    }
-
-
-def _other_loads(manifold: ManifoldMap) -> Values:
-    """Return tables of the loads behind the five over the flight state, and errors per p_inf^2."""
-    first, load = manifold.n_gauges + FIVE_LOADS.stop, manifold.error_load[OTHER_LOADS]
-    considered = manifold.considered_columns
-    strain, considered_load = considered[: manifold.n_gauges], considered[first:]
-    return {
-        **vars(channel_tables(manifold.response[:, :, first:], np.zeros(0))),
-        "fixed_response": manifold.fixed_response[first:],
-        "strain_covariance": product(load, manifold.error_strain.T),
-        "variance": np.sum(load * load, axis=1),
-        "considered_strain_covariance": product(considered_load, strain.T),
-        "considered_variance": np.sum(considered_load * considered_load, axis=1),
-    }
-
-
-def _parameter_tables(manifold: ManifoldMap, tables: ParameterTables) -> Values:
-    """Return what flow parameters change of strain and loads of ``manifold``, and errors."""
-    powers = tables.powers
-    basis, weight = factors(tables.slope)
-    return {
-        "largest_score": LARGEST_USED_SCORE,
-        "mean": powers.mean,
-        "spread": powers.spread,
-        "parameter": np.asarray(powers.parameter, dtype=float),
-        "power": np.asarray(powers.power, dtype=float),
-        "offset": powers.offset,
-        "basis": basis,
-        "row_weight": weight,
-        "product": error_products(tables, manifold.n_gauges, manifold.n_loads),
-    }
+def _sums_of_squares(load: FloatArray) -> FloatArray:
+    return np.asarray(np.sum(load * load, axis=1))

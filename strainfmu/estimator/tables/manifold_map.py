@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,15 +12,19 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
-from strainfmu.estimator.tables.flight_field import UNITS as FIELD_UNITS
-from strainfmu.estimator.tables.flight_field import FlightField
 from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
-from strainfmu.estimator.tables.parameter_tables import UNITS as PARAMETER_UNITS
-from strainfmu.estimator.tables.parameter_tables import ParameterTables
-from strainfmu.estimator.tables.shape_field import UNITS as SHAPE_UNITS
-from strainfmu.estimator.tables.shape_field import ShapeField
-from strainfmu.records import inner_record
+from strainfmu.estimator.tables.parameter_tables import ParameterTables, known_powers
+from strainfmu.estimator.tables.schema import (
+    COVARIANCE,
+    INCREASING,
+    POSITIVE,
+    RANGE,
+    Sizes,
+    check,
+    described,
+    entry,
+)
+from strainfmu.estimator.tables.surface_field import FlightField, ShapeField
 
 
 class Crossflow(NamedTuple):
@@ -37,133 +41,150 @@ class StatePrior(NamedTuple):
     std: FloatArray
 
 
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ManifoldMap:
     """Tables and errors for n_d gauges and the n_f loads of the map, in its order.
 
     Errors are per p_inf where they scale with the pressure level. Those in proportion to strain follow
     c = [1, loads / (p_inf S [1, 1, 1, L, L])].
-
-    Attributes
-    ----------
-    mach_knots, incidence_knots, response, fixed_response : n_d strains, then n_f loads over the flight state, see
-        :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`.
-    gauge_covariance : (n_d, n_d) of what does not scale, as gauge noise and apparent strain [(m/m)^2].
-    error_strain, error_load : (n_d, k) [1/Pa], (n_f, k) [m2, m3] per standard deviation, and per p_inf, of errors
-        that the gain may correct, as of the internal pressure.
-    considered_strain, considered_load : the same of errors that it may not, as of pressure off the tables: they
-        count in covariances and alarms alone (considered parameters, Schmidt 1966); None for none.
-    gauge_gain_std, common_gain_std : errors of each gauge's gain, and of all together, relative [1].
-    sensor_gain_std, sensor_common_gain_std : (n_s,) the same of the auxiliary sensors, which are the last of the
-        n_d gauges; None for none.
-    gauge_error_product : (21, n_d) sum over errors of each gauge of D_a D_b, doubled for a < b [1/Pa^2].
-    common_error, considered_common : (n_t, 6, n_d) errors that all gauges have in common, per p_inf and c_a
-        [1/Pa], that the gain may and may not correct; None of the latter for none.
-    reference_area, reference_length : S [m2], L [m].
-    mach_range, pressure_range : (2,) of M [1] and p_inf [Pa] that the map holds for.
-    incidence_limit : largest total incidence that it holds for [rad].
-    crossflow_range : (2, 2) smallest and largest u and w that it holds for [rad]; None for every roll angle of the
-        wind.
-    mach_number_error : standard deviation of a stated Mach number without its own [1].
-    static_pressure_error, dynamic_pressure_error : the same of p_inf and q_inf, relative [1].
-    altitude_error : standard deviation of p_inf of the standard atmosphere at a stated altitude, relative [1].
-    chi_square_scale, outlier_scale, shape_scale : factors on the alarm levels of chi-square, of the square of the
-        largest leave-one-out residual and of the chi-square of the shapes, from data of an independent model [1].
-    discrepancy_shapes : (n_d, n_s) strain of shapes of pressure off the tables, tested together [1]; None for
-        none.
-    considered_response : as ``response``, of a considered error that follows the flight state, at one standard
-        deviation; None for none.
-    pressure_field, shape_field : pressure on the surface over the flight state, of a body of revolution, and of
-        any other shape; None where the map does not hold it.
-    parameters : what flow parameters change; None where the map holds none.
     """
 
-    mach_knots: FloatArray
-    incidence_knots: FloatArray
-    response: FloatArray
-    fixed_response: FloatArray
-    gauge_covariance: FloatArray
-    error_strain: FloatArray
-    error_load: FloatArray
-    gauge_gain_std: float
-    common_gain_std: float
-    gauge_error_product: FloatArray
-    common_error: FloatArray
-    reference_area: float
-    reference_length: float
-    mach_range: FloatArray
-    pressure_range: FloatArray
-    incidence_limit: float
-    mach_number_error: float
-    static_pressure_error: float
-    dynamic_pressure_error: float
-    altitude_error: float = DEVIATION_OF_AIR
-    chi_square_scale: float = 1.0
-    outlier_scale: float = 1.0
-    shape_scale: float = 1.0
-    discrepancy_shapes: FloatArray | None = None
-    considered_response: FloatArray | None = None
-    considered_strain: FloatArray | None = None
-    considered_load: FloatArray | None = None
-    considered_common: FloatArray | None = None
-    crossflow_range: FloatArray | None = None
-    pressure_field: FlightField | None = field(default=None, metadata=inner_record(FlightField, FIELD_UNITS))
-    shape_field: ShapeField | None = field(default=None, metadata=inner_record(ShapeField, SHAPE_UNITS))
-    sensor_gain_std: FloatArray | None = None
-    sensor_common_gain_std: FloatArray | None = None
-    parameters: ParameterTables | None = field(
-        default=None, metadata=inner_record(ParameterTables, PARAMETER_UNITS)
+    mach_knots: FloatArray = entry("n_M", "1", "increasing", place="flight.mach_knots", rule=INCREASING)
+    incidence_knots: FloatArray = entry(
+        "n_a",
+        "rad",
+        "total angles of attack from 0, increasing",
+        place="flight.incidence_knots",
+        rule=INCREASING,
+    )
+    response: FloatArray = entry(
+        "n_M+2 n_a+2 n n_m 2",
+        "1/Pa, m2, m3",
+        "spline coefficients of n_d strains, then n_f loads over the flight state, per p_inf",
+    )
+    fixed_response: FloatArray = entry("n", "m/m, N, N.m", "part of these that does not follow p_inf")
+    gauge_covariance: FloatArray = entry(
+        "n_d n_d",
+        "(m/m)^2",
+        "of what does not scale, as gauge noise and apparent strain",
+        place="flight.gauge_covariance",
+        rule=COVARIANCE,
+    )
+    error_strain: FloatArray = entry(
+        "n_d k",
+        "1/Pa",
+        "errors that the gain may correct, as of the internal pressure, per standard deviation and per p_inf",
+    )
+    error_load: FloatArray = entry("n_f k", "m2, m3", "the same of loads")
+    gauge_gain_std: float = entry(meaning="error of each gauge's gain, relative")
+    common_gain_std: float = entry(meaning="error of all gains together, relative")
+    gauge_error_product: FloatArray = entry(
+        "21 n_d",
+        "1/Pa^2",
+        "sum over errors of each gauge of D_a D_b, doubled for a < b",
+        place="flight.gauge_error_product",
+    )
+    common_error: FloatArray = entry(
+        "n_e 6 n_d",
+        "1/Pa",
+        "errors that all gauges have in common, per p_inf and c_a, that the gain may correct",
+        place="flight.common_error",
+    )
+    reference_area: float = entry(unit="m2", meaning="S", place="flight.reference_area", rule=POSITIVE)
+    reference_length: float = entry(unit="m", meaning="L", place="flight.reference_length", rule=POSITIVE)
+    mach_range: FloatArray = entry(
+        "2", "1", "M that the map holds for", place="flight.mach_range", rule=RANGE, kind="values"
+    )
+    pressure_range: FloatArray = entry(
+        "2", "Pa", "p_inf that the map holds for", place="flight.pressure_range", rule=RANGE, kind="values"
+    )
+    incidence_limit: float = entry(
+        unit="rad",
+        meaning="largest total angle of attack that it holds for",
+        place="flight.incidence_limit",
+        rule=POSITIVE,
+    )
+    mach_number_error: float = entry(meaning="standard deviation of a stated Mach number without its own")
+    static_pressure_error: float = entry(meaning="the same of p_inf, relative")
+    dynamic_pressure_error: float = entry(meaning="the same of q_inf, relative")
+    altitude_error: float = entry(
+        meaning="standard deviation of p_inf of the standard atmosphere at a stated altitude, relative",
+        default=DEVIATION_OF_AIR,
+        place="flight.altitude_error",
+    )
+    chi_square_scale: float = entry(
+        meaning="factor on the detection threshold of chi-square, from data of a truth model",
+        default=1.0,
+        place="flight.chi_square_scale",
+    )
+    outlier_scale: float = entry(
+        meaning="the same on the square of the largest leave-one-out residual",
+        default=1.0,
+        place="flight.outlier_scale",
+    )
+    shape_scale: float = entry(meaning="the same on the chi-square of the discrepancy modes", default=1.0)
+    discrepancy_shapes: FloatArray | None = entry(
+        "n_d n_s", "1", "strain of discrepancy modes, tested together; None for none", default=None
+    )
+    considered_response: FloatArray | None = entry(
+        "n_M+2 n_a+2 n n_m 2",
+        "1/Pa, m2, m3",
+        "as response, of a considered error that follows the state, at one standard deviation; None for none",
+        default=None,
+    )
+    considered_strain: FloatArray | None = entry(
+        "n_d k_considered",
+        "1/Pa",
+        "errors that the gain may not correct: they count in covariances and alarms alone (considered parameters, "
+        "Schmidt 1966); None for none",
+        default=None,
+    )
+    considered_load: FloatArray | None = entry("n_f k_considered", "m2, m3", "the same of loads", default=None)
+    considered_common: FloatArray | None = entry("n_c 6 n_d", "1/Pa", "the same of common_error", default=None)
+    crossflow_range: FloatArray | None = entry(
+        "2 2",
+        "rad",
+        "smallest and largest u and w that it holds for; None for every aerodynamic roll angle",
+        default=None,
+    )
+    pressure_field: FlightField | None = entry(
+        unit="", meaning="pressure on the surface of a body of revolution", default=None, record=FlightField
+    )
+    shape_field: ShapeField | None = entry(
+        unit="", meaning="the same of any other shape", default=None, record=ShapeField
+    )
+    sensor_gain_std: FloatArray | None = entry(
+        "n_aux",
+        "1",
+        "gauge_gain_std of the auxiliary sensors, the last of the gauges; None for none",
+        default=None,
+    )
+    sensor_common_gain_std: FloatArray | None = entry("n_aux", "1", "common_gain_std of these", default=None)
+    parameters: ParameterTables | None = entry(
+        unit="", meaning="what flow parameters change; None for nothing", default=None, record=ParameterTables
     )
 
     def __post_init__(self) -> None:
-        (n_d, k), n_f = self.error_strain.shape, len(self.error_load)
-        shapes = {
-            "response": (*self.response.shape[:2], n_d + n_f, *self.response.shape[3:]),
-            "fixed_response": (n_d + n_f,),
-            "gauge_covariance": (n_d, n_d),
-            "error_strain": (n_d, k),
-            "error_load": (n_f, k),
-            "gauge_error_product": (21, n_d),
-            "common_error": (len(self.common_error), 6, n_d),
-            "mach_range": (2,),
-            "pressure_range": (2,),
-        }
-        if self.discrepancy_shapes is not None:
-            shapes["discrepancy_shapes"] = (n_d, *self.discrepancy_shapes.shape[1:2])
-        if self.considered_response is not None:
-            shapes["considered_response"] = self.response.shape
-        if self.considered_strain is not None:
-            k = self.considered_strain.shape[1:2]
-            shapes |= {"considered_strain": (n_d, *k), "considered_load": (n_f, *k)}
-        if self.considered_common is not None:
-            shapes["considered_common"] = (len(self.considered_common), 6, n_d)
-        if self.crossflow_range is not None:
-            shapes["crossflow_range"] = (2, 2)
-        if self.sensor_gain_std is not None or self.sensor_common_gain_std is not None:
-            shapes["sensor_gain_std"] = shapes["sensor_common_gain_std"] = (self.n_sensors,)
-        for name, shape in shapes.items():
-            value = getattr(self, name)
-            if np.shape(value) != shape or not np.all(np.isfinite(value)):
-                raise InputError(f"{name}: expected finite values of shape {shape}, got {np.shape(value)}")
-        self._check_field()
+        n_d, n_f = len(self.error_strain), len(self.error_load)
+        sizes: Sizes = {"n_d": n_d, "n_f": n_f, "n": n_d + n_f, "n_aux": self.n_sensors}
+        sizes |= {"n_M": len(self.mach_knots), "n_a": len(self.incidence_knots), "k": self.error_strain.shape[-1]}
+        check(self, "manifold", **sizes)
+        amplitude = None if self.surface_field is None else self.surface_field.amplitude
+        if amplitude is not None and amplitude.shape[:2] != self.response.shape[:2]:
+            raise InputError(
+                f"pressure_field: expected tables of {self.response.shape[:2]}, got {amplitude.shape[:2]}"
+            )
+        if self.surface_field is not None and self.surface_field.strain_covariance.shape[-1] != n_d:
+            raise InputError(
+                f"pressure_field: expected {n_d} gauges, got {self.surface_field.strain_covariance.shape[-1]}"
+            )
         if self.parameters is not None:
             self.parameters.check(self.response.shape)
-        held = None if self.shape_field is None else self.shape_field.parameters
+        of_field = None if self.shape_field is None else self.shape_field.parameters
         powers = None if self.parameters is None else self.parameters.powers
-        if held is not None and (powers is None or len(held.unit_error) != len(powers.power)):
+        if of_field is not None and (powers is None or len(of_field.unit_error) != len(powers.power)):
             raise InputError("shape_field: parameters: expected the parameters of the tables of strain")
-
-    def _check_field(self) -> None:
-        held = self.surface_field
-        if held is None:
-            return
-        knots = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
-        found = held.amplitude.shape[:2], held.strain_covariance.shape[-1]
-        if found != (knots, self.n_gauges):
-            raise InputError(
-                f"pressure_field: expected tables of {knots} for {self.n_gauges} gauges, "
-                f"got {found[0]} for {found[1]}"
-            )
 
     @property
     def surface_field(self) -> FlightField | ShapeField | None:
@@ -283,22 +304,28 @@ class ManifoldMap:
         return np.asarray(self.error_load @ self.error_load.T)
 
 
-UNITS = {
-    "incidence_knots": "rad",
-    "response": "1/Pa, m2, m3",
-    "considered_response": "1/Pa, m2, m3",
-    "considered_strain": "1/Pa",
-    "considered_load": "m2, m3",
-    "considered_common": "1/Pa",
-    "fixed_response": "m/m, N, N.m",
-    "gauge_covariance": "(m/m)^2",
-    "error_strain": "1/Pa",
-    "error_load": "m2, m3",
-    "gauge_error_product": "1/Pa^2",
-    "common_error": "1/Pa",
-    OF_AREA: "m2",
-    OF_LENGTH: "m",
-    "pressure_range": "Pa",
-    "incidence_limit": "rad",
-    "crossflow_range": "rad",
-}
+def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> ManifoldMap:
+    """Return the tables and errors of ``manifold`` where parameters are known; the pressure on the surface stays
+    as it is, see :func:`~strainfmu.estimator.tables.surface_field.field_with_known`.
+
+    Parameters
+    ----------
+    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known; ``manifold`` itself
+        where nothing is.
+    """
+    tables = manifold.parameters
+    if not np.any(np.isfinite(value) & np.isfinite(std)):
+        return manifold
+    assert tables is not None
+    known = known_powers(tables.powers, value, std)
+    errors = [tables.error, *known.errors(tables.unit_error, tables.spread_error)]
+    return _changed(manifold, np.tensordot(tables.slope, known.shift, axes=(2, 0)), np.hstack(errors))
+
+
+def _changed(manifold: ManifoldMap, change: FloatArray, errors: FloatArray) -> ManifoldMap:
+    """Return ``manifold`` with ``change`` (n_M + 2, n_a + 2, n, n_m, 2) added to its tables, and ``errors``
+    (n, k) per p_inf instead of its own."""
+    n_d = manifold.n_gauges
+    return replace(
+        manifold, response=manifold.response + change, error_strain=errors[:n_d], error_load=errors[n_d:]
+    )

@@ -7,35 +7,26 @@ with the spread, both taken as normal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.errors import InputError
-from strainfmu.records import inner_record
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.tables.schema import FROM_0, check, described, entry
 
 
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Powers:
-    """J powers of n_p parameters.
+    """J powers of n_p parameters."""
 
-    Attributes
-    ----------
-    mean, spread : (n_p,) of the parameters over the snapshots, a spread of 0 where they hold one value.
-    parameter, power : (J,) of each power, its parameter and exponent.
-    offset : (J,) mean of each power over the snapshots [1].
-    """
-
-    mean: FloatArray
-    spread: FloatArray
-    parameter: IntArray
-    power: IntArray
-    offset: FloatArray
+    mean: FloatArray = entry("n_p", "", "of the parameters over the snapshots", place="parameter_tables.mean")
+    spread: FloatArray = entry(
+        "n_p", "", "the same, 0 where they hold one value", place="parameter_tables.spread", rule=FROM_0
+    )
+    parameter: IntArray = entry("J", "", "parameter of each power, ascending", place="parameter_tables.parameter")
+    power: IntArray = entry("J", "", "exponent of each power, 1 to 3", place="parameter_tables.power")
+    offset: FloatArray = entry("J", "1", "mean of each power over the snapshots", place="parameter_tables.offset")
 
     def change(self, values: FloatArray, left: FloatArray | float = 0.0) -> FloatArray:
         """Return (k, J) each power of ``values`` (k, n_p), less its mean [1].
@@ -56,24 +47,24 @@ class Powers:
         return np.asarray(z[:, self.parameter])
 
 
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterTables:
-    """Tables of n rows by J powers of n_p parameters: strains, then all loads.
+    """Tables of n rows by J powers of n_p parameters: strains, then all loads."""
 
-    Attributes
-    ----------
-    powers : of the parameters.
-    slope : (n_M + 2, n_a + 2, J, n, n_m, 2) spline coefficients per p_inf, on the knots of the tables of strain.
-    unit_error : (J, n, k) errors per p_inf and unit of a power, over the states of the snapshots.
-    spread_error : (n_p, n, k) errors per p_inf of a parameter that is not known.
-    error : (n, k) the other errors of the map, per p_inf.
-    """
-
-    powers: Powers = field(metadata=inner_record(Powers, {}))
-    slope: FloatArray
-    unit_error: FloatArray
-    spread_error: FloatArray
-    error: FloatArray
+    powers: Powers = entry(unit="", meaning="of the parameters", record=Powers)
+    slope: FloatArray = entry(
+        "n_M+2 n_a+2 J n n_m 2",
+        "1/Pa, m2, m3",
+        "spline coefficients per p_inf, on the knots of the tables of strain",
+    )
+    unit_error: FloatArray = entry(
+        "J n k_unit", "1/Pa, m2, m3", "errors per p_inf and unit of a power, over the states of the snapshots"
+    )
+    spread_error: FloatArray = entry(
+        "n_p n k_spread", "1/Pa, m2, m3", "errors per p_inf of a parameter that is not known"
+    )
+    error: FloatArray = entry("n k_rest", "1/Pa, m2, m3", "the other errors of the map, per p_inf")
 
     def check(self, shape: tuple[int, ...]) -> None:
         """Check shapes against ``shape`` of the tables of strain and loads.
@@ -83,22 +74,9 @@ class ParameterTables:
         InputError
             A shape is wrong or a value is not finite.
         """
-        n_p, n_j, n = len(self.powers.mean), len(self.powers.power), shape[2]
-        shapes = {
-            "slope": (*shape[:2], n_j, n, *shape[3:]),
-            "unit_error": (n_j, n, self.unit_error.shape[-1]),
-            "spread_error": (n_p, n, self.spread_error.shape[-1]),
-            "error": (n, self.error.shape[-1]),
-        }
-        for name, wanted in shapes.items():
-            value = getattr(self, name)
-            if value.shape != wanted or not np.all(np.isfinite(value)):
-                raise InputError(
-                    f"parameter tables: {name}: expected finite values of {wanted}, got {value.shape}"
-                )
-
-
-UNITS = dict.fromkeys(("slope", "unit_error", "spread_error", "error"), "1/Pa, m2, m3")
+        sizes = {"n_M": shape[0] - 2, "n_a": shape[1] - 2, "n": shape[2], "n_m": shape[3]}
+        sizes |= {"n_p": len(self.powers.mean), "J": len(self.powers.power)}
+        check(self, "parameter tables", **sizes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -145,31 +123,4 @@ def known_powers(powers: Powers, value: FloatArray, std: FloatArray) -> KnownPow
         shift=np.where(known[powers.parameter], powers.change(middle, 1.0 - weight)[0], 0.0),
         weight=weight,
         derivative=powers.derivative(middle)[0],
-    )
-
-
-def with_known(manifold: ManifoldMap, value: FloatArray, std: FloatArray) -> ManifoldMap:
-    """Return the tables and errors of ``manifold`` where parameters are known; the pressure on the surface stays
-    as it is, see :func:`~strainfmu.estimator.tables.shape_field.field_with_known`.
-
-    Parameters
-    ----------
-    value, std : (n_p,) of each parameter and its standard deviation, NaN of what is not known; ``manifold`` itself
-        where nothing is.
-    """
-    tables = manifold.parameters
-    if not np.any(np.isfinite(value) & np.isfinite(std)):
-        return manifold
-    assert tables is not None
-    known = known_powers(tables.powers, value, std)
-    errors = [tables.error, *known.errors(tables.unit_error, tables.spread_error)]
-    return _changed(manifold, np.tensordot(tables.slope, known.shift, axes=(2, 0)), np.hstack(errors))
-
-
-def _changed(manifold: ManifoldMap, change: FloatArray, errors: FloatArray) -> ManifoldMap:
-    """Return ``manifold`` with ``change`` (n_M + 2, n_a + 2, n, n_m, 2) added to its tables, and ``errors``
-    (n, k) per p_inf instead of its own."""
-    n_d = manifold.n_gauges
-    return replace(
-        manifold, response=manifold.response + change, error_strain=errors[:n_d], error_load=errors[n_d:]
     )

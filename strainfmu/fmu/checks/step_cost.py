@@ -18,8 +18,13 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.systems.instance import import_fmpy, safe_temporary_parent
 from strainfmu.errors import StrainfmuError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import (
+    COEFFICIENT_NAMES,
+    InverseMap,
+    load_inverse_map,
+    nothing_of,
+    save_inverse_map,
+)
 from strainfmu.estimator.map.sensors import refuse_sensors
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface

@@ -12,7 +12,7 @@ from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.readings import amplitudes, row_noise
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
 from strainfmu.fmu.reference_run.flight_path import flight_path
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight
@@ -102,7 +102,7 @@ def _with_known(inverse_map: InverseMap, known: dict[str, float]) -> InverseMap:
     """Return ``inverse_map`` as it holds while the inputs ``known`` are."""
     thermal, manifold = inverse_map.thermal, inverse_map.manifold
     if thermal.n_sensors:
-        modes = inverse_map.modes
+        modes = inverse_map.thermal_and_inertia
         at_rest = np.full((1, modes.n_sensors), thermal.reference_temperature)
         # No inertial unit measures anything.
         left = amplitudes(modes, at_rest, np.arange(modes.n_sensors) < thermal.n_sensors).covariance

@@ -18,10 +18,11 @@ from strainfmu.estimator.map.inverse_map import (
     SCHEMA_VERSION,
     InverseMap,
     load_inverse_map,
+    neutral_fields,
+    nothing_of,
     save_inverse_map,
 )
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
-from strainfmu.estimator.map.neutral import neutral_fields, nothing_of
 from strainfmu.estimator.map.sensors import strain_rows
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
 from strainfmu.files import content_hash_of

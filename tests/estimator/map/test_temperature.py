@@ -137,5 +137,5 @@ def test_what_is_wrong_is_named() -> None:
         warm.step(strain, NOMINAL, temperature=[300.0, 300.0, 300.0])
     with pytest.raises(InputError, match="temperature: expected real numbers, got complex128"):
         warm.step(strain, NOMINAL, temperature=[300.0 + 1j] * 4)
-    with pytest.raises(InputError, match="thermal prior_std: expected positive values"):
+    with pytest.raises(InputError, match="thermal: prior_std must be positive"):
         thermal_part(np.eye(3), prior_std=np.zeros(6))

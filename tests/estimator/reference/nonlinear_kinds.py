@@ -21,7 +21,7 @@ from strainfmu.estimator.reference.air import AirInputs, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.tables.parameter_tables import with_known
+from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 AIR = ("mach_number", "static_pressure", "dynamic_pressure")

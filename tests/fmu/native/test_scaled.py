@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.neutral import nothing_of
+from strainfmu.estimator.map.inverse_map import nothing_of
 
 pytestmark = pytest.mark.fast
 

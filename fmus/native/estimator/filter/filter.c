@@ -24,7 +24,6 @@
 
 #include "../numerics/arrays.h"
 
-#define ALIGNMENT 64
 #define LARGEST_VALUE 1e60      /* of a channel, */
 #define LARGEST_VARIANCE 1e120  /* and of its variance: none of what follows from them overflows, */
 #define LARGEST 1e140           /* or is larger */
@@ -38,7 +37,7 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     if (!map_has(file, "filter")) {
         return file->good;
     }
-    if (!filter_map_parse(file, inputs->map->n_gauges, &filter->map)) {
+    if (!filter_map_parse(file, &filter->map)) {
         return 0;
     }
     filter->channels = filter->windows.channels = channels;
@@ -48,12 +47,10 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     /* What is serialised comes first and in one piece: held, last values, variances and rates, then the spans. */
     const size_t count = filter->n_kept + (windows_doubles(&filter->windows) - 3 * MOST_SPANS * channels) + 7 * channels
                        + filter->n_held + scratch;
-    filter->memory = calloc(1, ALIGNMENT + count * sizeof(double));
-    if (filter->memory == NULL) {
-        return map_no_memory(file);
+    double *doubles = map_take(file, count * sizeof(double));
+    if (doubles == NULL) {
+        return 0;
     }
-    unsigned char *start = filter->memory;
-    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     filter->row = taken(&doubles, scratch);
     filter->kept = doubles;
     filter->held = taken(&doubles, filter->n_held);
@@ -71,10 +68,6 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     filter->latest = taken(&doubles, filter->n_held);
     filter->present = 1;
     return 1;
-}
-
-void filter_free(Filter *filter) {
-    free(filter->memory);
 }
 
 void filter_reset(Filter *filter) {

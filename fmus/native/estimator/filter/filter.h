@@ -26,7 +26,6 @@ typedef struct {
 typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */
     FilterMap map;
-    void *memory;
     size_t channels, n_zeros, n_held;
     FilterTrack track;
     Windows windows;
@@ -47,7 +46,6 @@ typedef struct {
 
 /* Read the part, if there is one, and allocate for so many channels and doubles of scratch. 1; 0 after a message. */
 int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t scratch, Filter *filter);
-void filter_free(Filter *filter);
 
 /* Forget all samples. */
 void filter_reset(Filter *filter);

@@ -7,6 +7,7 @@
    docs/developers/native.md, "Variables" and "States, derivatives, messages". */
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "../estimator_derivative.h"
@@ -17,11 +18,16 @@
 #include "estimator_variables.h"
 
 void model_destroy(Model *model) {
-    estimator_free(estimator_of(model));
+    if (model != NULL) {
+        Estimator *e = estimator_of(model);
+        const Memory memory = e->memory;
+        free(e->bytes);
+        memory_free(&memory);
+    }
 }
 
-static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
-    Estimator *e = estimator_create(bytes, length, text);
+Estimator *estimator_in(Memory *memory, const unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    Estimator *e = estimator_create(memory, bytes, length, text);
     if (e == NULL) {
         return NULL;
     }
@@ -31,6 +37,19 @@ static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_S
                       .co_simulation_only = e->flight.present,
                       .time_reference = time_reference(e)};
     e->inputs.angles_need_std = 1;
+    e->memory = *memory;
+    return e;
+}
+
+static Model *create(unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
+    Memory memory = {NULL, NULL, 0, 0};
+    Estimator *e = estimator_in(&memory, bytes, length, text);
+    if (e == NULL) {
+        memory_free(&memory);
+        free(bytes);
+        return NULL;
+    }
+    e->bytes = bytes;
     return &e->base;
 }
 

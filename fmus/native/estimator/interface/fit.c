@@ -18,7 +18,7 @@
 #define N_ENTRIES (N_LOADS * N_LOADS)
 
 /* T C T' + r r' of a row-wise 5 x 5 matrix. */
-static void transferred(const double transfer[N_LOADS][N_LOADS], const double *covariance, const double *more,
+static void transferred(double transfer[N_LOADS][N_LOADS], const double *covariance, const double *more,
                         double *result) {
     double half[N_LOADS][N_LOADS];
     for (size_t i = 0; i < N_LOADS; i++) {

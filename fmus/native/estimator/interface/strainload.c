@@ -10,12 +10,12 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "../../core/floating.h"
 #include "../policies/flight.h"
 #include "../sample/readings.h"
+#include "estimator_state.h"
 #include "fit.h"
 #include "tare_record.h"
 
@@ -37,6 +37,7 @@ typedef struct {
 struct StrainLoad {
     Model *model;
     Estimator *estimator;
+    size_t copied; /* bytes of the map's copy */
     Record record[N_RECORDS];
     Run sample[N_RUNS + 1], setting[8]; /* that end with a run of no inputs */
     Tare whole, steps;         /* of a window at once, and by steps: the estimator's own is its FMU's */
@@ -170,29 +171,26 @@ int sl_version(void) {
     return SL_VERSION;
 }
 
-StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
-    StrainLoad *handle = calloc(1, sizeof *handle);
-    unsigned char *copy = handle != NULL ? malloc(length > 0 ? length : 1) : NULL;
-    if (copy == NULL) {
+/* A handle in blocks of `memory`; NULL with a text. */
+static StrainLoad *open_map(Memory *memory, const unsigned char *bytes, size_t length, char text[SL_TEXT_SIZE]) {
+    const size_t copied = memory->taken;
+    StrainLoad *handle = memory_take(memory, sizeof *handle);
+    Estimator *e = handle != NULL && bytes != NULL ? estimator_in(memory, bytes, length, text) : NULL;
+    const int has_memory = e != NULL && tare_like(&e->tare, memory, &handle->whole) && tare_like(&e->tare, memory, &handle->steps);
+    if (e == NULL ? handle == NULL || bytes == NULL : !has_memory) {
         snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
-        free(handle);
+    }
+    if (!has_memory) {
+        memory_free(memory);
         return NULL;
     }
-    memcpy(copy, bytes, length);
-    handle->model = model_create(copy, length, text);
-    if (handle->model == NULL) {
-        free(handle);
-        return NULL;
-    }
-    handle->estimator = (Estimator *)(void *)handle->model;
-    if (!tare_like(&handle->estimator->tare, &handle->whole) || !tare_like(&handle->estimator->tare, &handle->steps)) {
-        snprintf(text, SL_TEXT_SIZE, "needs more memory than there is");
-        sl_close(handle);
-        return NULL;
-    }
-    handle->estimator->inputs.angles_need_std = 0; /* NaN is what no host fills in */
+    handle->estimator = e;
+    handle->model = &e->base;
+    e->memory = *memory;
+    handle->copied = copied;
+    e->inputs.angles_need_std = 0; /* NaN is what no host fills in */
     handle->model->mode = STEP;
-    readings_note_given(&handle->estimator->inputs, 0, handle->estimator->map.n_gauges);
+    readings_note_given(&e->inputs, 0, e->map.n_gauges);
     describe_inputs(handle);
     describe_settings(handle);
     describe_outputs(handle);
@@ -201,12 +199,30 @@ StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
     return handle;
 }
 
+StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]) {
+    Memory memory = {NULL, NULL, 0, 0};
+    unsigned char *copy = memory_take(&memory, length);
+    if (copy != NULL) {
+        memcpy(copy, bytes, length);
+    }
+    const Floating host = floating_enter();
+    StrainLoad *handle = open_map(&memory, copy, length, text);
+    floating_leave(&host);
+    return handle;
+}
+
+StrainLoad *sl_open_in(const void *bytes, size_t length, void *buffer, size_t size, char text[SL_TEXT_SIZE]) {
+    Memory memory = memory_in(buffer, size);
+    const Floating host = floating_enter();
+    StrainLoad *handle = open_map(&memory, bytes, length, text);
+    floating_leave(&host);
+    return handle;
+}
+
 void sl_close(StrainLoad *handle) {
     if (handle != NULL) {
-        tare_free(&handle->whole);
-        tare_free(&handle->steps);
-        model_destroy(handle->model);
-        free(handle);
+        const Memory memory = handle->estimator->memory;
+        memory_free(&memory);
     }
 }
 
@@ -219,6 +235,9 @@ size_t sl_size(const StrainLoad *handle, int record) {
     }
     if (record == SL_TARE_STATE) {
         return tare_state_size(&handle->steps);
+    }
+    if (record == SL_MEMORY) {
+        return handle->estimator->memory.taken - handle->copied + MEMORY_ALIGNMENT;
     }
     if (record == SL_ITERATIONS) {
         return handle->estimator->flight.present ? flight_most_iterations(&handle->estimator->flight) : 0;

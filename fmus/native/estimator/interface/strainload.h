@@ -30,7 +30,10 @@ extern "C" {
 #endif
 
 /* Changes when a function or the meaning of a field does. */
-#define SL_VERSION 4
+#define SL_VERSION 5
+
+/* Bytes of stack that no function needs more of. */
+#define SL_STACK_SIZE 16384
 
 #define SL_TEXT_SIZE 256
 #define SL_NAME_SIZE 64
@@ -48,7 +51,8 @@ enum {
     SL_ROWS,        /* sensors of the map: strain gauges, then the others */
     SL_STATE,       /* bytes of what a sample leaves to the next one */
     SL_TARE_STATE,  /* bytes of a tare by steps */
-    SL_ITERATIONS   /* most iterations of a sample: the field "iterations" of SL_OUTPUTS never exceeds it; 0 without tables */
+    SL_ITERATIONS,  /* most iterations of a sample: the field "iterations" of SL_OUTPUTS never exceeds it; 0 without tables */
+    SL_MEMORY       /* bytes of a handle: the size of a buffer of sl_open_in; sl_open takes the map's copy besides */
 };
 
 /* How the samples of a series follow one another. */
@@ -66,6 +70,10 @@ SL_API int sl_version(void);
 
 /* The estimator of a map, at its start values. bytes are copied. NULL, after a message of one line. */
 SL_API StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_SIZE]);
+
+/* The same without a heap: in a buffer of `size` bytes, at any address, which the handle uses until sl_close, as it does
+   bytes, which are not copied and lie at a multiple of 8. */
+SL_API StrainLoad *sl_open_in(const void *bytes, size_t length, void *buffer, size_t size, char text[SL_TEXT_SIZE]);
 SL_API void sl_close(StrainLoad *handle);
 
 /* Number of values of a record, of rows, of bytes of the state, or of iterations. */

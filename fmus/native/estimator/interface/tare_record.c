@@ -19,8 +19,8 @@ void use_limits(Tare *tare, const TareLimits *of_map, const double *limits) {
         tare->limits.dynamic_pressure = limits[0];
         tare->limits.zero = limits[1];
         tare->limits.drift = limits[2];
-        tare->limits.known = limits + N_TARE_LIMITS;
-        tare->limits.known_std = tare->limits.known + tare->n_gauges;
+        tare->limits.known_strain = limits + N_TARE_LIMITS;
+        tare->limits.known_std = tare->limits.known_strain + tare->n_gauges;
     }
 }
 

@@ -8,8 +8,8 @@
 
    A file may come from anywhere. map_open checks the table entry by entry: a name of allowed letters that is greater
    than the last one, a kind and a rank that exist, lengths whose product does not overflow, the position where the
-   last array ended, no bytes left at the end, finite numbers. So later functions may trust offsets. Accessors then
-   check name, kind and shape against what a module expects and note the first fault; map_close refuses arrays that
+   last array ended, no bytes left at the end, finite numbers. So later functions may trust offsets. map_read then
+   checks name, kind, shape and values against the rows of map_layout.h and notes the first fault; map_close refuses arrays that
    nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
    strainfmu/estimator/resource/container.py writes it. */
 
@@ -59,15 +59,6 @@ static const unsigned char *content_of(const MapFile *file, const unsigned char 
     uint64_t position;
     memcpy(&position, entry + POSITION_AT, sizeof position);
     return file->bytes + position;
-}
-
-/* Number of values of a checked entry. */
-static size_t values_of(const unsigned char *entry) {
-    size_t count = 1;
-    for (size_t axis = 0; axis < u32_at(entry, RANK_AT); axis++) {
-        count *= length_along(entry, axis);
-    }
-    return count;
 }
 
 /* Whether a name can be: letters, figures, and behind the one before it. */
@@ -213,7 +204,11 @@ static const void *take(MapFile *file, const char *name, size_t kind, const size
     return content_of(file, entry);
 }
 
-size_t map_length(MapFile *file, const char *name, size_t axis, size_t least, size_t most) {
+static size_t length_of(const MapFile *file, const MapLength *length) {
+    return (size_t)((long)file->length[length->symbol] * length->times + length->plus);
+}
+
+static size_t take_length(MapFile *file, const char *name, size_t axis, size_t least, size_t most) {
     const unsigned char *entry = find(file, name);
     if (entry == NULL) {
         return 0;
@@ -227,25 +222,7 @@ size_t map_length(MapFile *file, const char *name, size_t axis, size_t least, si
     return found;
 }
 
-double map_number(MapFile *file, const char *name) {
-    const double *value = take(file, name, DOUBLES, NULL, 0);
-    return value != NULL ? *value : 0.0;
-}
-
-double map_positive(MapFile *file, const char *name) {
-    const double *value = map_positives_of(file, name, NULL, 0);
-    return value != NULL ? *value : 0.0;
-}
-
-double map_between(MapFile *file, const char *name, double low, double high) {
-    const double value = map_number(file, name);
-    if (file->good && !(value >= low && value <= high)) {
-        refuse(file, "'%s': expected a number from %g to %g, found %g", name, low, high, value);
-    }
-    return value;
-}
-
-size_t map_count(MapFile *file, const char *name, size_t least, size_t most) {
+static size_t take_count(MapFile *file, const char *name, size_t least, size_t most) {
     int32_t value = 0;
     const void *content = take(file, name, INTEGERS, NULL, 0);
     if (content == NULL) {
@@ -260,39 +237,7 @@ size_t map_count(MapFile *file, const char *name, size_t least, size_t most) {
     return (size_t)value;
 }
 
-const double *map_doubles_of(MapFile *file, const char *name, const size_t *shape, size_t rank) {
-    return take(file, name, DOUBLES, shape, rank);
-}
-
-/* Require values, `step` apart, above zero. */
-static const double *check_positive(MapFile *file, const char *name, const double *value, size_t count, size_t step) {
-    for (size_t i = 0; value != NULL && i < count; i++) {
-        if (!(value[i * step] > 0.0)) {
-            refuse(file, "'%s': expected numbers above zero, found %g (number %lu)", name, value[i * step],
-                   (unsigned long)(i * step));
-            return NULL;
-        }
-    }
-    return value;
-}
-
-const double *map_positives_of(MapFile *file, const char *name, const size_t *shape, size_t rank) {
-    const double *value = take(file, name, DOUBLES, shape, rank);
-    return check_positive(file, name, value, value != NULL ? values_of(entry_of(file, place_of(file, name))) : 0, 1);
-}
-
-const double *map_covariance(MapFile *file, const char *name, size_t n) {
-    return check_positive(file, name, map_doubles(file, name, n, n), n, n + 1);
-}
-
-void map_copy(MapFile *file, const char *name, size_t count, double *values) {
-    const double *found = map_doubles(file, name, count);
-    if (found != NULL) {
-        memcpy(values, found, count * sizeof *values);
-    }
-}
-
-const char *map_texts(MapFile *file, const char *name, size_t rows, size_t width) {
+static const char *take_texts(MapFile *file, const char *name, size_t rows, size_t width) {
     const char *text = take(file, name, TEXTS, (const size_t[]){rows, width}, 2);
     for (size_t row = 0; text != NULL && row < rows; row++) {
         map_require(file, memchr(text + row * width, '\0', width) != NULL, name, "texts with an end");
@@ -300,12 +245,125 @@ const char *map_texts(MapFile *file, const char *name, size_t rows, size_t width
     return text;
 }
 
+const char *map_text(MapFile *file, const char *name, size_t width) {
+    return take_texts(file, name, 1, take_length(file, name, 1, 1, width));
+}
+
+/* Require `count` values, `step` apart, above zero. */
+static void require_positive(MapFile *file, const char *name, const double *value, size_t count, size_t step) {
+    for (size_t i = 0; i < count; i++) {
+        if (!(value[i * step] > 0.0)) {
+            refuse(file, "'%s': expected numbers above zero, found %g (number %lu)", name, value[i * step],
+                   (unsigned long)(i * step));
+        }
+    }
+}
+
+/* Require what the rule of an array states of its finite values. */
+static void require_rule(MapFile *file, const char *name, const MapRow *row, const double *value, size_t count) {
+    switch (row->rule) {
+    case MAP_POSITIVE:
+        require_positive(file, name, value, count, 1);
+        break;
+    case MAP_COVARIANCE: {
+        const size_t n = length_of(file, &row->length[0]);
+        require_positive(file, name, value, n, n + 1);
+        break;
+    }
+    case MAP_BETWEEN:
+        if (!(*value >= row->low && *value <= row->high)) {
+            refuse(file, "'%s': expected a number from %g to %g, found %g", name, row->low, row->high, *value);
+        }
+        break;
+    case MAP_FROM_0:
+        for (size_t i = 0; i < count; i++) {
+            map_require(file, value[i] >= 0.0, name, "no number below zero");
+        }
+        break;
+    case MAP_INCREASING:
+        for (size_t i = 1; i < count; i++) {
+            map_require(file, value[i] > value[i - 1], name, "numbers that increase");
+        }
+        break;
+    case MAP_RANGE:
+        map_require(file, value[0] > 0.0 && value[1] >= value[0], name, "a range above zero");
+        break;
+    default:
+        break;
+    }
+}
+
+/* Copy values. Bounds that a map does not state are the largest numbers of the file, which holds finite ones alone. */
+static void copy_values(double *member, const double *value, size_t count, int rule) {
+    for (size_t i = 0; i < count; i++) {
+        const int is_none = rule == MAP_BOUNDS && fabs(value[i]) >= DBL_MAX;
+        member[i] = is_none ? copysign(INFINITY, value[i]) : value[i];
+    }
+}
+
+static void read_numbers(MapFile *file, const char *name, const MapRow *row, void *member) {
+    size_t shape[MOST_AXES], count = 1;
+    for (size_t axis = 0; axis < row->rank; axis++) {
+        shape[axis] = length_of(file, &row->length[axis]);
+        count *= shape[axis];
+    }
+    const double *value = take(file, name, DOUBLES, shape, row->rank);
+    if (value == NULL) {
+        return;
+    }
+    require_rule(file, name, row, value, count);
+    if (row->kind == MAP_ARRAY) {
+        memcpy(member, &value, sizeof value);
+    } else {
+        copy_values(member, value, count, row->rule);
+    }
+}
+
+static void read_row(MapFile *file, const char *name, const MapRow *row, void *member) {
+    size_t count;
+    int whole;
+    const char *text;
+    switch (row->kind) {
+    case MAP_LENGTH:
+        count = take_length(file, name, row->rank, length_of(file, &row->length[0]), length_of(file, &row->length[1]));
+        memcpy(member, &count, sizeof count);
+        file->length[row->symbol] = count;
+        break;
+    case MAP_WHOLE:
+    case MAP_COUNT:
+        count = row->high > 0.0 ? (size_t)row->high : length_of(file, &row->length[0]);
+        count = take_count(file, name, (size_t)row->low, count);
+        whole = (int)count;
+        memcpy(member, row->kind == MAP_COUNT ? (void *)&count : (void *)&whole, row->kind == MAP_COUNT ? sizeof count : sizeof whole);
+        break;
+    case MAP_TEXT:
+        text = take_texts(file, name, length_of(file, &row->length[0]), length_of(file, &row->length[1]));
+        memcpy(member, &text, sizeof text);
+        break;
+    default:
+        read_numbers(file, name, row, member);
+    }
+}
+
+int map_read(MapFile *file, const char *part, const MapRow *row, size_t count, void *into) {
+    for (size_t k = 0; file->good && k < count; k++) {
+        char name[NAME_SIZE];
+        snprintf(name, sizeof name, "%s.%s", part, row[k].name);
+        read_row(file, name, &row[k], (unsigned char *)into + row[k].member);
+    }
+    return file->good;
+}
+
 int map_require(MapFile *file, int condition, const char *name, const char *expected) {
     return condition ? file->good : refuse(file, "'%s': expected %s", name, expected);
 }
 
-int map_no_memory(MapFile *file) {
-    return refuse(file, "needs more memory than there is");
+void *map_take(MapFile *file, size_t size) {
+    void *block = file->good ? memory_take(file->memory, size) : NULL;
+    if (block == NULL) {
+        refuse(file, "needs more memory than there is");
+    }
+    return block;
 }
 
 int map_close(MapFile *file) {

@@ -4,13 +4,8 @@
 
 #include "filter_map.h"
 
-int filter_map_parse(MapFile *file, size_t n_gauges, FilterMap *map) {
-    map->smallest_time = map_positive(file, "filter.smallest_time");
-    map->largest_time = map_positive(file, "filter.largest_time");
-    map->white_navigation = map_between(file, "filter.white_navigation", 0.0, 1.0);
-    map->noise = map_positives(file, "filter.noise", n_gauges);
-    map_positives(file, "filter.rate", N_STATES);
-    map_copy(file, "filter.rate", N_STATES, map->rate);
+int filter_map_parse(MapFile *file, FilterMap *map) {
+    MAP_READ(file, "filter", FILTER, FilterMap, map);
     return map_require(file, map->largest_time > map->smallest_time, "filter.largest_time",
                        "a number above the smallest time");
 }

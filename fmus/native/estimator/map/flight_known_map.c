@@ -12,10 +12,6 @@
 
 #include "flight_known_map.h"
 
-#include <float.h>
-
-#define MAX_PARAMETERS 64
-#define MAX_BASIS 65536
 #define MAX_POWER 3
 
 size_t known_product_size(const KnownMap *map, size_t n) {
@@ -46,31 +42,17 @@ static int sensible_powers(const KnownMap *map) {
 }
 
 int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_other, KnownMap *map) {
-    const TableMap *tables = &flight->tables;
-    map->n_parameters = map_length(file, "parameter_tables.mean", 0, 1, MAX_PARAMETERS);
-    map->n_powers = map_length(file, "parameter_tables.power", 0, 0, MAX_POWER * map->n_parameters);
-    map->n_basis = map_length(file, "parameter_tables.basis", 0, 0, MAX_BASIS);
     map->n_other = n_other;
-    map->n_rows = tables->n_rows + n_other;
-    map->largest_score = map_between(file, "parameter_tables.largest_score", 0.0, DBL_MAX);
-    map->mean = map_doubles(file, "parameter_tables.mean", map->n_parameters);
-    map->spread = map_doubles(file, "parameter_tables.spread", map->n_parameters);
-    map->parameter = map_doubles(file, "parameter_tables.parameter", map->n_powers);
-    map->power = map_doubles(file, "parameter_tables.power", map->n_powers);
-    map->offset = map_doubles(file, "parameter_tables.offset", map->n_powers);
-    map->basis = map_doubles(file, "parameter_tables.basis", map->n_basis, tables->n_incidence + 2, tables->n_harmonics,
-                             2);
-    map->row_weight = map_doubles(file, "parameter_tables.row_weight", tables->n_mach + 2, map->n_powers, map->n_rows,
-                                  map->n_basis);
-    for (size_t p = 0; file->good && p < map->n_parameters; p++) {
-        map_require(file, map->spread[p] >= 0.0, "parameter_tables.spread", "no number below zero");
-    }
+    map->n_rows = file->length[SYM_ROWS] = flight->tables.n_rows + n_other;
+    file->length[SYM_HARMONICS] = flight->tables.n_harmonics;
+    MAP_READ(file, "parameter_tables", PARAMETER_TABLES, KnownMap, map);
     if (!file->good
         || !map_require(file, sensible_powers(map), "parameter_tables.parameter",
                         "parameters of the map, ascending, and powers to 3")) {
         return 0;
     }
-    map->product = map_doubles(file, "parameter_tables.product", number_of_products(map),
-                               known_product_size(map, n_gauges));
+    file->length[SYM_PRODUCTS] = number_of_products(map);
+    file->length[SYM_PRODUCT_SIZE] = known_product_size(map, n_gauges);
+    MAP_READ(file, "parameter_tables", PRODUCTS, KnownMap, map);
     return file->good;
 }

@@ -5,24 +5,15 @@
 
 #include "flow_parameters.h"
 
-#define MAX_PARAMETERS 64
-
 int flow_parameters_parse(MapFile *file, FlowParameters *parameters) {
     if (!map_has(file, "parameters")) {
         return file->good;
     }
-    const size_t count = map_length(file, "parameters.minimum", 0, 1, MAX_PARAMETERS);
-    parameters->tolerance = map_number(file, "parameters.tolerance");
-    parameters->largest_score = map_number(file, "parameters.largest_score");
-    parameters->minimum = map_doubles(file, "parameters.minimum", count);
-    parameters->maximum = map_doubles(file, "parameters.maximum", count);
-    parameters->span = map_positives(file, "parameters.span", count);
-    parameters->names = map_texts(file, "parameters.names", count, PARAMETER_NAME_SIZE);
-    for (size_t i = 0; file->good && i < count; i++) {
+    MAP_READ(file, "parameters", PARAMETERS, FlowParameters, parameters);
+    for (size_t i = 0; file->good && i < parameters->count; i++) {
         map_require(file, parameters->maximum[i] >= parameters->minimum[i], "parameters.maximum",
                     "no number below the minimum");
     }
-    parameters->count = count;
     return file->good;
 }
 

@@ -12,10 +12,7 @@
 
 /* Arrays point into the bytes of the file. */
 typedef struct {
-    size_t count; /* 0 in maps without */
-    double tolerance, largest_score;
-    const double *minimum, *maximum, *span; /* (count) */
-    const char *names;                      /* (count, PARAMETER_NAME_SIZE) */
+    MAP_MEMBERS(PARAMETERS) /* count: 0 in maps without */
 } FlowParameters;
 
 /* Read the part, if there is one. 1; 0 after a message. */

@@ -5,17 +5,12 @@
 #include "sensor_rows.h"
 
 int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows) {
-    rows->n_strains = n_gauges;
-    if (!map_has(file, "sensors")) {
-        return file->good;
+    if (map_has(file, "sensors")) {
+        MAP_READ(file, "sensors", SENSORS, SensorRows, rows);
     }
-    rows->count = map_length(file, "sensors.scale", 0, 0, n_gauges - 1);
-    rows->scale = map_positives(file, "sensors.scale", rows->count);
-    rows->largest = map_positives(file, "sensors.largest", rows->count);
-    rows->thrust_response = map_doubles(file, "sensors.thrust_response", rows->count);
     for (size_t k = 0; file->good && k < rows->count; k++) {
         rows->has_thrust |= rows->thrust_response[k] != 0.0;
     }
-    rows->n_strains = n_gauges - rows->count;
+    rows->n_strains = file->length[SYM_STRAINS] = n_gauges - rows->count;
     return file->good;
 }

@@ -12,11 +12,8 @@
 /* Arrays are of the rows behind the strain gauges, and point into the bytes of the file. */
 typedef struct {
     size_t n_strains;      /* strain gauges: all rows of a map without the part */
-    size_t count;          /* other rows */
     int has_thrust;        /* whether thrust moves a reading */
-    const double *scale;   /* (count) reading per row [unit/(m/m)] */
-    const double *largest; /* (count) largest |reading| of a working sensor [unit] */
-    const double *thrust_response; /* (count) [unit/N] */
+    MAP_MEMBERS(SENSORS)
 } SensorRows;
 
 /* Read the part of a map of n_gauges rows, if there is one. 1; 0 after a message. */

@@ -22,16 +22,12 @@
 #include "../numerics/cholesky.h"
 #include "flight_loads.h"
 
-int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightOtherLoadsMap *map) {
+int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_loads, FlightOtherLoadsMap *map) {
     map->tables = flight->tables; /* for the knots */
     tables_parse(file, "flight_loads", n_loads, &map->tables);
     map_require(file, map->tables.n_harmonics == flight->tables.n_harmonics, "flight_loads.table",
                 "the harmonics of the strains");
-    map->strain_covariance = map_doubles(file, "flight_loads.strain_covariance", n_loads, n_gauges);
-    map->variance = map_doubles(file, "flight_loads.variance", n_loads);
-    map->considered_strain_covariance =
-        map_doubles(file, "flight_loads.considered_strain_covariance", n_loads, n_gauges);
-    map->considered_variance = map_doubles(file, "flight_loads.considered_variance", n_loads);
+    MAP_READ(file, "flight_loads", FLIGHT_LOADS, FlightOtherLoadsMap, map);
     return file->good;
 }
 

@@ -13,9 +13,7 @@
 
 typedef struct {
     TableMap tables;                 /* a row per load, on the knots of the tables of strain; no rows in maps without */
-    const double *strain_covariance; /* (n_loads, n_gauges) per p_inf^2 */
-    const double *variance;          /* (n_loads) per p_inf^2 */
-    const double *considered_strain_covariance, *considered_variance; /* the same of considered errors */
+    MAP_MEMBERS(FLIGHT_LOADS)
 } FlightOtherLoadsMap;
 
 typedef struct {
@@ -28,7 +26,7 @@ typedef struct {
 } FlightOtherLoads;
 
 /* Read the part of n_loads loads in addition to the tables of `flight`. 1; 0 with a text. */
-int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_loads, FlightOtherLoadsMap *map);
+int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_loads, FlightOtherLoadsMap *map);
 
 /* Number of doubles that the arrays take, and handing them out, filled in. */
 size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges);

@@ -50,7 +50,7 @@ size_t flight_set_strain(FlightSolver *solver, const Inputs *inputs) {
    gives less exactly, and q_inf. */
 static double navigation_error(const FlightMap *map, const Inputs *inputs, size_t quantity) {
     const int by_altitude = quantity == 1 && isnan(known_input(inputs, STATIC_PRESSURE));
-    return by_altitude ? map->altitude_error : map->error[quantity];
+    return by_altitude ? map->altitude_error : map->navigation_error[quantity];
 }
 
 /* M by the total temperature and its standard deviation: M = sqrt(2 (T_0/T - 1) / (gamma - 1)), dM = (T_0/T) e /
@@ -106,10 +106,10 @@ static void take_out_computed(const FlightMap *map, const Inputs *inputs, Naviga
     const int by_altitude = isnan(known_input(inputs, STATIC_PRESSURE));
     const double stated = known_input(inputs, STATIC_PRESSURE_STD);
     const double error = source == MACH_AND_ALTITUDE ? larger(map->altitude_error, DAY_OF_ALTITUDE)
-                       : isnan(stated) || by_altitude ? larger(map->error[1], DAY_OF_PRESSURE) : stated / value[1];
+                       : isnan(stated) || by_altitude ? larger(map->navigation_error[1], DAY_OF_PRESSURE) : stated / value[1];
     const double stated_mach = known_input(inputs, MACH_NUMBER_STD);
     if (!is_value(value[0])) {
-        std[0] = isnan(stated_mach) ? map->error[0] : stated_mach;
+        std[0] = isnan(stated_mach) ? map->navigation_error[0] : stated_mach;
     } else if (isnan(stated_mach)) {
         const double of_day = DAY_OF_MACH * value[0];
         std[0] = sqrt(std[0] * std[0] + of_day * of_day);

@@ -95,7 +95,7 @@ void flight_search_prepare(FlightSolver *solver) {
             set_state(solver, i, k, state);
             flight_response(&solver->tables, solver->wide, state, &solver->response);
             for (size_t g = 0; g < solver->n_gauges; g++) {
-                strain[g] = solver->response.value[g] - solver->map->tables.fixed[g];
+                strain[g] = solver->response.value[g] - solver->map->tables.fixed_response[g];
             }
         }
     }
@@ -213,7 +213,7 @@ static Comparison weighed(FlightSolver *solver) {
     for (size_t g = 0; g < solver->n_gauges; g++) {
         const double weight = whitens ? 1.0 : sample->used[g] ? solver->search_weight[g] : 0.0;
         out.square[g] = weight * weight;
-        out.weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed[g]) * out.square[g] : 0.0;
+        out.weighted[g] = sample->used[g] ? (sample->strain[g] - solver->map->tables.fixed_response[g]) * out.square[g] : 0.0;
     }
     if (whitens) {
         solve_lower(solver->wide, n, solver->search_factor, 1, out.weighted);

@@ -266,7 +266,7 @@ static void whiten_shapes(FlightSolver *solver) {
     memset(shapes, 0, count * n * sizeof *shapes);
     for (size_t s = 0; s < count; s++) {
         for (size_t g = 0; g < solver->n_gauges; g++) {
-            shapes[s * n + g] = solver->sample.used[g] ? solver->map->shape[s * solver->n_gauges + g] : 0.0;
+            shapes[s * n + g] = solver->sample.used[g] ? solver->map->shapes[s * solver->n_gauges + g] : 0.0;
         }
     }
     solve_lower(solver->wide, n, solver->full.factor, count, shapes);

@@ -252,7 +252,7 @@ EVERYWHERE void respond(size_t most, const FlightTables *tables, const double *s
     const double pressure = response->pressure = exponential(state[STATE_PRESSURE]);
     const double along_u = u / incidence, along_w = w / incidence;
     for (size_t row = 0; row < map->n_rows; row++) {
-        response->value[row] = map->fixed[row];
+        response->value[row] = map->fixed_response[row];
         for (size_t k = 0; k < N_STATES; k++) {
             response->jacobian[k][row] = 0.0;
         }

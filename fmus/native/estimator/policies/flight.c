@@ -18,8 +18,6 @@
 #include "flight_outputs.h"
 #include "flight_track.h"
 
-#define ALIGNMENT 64
-
 /* Tables first: the other parts are on their knots. */
 static int parse(Flight *flight, MapFile *file) {
     const Inputs *inputs = flight->inputs;
@@ -28,7 +26,7 @@ static int parse(Flight *flight, MapFile *file) {
     Known *known = &flight->known;
     known->present = inputs->map->has_known;
     if (!flight_map_parse(file, n, &flight->map)
-        || (map_has(file, "flight_loads") && !flight_other_loads_parse(file, &flight->map, n, n_loads, loads))
+        || (map_has(file, "flight_loads") && !flight_other_loads_parse(file, &flight->map, n_loads, loads))
         || !considered_parse(file, n, N_LOADS + n_loads, &flight->map)
         || (known->present && !known_map_parse(file, &flight->map, n, loads->tables.n_rows, &known->map))) {
         return 0;
@@ -42,7 +40,7 @@ static int parse(Flight *flight, MapFile *file) {
 }
 
 /* One block for all arrays. */
-static int allocate(Flight *flight) {
+static int allocate(Flight *flight, MapFile *file) {
     const size_t n = flight->inputs->map->n_gauges;
     FlightSolver *solver = &flight->solver;
     FlightOtherLoads *other_loads = &flight->other_loads;
@@ -51,12 +49,10 @@ static int allocate(Flight *flight) {
     solver->n = in_lanes(n);
     const size_t count = flight_solver_doubles(&flight->map, n) + flight_other_loads_doubles(&other_loads->map, n)
                        + (known->present ? known_doubles(known, n) : 0);
-    flight->memory = calloc(1, ALIGNMENT + count * sizeof(double) + n);
-    if (flight->memory == NULL) {
+    double *doubles = map_take(file, count * sizeof(double) + n);
+    if (doubles == NULL) {
         return 0;
     }
-    unsigned char *start = flight->memory;
-    double *doubles = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     unsigned char *bytes = (unsigned char *)(doubles + count);
     flight_solver_arrays(&flight->map, n, flight->linear->wide, solver, &doubles, &bytes);
     flight_other_loads_arrays(other_loads, n, &doubles);
@@ -70,21 +66,14 @@ int flight_create(Flight *flight, MapFile *file) {
     if (!map_has(file, "flight")) {
         return file->good;
     }
-    if (!parse(flight, file)) {
+    if (!parse(flight, file) || !allocate(flight, file)) {
         return 0;
-    }
-    if (!allocate(flight)) {
-        return map_no_memory(file);
     }
     for (size_t k = 0; k < N_STATES; k++) {
         flight->prior_std[k] = 1.0 / sqrt(flight->map.prior_precision[k]);
     }
     flight->present = 1;
     return 1;
-}
-
-void flight_free(Flight *flight) {
-    free(flight->memory);
 }
 
 void flight_reset(Flight *flight) {

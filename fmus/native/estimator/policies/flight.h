@@ -8,7 +8,6 @@
 /* Read the parts of the tables, if there are any, and allocate. 1; 0 after a message. inputs, output, linear and loads are
    set. */
 int flight_create(Flight *flight, MapFile *file);
-void flight_free(Flight *flight);
 void flight_reset(Flight *flight);
 
 /* Set all outputs for the present inputs, from the track of the last step. */

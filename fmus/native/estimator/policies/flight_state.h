@@ -35,7 +35,6 @@ typedef struct {
     FlightSolver solver;
     FlightOtherLoads other_loads;
     Known known; /* parameters of the flow, of a map with tables of them */
-    void *memory;
     Track base; /* that the outputs follow from */
     Track next; /* that they leave */
     double prior_std[N_STATES];

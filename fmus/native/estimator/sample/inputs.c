@@ -65,7 +65,7 @@ size_t parameter_beyond(const Inputs *in) {
 
 int inputs_parse(MapFile *file, Inputs *in) {
     const double largest = in->map->largest_zero;
-    in->zero_offset = map_doubles(file, "settings.zero_offset", in->sensors->n_strains);
+    MAP_READ(file, "settings", ZERO_OFFSETS, Inputs, in);
     for (size_t i = 0; file->good && i < in->sensors->n_strains; i++) {
         map_require(file, fabs(in->zero_offset[i]) <= largest, "settings.zero_offset", "zeros in their range");
     }

@@ -55,7 +55,7 @@ typedef struct {
     const SensorRows *sensors;         /* behind the strain gauges */
     const FlowParameters *parameters;  /* of the flow */
     size_t n_temperatures;             /* sensors of temperature */
-    const double *zero_offset;         /* (n_strains) start values of the zeros, of the map's calibration [1] */
+    MAP_MEMBERS(ZERO_OFFSETS)
     size_t n_inertial;                 /* N_INERTIAL_INPUTS, 0 of a map without masses */
     int angles_need_std;               /* whether a measured angle counts only with a standard deviation: in FMUs */
     double smallest_time, largest_time; /* of the filter's time constant, of a map that has one [s] */

@@ -33,8 +33,6 @@
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 
-#define MAX_COUNT 4096
-#define ALIGNMENT 64
 #define ROOT_2 0x1.6a09e667f3bcdp+0
 #define LEAST_VIBRATION 0.0625 /* over prior_std; less counts as none */
 #define MOST_VIBRATION 1024.0
@@ -42,27 +40,16 @@
 #define LARGEST_CHANNEL 1e6 /* of what an inertial unit measures: one beyond is broken */
 #define OTHER_FORCES 0.5     /* of the larger force: a fin or a jet may differ by it from the specific force of the mass */
 
-static int parse(MapFile *file, size_t n, ThermalMap *map) {
-    map->n_modes = map_length(file, "thermal.prior_std", 0, 1, MAX_COUNT);
-    map->n_sensors = map_length(file, "thermal.sensor_std", 0, 0, MAX_COUNT);
-    map->n_powers = map_length(file, "thermal.apparent_strain", 0, 0, MAX_COUNT);
-    map->n_channels = map_has(file, "inertia") ? map_count(file, "inertia.channels", 1, MAX_COUNT) : 0;
-    map->n_vibrations = map->n_channels > 0 ? map_count(file, "inertia.vibrations", 0, MAX_COUNT) : 0;
+static int parse(MapFile *file, ThermalMap *map) {
+    MAP_READ(file, "thermal", THERMAL, ThermalMap, map);
+    if (map_has(file, "inertia")) {
+        MAP_READ(file, "inertia", INERTIA, ThermalMap, map);
+    }
     map_require(file, map->n_vibrations <= map->n_modes, "inertia.vibrations", "at most the number of modes");
     map_require(file, map->n_channels <= map->n_sensors, "inertia.channels", "at most the number of sensors");
-    map->reference = map_number(file, "thermal.reference_temperature");
-    map->largest_rise = map_positive(file, "thermal.largest_rise");
-    map->gauge_factor_slope = map_number(file, "thermal.gauge_factor_slope");
-    map->modulus_slope = map_number(file, "thermal.modulus_slope");
-    map->vehicle_mass = map->n_channels > 0 && map_has(file, "vehicle") ? map_positive(file, "vehicle.mass") : 0.0;
-    map->prior_std = map_positives(file, "thermal.prior_std", map->n_modes);
-    map->sensor_std = map_positives(file, "thermal.sensor_std", map->n_sensors);
-    map->sensor_operator = map_doubles(file, "thermal.sensor_operator", map->n_sensors, map->n_modes);
-    map->apparent_strain = map_doubles(file, "thermal.apparent_strain", map->n_powers);
-    map->mode_strain = map_doubles(file, "thermal.mode_strain", n, map->n_modes);
-    map->gauge_operator = map_doubles(file, "thermal.gauge_operator", n, map->n_modes);
-    map->isothermal = map_covariance(file, "thermal.isothermal_covariance", n);
-    map->scaled = map_doubles(file, "thermal.scaled_covariance", n, n);
+    if (map->n_channels > 0 && map_has(file, "vehicle")) {
+        MAP_READ(file, "vehicle", VEHICLE, ThermalMap, map);
+    }
     return file->good;
 }
 
@@ -79,19 +66,17 @@ int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     if (!map_has(file, "thermal")) {
         return file->good;
     }
-    if (!parse(file, n_gauges, map)) {
+    if (!parse(file, map)) {
         return 0;
     }
     const size_t rows = dense_rows(2 * n_gauges), columns = dense_columns(map->n_sensors), square = n_gauges * n_gauges;
     const size_t k = map->n_modes, of_amplitudes = 2 * k * k + k * map->n_sensors;
     const size_t count = rows * columns + 2 * square + columns + rows + 2 * n_gauges + of_amplitudes
                        + scratch_doubles(map, n_gauges);
-    thermal->memory = calloc(1, ALIGNMENT + count * sizeof(double) + map->n_sensors);
-    if (thermal->memory == NULL) {
-        return map_no_memory(file);
+    thermal->gain = map_take(file, count * sizeof(double) + map->n_sensors);
+    if (thermal->gain == NULL) {
+        return 0;
     }
-    unsigned char *start = thermal->memory;
-    thermal->gain = (double *)(void *)(start + (ALIGNMENT - (uintptr_t)start % ALIGNMENT));
     thermal->own = thermal->gain + rows * columns;
     thermal->noise = thermal->own + square;
     thermal->rise = thermal->noise + square;
@@ -108,10 +93,6 @@ int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     thermal->n_gauges = n_gauges;
     thermal_renew(thermal);
     return 1;
-}
-
-void thermal_free(Thermal *thermal) {
-    free(thermal->memory);
 }
 
 /* The next larger power of the root of 2, so that matrices stay while the vibration changes little. */
@@ -173,7 +154,7 @@ int thermal_read(Thermal *thermal, const double *temperature, const double *chan
     int changed = read_vibration(thermal, vibration), moved = 0;
     for (size_t t = 0; t < map->n_sensors; t++) {
         const int is_channel = t >= n_temperatures;
-        const double above = is_channel ? channel[t - n_temperatures] : temperature[t] - map->reference;
+        const double above = is_channel ? channel[t - n_temperatures] : temperature[t] - map->reference_temperature;
         const unsigned char known = is_channel ? fabs(above) <= LARGEST_CHANNEL /* 0 for NaN */
                                                : temperature[t] > 0.0 && fabs(above) <= map->largest_rise;
         const double rise = known ? above : 0.0;
@@ -246,12 +227,12 @@ static void set_covariances(Thermal *thermal, const double *left, double *strain
     for (size_t i = 0; i < n; i++) {
         for (size_t j = 0; j <= i; j++) {
             const double of_modes = dot(k, strain + i * k, strain + j * k);
-            thermal->own[i * n + j] = map->isothermal[i * n + j] + of_modes;
-            thermal->own[j * n + i] = map->isothermal[j * n + i] + of_modes;
+            thermal->own[i * n + j] = map->isothermal_covariance[i * n + j] + of_modes;
+            thermal->own[j * n + i] = map->isothermal_covariance[j * n + i] + of_modes;
         }
     }
     for (size_t i = 0; i < n * n; i++) {
-        thermal->noise[i] = thermal->own[i] + map->scaled[i];
+        thermal->noise[i] = thermal->own[i] + map->scaled_covariance[i];
     }
 }
 

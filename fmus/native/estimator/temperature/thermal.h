@@ -11,20 +11,9 @@
 
 /* Modes of n_gauges gauges; arrays point into the bytes of the file. */
 typedef struct {
-    size_t n_modes, n_sensors, n_powers;
-    size_t n_channels;                         /* of the sensors, the last: an inertial unit's */
-    size_t n_vibrations;                       /* of the modes, the last: of vibration, whose size is an input */
-    double reference, largest_rise;            /* [K] */
-    double gauge_factor_slope, modulus_slope;  /* [1/K] */
-    double vehicle_mass;                       /* of the whole vehicle [kg]; 0 where it is not stated */
-    const double *prior_std;                   /* (n_modes) [K] */
-    const double *sensor_std;                  /* (n_sensors) [K] */
-    const double *sensor_operator;             /* (n_sensors, n_modes) C */
-    const double *apparent_strain;             /* (n_powers) of rise^1 .. [1/K ..] */
-    const double *mode_strain;                 /* (n_gauges, n_modes) Phi [1/K] */
-    const double *gauge_operator;              /* (n_gauges, n_modes) B */
-    const double *isothermal;                  /* (n_gauges, n_gauges) covariance of the gauges without the modes */
-    const double *scaled;                      /* (n_gauges, n_gauges) of the errors that scale */
+    MAP_MEMBERS(THERMAL)
+    MAP_MEMBERS(INERTIA) /* 0 without masses */
+    MAP_MEMBERS(VEHICLE) /* 0 where it is not stated */
 } ThermalMap;
 
 typedef struct {
@@ -32,7 +21,6 @@ typedef struct {
     int wide;
     size_t n_gauges;
     ThermalMap map;
-    void *memory;
     unsigned char *known; /* (n_sensors) the sensors that the matrices are for */
     int some;             /* whether there are any, or the vibration is known; if not, nothing is taken off */
     double vibration;     /* that the matrices are for, over prior_std of its modes; 1 where it is not known */
@@ -51,7 +39,6 @@ typedef struct {
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
 int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal);
-void thermal_free(Thermal *thermal);
 
 /* Take the readings of the sensors [K], of the channels, and the vibration, NaN of those not known. Whether others are known than before: then thermal_renew comes next. */
 int thermal_read(Thermal *thermal, const double *temperature, const double *channel, double vibration);

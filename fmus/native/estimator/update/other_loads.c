@@ -16,22 +16,15 @@
 
 #include <stdlib.h>
 
-#define MAX_LOADS 4096
-#define MAX_ARRAYS 4096
-
 /* Whether a number is a whole one from 0 to `most`. */
 static int is_index(double value, size_t most) {
     return value >= 0.0 && value <= (double)most && value == (double)(size_t)value;
 }
 
-/* The arrays of outputs, and which load grows as which of the five. */
-static void parse_groups(MapFile *file, OtherLoadsMap *map) {
-    const size_t m = map->n_loads, count = map->n_arrays = map_length(file, "other_loads.array_size", 0, 1, MAX_ARRAYS);
-    map->like = map_doubles(file, "other_loads.like", m);
-    map->array_name = map_texts(file, "other_loads.array_name", count, OUTPUT_NAME_SIZE);
-    map->array_value = map_doubles(file, "other_loads.array_value", count);
-    map->array_first = map_doubles(file, "other_loads.array_first", count);
-    map->array_size = map_doubles(file, "other_loads.array_size", count);
+/* Read the part; numbers that C uses as an index are checked. */
+static int parse(MapFile *file, OtherLoadsMap *map) {
+    MAP_READ(file, "other_loads", OTHER_LOADS, OtherLoadsMap, map);
+    const size_t m = map->n_loads, count = map->n_arrays;
     for (size_t j = 0; file->good && j < m; j++) {
         map_require(file, is_index(map->like[j], N_LOADS), "other_loads.like", "numbers of loads");
     }
@@ -42,27 +35,16 @@ static void parse_groups(MapFile *file, OtherLoadsMap *map) {
         map_require(file, is_first && is_size && map->array_size[a] > 0.0 && map->array_first[a] + map->array_size[a] <= (double)m,
                     "other_loads.array_size", "rows of the loads");
     }
-}
-
-static int parse(MapFile *file, size_t n, size_t states, OtherLoadsMap *map) {
-    const size_t m = map->n_loads = map_length(file, "other_loads.is_moment", 0, 1, MAX_LOADS);
-    map->is_moment = map_doubles(file, "other_loads.is_moment", m);
-    map->fixed = map_doubles(file, "other_loads.fixed_load", m);
-    map->of_mean = map_doubles(file, "other_loads.load_of_mean", m);
-    map->load_per_state = map_doubles(file, "other_loads.load_per_state", states, m);
-    map->spread_load = map_doubles(file, "other_loads.spread_load", n, m);
-    map->spread_unseen = map_doubles(file, "other_loads.spread_unseen", m);
-    parse_groups(file, map);
     return file->good;
 }
 
 /* Place of each output among the four arrays of m values, which follow each other in memory: value * m + row. */
-static int list_outputs(OtherLoads *other_loads) {
+static int list_outputs(MapFile *file, OtherLoads *other_loads) {
     const OtherLoadsMap *map = &other_loads->map;
     for (size_t a = 0; a < map->n_arrays; a++) {
         other_loads->n_outputs += (size_t)map->array_size[a];
     }
-    other_loads->output = calloc(other_loads->n_outputs + map->n_arrays, sizeof(size_t));
+    other_loads->output = map_take(file, (other_loads->n_outputs + map->n_arrays) * sizeof(size_t));
     if (other_loads->output == NULL) {
         return 0;
     }
@@ -77,20 +59,19 @@ static int list_outputs(OtherLoads *other_loads) {
     return 1;
 }
 
-int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoads *other_loads) {
+int other_loads_create(MapFile *file, size_t n_gauges, OtherLoads *other_loads) {
     if (!map_has(file, "other_loads")) {
         return file->good;
     }
-    if (!parse(file, n_gauges, n_states, &other_loads->map)) {
+    if (!parse(file, &other_loads->map)) {
         return 0;
     }
     const size_t m = other_loads->map.n_loads;
     const size_t count = 2 * n_gauges * m + n_gauges + N_OTHER_VALUES * m;
-    other_loads->memory = calloc(count, sizeof(double));
-    if (other_loads->memory == NULL || !list_outputs(other_loads)) {
-        return map_no_memory(file);
+    other_loads->rows = map_take(file, count * sizeof(double));
+    if (other_loads->rows == NULL || !list_outputs(file, other_loads)) {
+        return 0;
     }
-    other_loads->rows = other_loads->memory;
     other_loads->growth = other_loads->rows + 2 * m * n_gauges;
     other_loads->value[0] = other_loads->growth + n_gauges;
     for (int k = 1; k < N_OTHER_VALUES; k++) {
@@ -98,9 +79,4 @@ int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoa
     }
     other_loads->present = other_loads->outdated = 1;
     return 1;
-}
-
-void other_loads_free(OtherLoads *other_loads) {
-    free(other_loads->memory);
-    free(other_loads->output);
 }

@@ -8,24 +8,12 @@
 
 #include "../map/map_resource.h"
 
+#define OUTPUT_NAME_SIZE 48
+
 /* Loads of states and errors; the arrays point into the bytes of the file. */
 typedef struct {
-    size_t n_loads;
-    const double *is_moment;      /* (n_loads) 0 or 1 */
-    const double *fixed;          /* (n_loads) */
-    const double *of_mean;        /* (n_loads) less the fixed ones */
-    const double *load_per_state; /* (n_states, n_loads) */
-    const double *spread_load;    /* (n_gauges, n_loads) */
-    const double *spread_unseen;  /* (n_loads) */
-    const double *like;           /* (n_loads) which of the five loads its standard deviation grows as; N_LOADS: the widest */
-    size_t n_arrays;              /* arrays of outputs, in their order: */
-    const char *array_name;       /* (n_arrays, OUTPUT_NAME_SIZE) */
-    const double *array_value;    /* (n_arrays) what it holds, of the numbers below */
-    const double *array_first;    /* (n_arrays) the first of its loads, */
-    const double *array_size;     /* (n_arrays) and how many they are */
+    MAP_MEMBERS(OTHER_LOADS)
 } OtherLoadsMap;
-
-#define OUTPUT_NAME_SIZE 48
 
 /* Each array of (n_loads). */
 enum { OTHER_LOADS, OTHER_LOADS_STD, OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD, N_OTHER_VALUES };
@@ -33,7 +21,6 @@ enum { OTHER_LOADS, OTHER_LOADS_STD, OTHER_COEFFICIENTS, OTHER_COEFFICIENTS_STD,
 typedef struct {
     int present;         /* whether the map has such loads; if not, nothing else is set */
     OtherLoadsMap map;      /* as the file has it */
-    void *memory;
     const double *load;   /* (n_gauges, n_loads) loads of each direction, as ScaledForm has them, by added_noise.h */
     const double *unseen; /* (n_loads) diagonal of R, the same */
     double *rows;        /* (2 n_loads, n_gauges) scratch of added_noise.h */
@@ -46,7 +33,6 @@ typedef struct {
 } OtherLoads;
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
-int other_loads_create(MapFile *file, size_t n_gauges, size_t n_states, OtherLoads *other_loads);
-void other_loads_free(OtherLoads *other_loads);
+int other_loads_create(MapFile *file, size_t n_gauges, OtherLoads *other_loads);
 
 #endif

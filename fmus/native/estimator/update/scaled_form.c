@@ -387,8 +387,8 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
         of_mean += weighted * step->of_mean[a];
         spread += step->spread[a] * (load * load);
     }
-    *value = other_loads->map.fixed[j] + s * other_loads->map.of_mean[j] + sum;
-    *per_pressure = (other_loads->map.of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
+    *value = other_loads->map.fixed_load[j] + s * other_loads->map.load_of_mean[j] + sum;
+    *per_pressure = (other_loads->map.load_of_mean[j] - of_mean) / scaled->map->dynamic_pressure;
     set_growth(scaled, j);
     *variance = spread + s * s * other_loads->unseen[j] + dot(step->n_lost, other_loads->growth, other_loads->growth);
     if (scaled->map->form.has_errors) {

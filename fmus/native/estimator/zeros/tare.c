@@ -10,9 +10,7 @@
 
 #include "tare.h"
 
-#include <float.h>
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "tare_judge.h"
@@ -20,41 +18,22 @@
 
 #define LARGEST_READING 1e100 /* whose square, and the sum of many of those, are finite */
 
-/* A limit: no number below zero. */
-static double take_limit(MapFile *file, const char *name, double least) {
-    return map_between(file, name, least, DBL_MAX);
+/* Doubles of all arrays, behind which come the bytes of `reads`. */
+static size_t tare_doubles(size_t n, size_t n_patterns) {
+    return 2 * (2 * n + 1) + window_doubles(n) + 2 * n + MAX_STRETCHES * n + n + judge_doubles(n, n_patterns);
 }
 
-static int parse(MapFile *file, size_t n, TareLimits *limits) {
-    limits->dynamic_pressure = take_limit(file, "tare.dynamic_pressure", 0.0);
-    limits->zero = take_limit(file, "tare.zero", 0.0);
-    limits->drift = take_limit(file, "tare.drift", 0.0);
-    limits->least_samples = take_limit(file, "tare.least_samples", 4.0 * LEAST_STRETCHES);
-    limits->least_part = take_limit(file, "tare.least_part", 0.0);
-    limits->least_gauges = take_limit(file, "tare.least_gauges", 0.0);
-    limits->own_factor = take_limit(file, "tare.own_factor", 0.0);
-    limits->moved = take_limit(file, "tare.moved", 0.0);
-    limits->loud = take_limit(file, "tare.loud", 0.0);
-    limits->noise_std = map_positives(file, "tare.noise_std", n);
-    limits->known = map_doubles(file, "tare.known_strain", n);
-    limits->known_std = map_doubles(file, "tare.known_std", n);
-    limits->n_patterns = map_length(file, "tare.pattern", 0, 1, n);
-    limits->pattern = map_doubles(file, "tare.pattern", limits->n_patterns, n);
-    limits->load_odds = map_doubles(file, "tare.load_odds", n + 1);
-    for (size_t i = 0; file->good && i < n; i++) {
-        map_require(file, limits->known_std[i] >= 0.0, "tare.known_std", "no number below zero");
-    }
-    return file->good;
+static size_t tare_bytes(size_t n, size_t n_patterns) {
+    return tare_doubles(n, n_patterns) * sizeof(double) + n;
 }
 
-static int allocate(size_t n_gauges, size_t n_patterns, double largest_zero, Tare *tare) {
+/* Hand out a block of these bytes, if there is one. */
+static int lay_out(double *block, size_t n_gauges, size_t n_patterns, double largest_zero, Tare *tare) {
     const size_t n = n_gauges, zeros = 2 * n + 1, stretches = MAX_STRETCHES * n;
-    const size_t count = 2 * zeros + window_doubles(n) + 2 * n + stretches + n + judge_doubles(n, n_patterns);
-    tare->memory = calloc(1, count * sizeof(double) + n);
-    if (tare->memory == NULL) {
+    if (block == NULL) {
         return 0;
     }
-    tare->zero = tare->memory;
+    tare->zero = block;
     window_arrays(&tare->window, n, tare->zero + zeros);
     tare->judged = tare->zero + zeros + window_doubles(n);
     tare->statistics.mean = tare->judged + zeros;
@@ -62,7 +41,7 @@ static int allocate(size_t n_gauges, size_t n_patterns, double largest_zero, Tar
     tare->statistics.stretch = tare->statistics.scatter + n;
     tare->reading = tare->statistics.stretch + stretches;
     tare->scratch = tare->reading + n;
-    tare->statistics.reads = (unsigned char *)(tare->zero + count);
+    tare->statistics.reads = (unsigned char *)(tare->zero + tare_doubles(n, n_patterns));
     tare->n_gauges = n;
     tare->largest_zero = largest_zero;
     tare->present = 1;
@@ -73,20 +52,19 @@ int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare)
     if (!map_has(file, "tare")) {
         return file->good;
     }
-    return parse(file, n_gauges, &tare->limits) && (allocate(n_gauges, tare->limits.n_patterns, largest_zero, tare) || map_no_memory(file));
+    MAP_READ(file, "tare", TARE, TareLimits, &tare->limits);
+    const size_t n_patterns = tare->limits.n_patterns;
+    return lay_out(map_take(file, tare_bytes(n_gauges, n_patterns)), n_gauges, n_patterns, largest_zero, tare);
 }
 
-int tare_like(const Tare *other, Tare *tare) {
-    if (other->present && !allocate(other->n_gauges, other->limits.n_patterns, other->largest_zero, tare)) {
+int tare_like(const Tare *other, Memory *memory, Tare *tare) {
+    const size_t n = other->n_gauges, n_patterns = other->limits.n_patterns;
+    if (other->present && !lay_out(memory_take(memory, tare_bytes(n, n_patterns)), n, n_patterns, other->largest_zero, tare)) {
         return 0;
     }
     tare->limits = other->limits;
     tare_reset(tare);
     return 1;
-}
-
-void tare_free(Tare *tare) {
-    free(tare->memory);
 }
 
 void tare_reset(Tare *tare) {

@@ -10,10 +10,9 @@
 
 /* Read the part, if there is one, and allocate. 1; 0 after a message. */
 int tare_create(MapFile *file, size_t n_gauges, double largest_zero, Tare *tare);
-void tare_free(Tare *tare);
 
 /* Another tare of the same map, which has not begun; that must live as long. 1; 0 without memory. */
-int tare_like(const Tare *other, Tare *tare);
+int tare_like(const Tare *other, Memory *memory, Tare *tare);
 void tare_reset(Tare *tare);
 
 /* Take in the input at a step or an event; whether there are other zeros now. */

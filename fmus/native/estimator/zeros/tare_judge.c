@@ -280,7 +280,7 @@ void tare_judge(Tare *tare) {
     set_deviations(tare, &j);
     for (size_t i = 0; i < n; i++) {
         n_reading += tare->statistics.reads[i];
-        tare->statistics.mean[i] -= tare->statistics.reads[i] ? tare->limits.known[i] : 0.0;
+        tare->statistics.mean[i] -= tare->statistics.reads[i] ? tare->limits.known_strain[i] : 0.0;
     }
     judge_drift(tare, j.rise);
     judge_scatter(tare);

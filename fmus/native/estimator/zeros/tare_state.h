@@ -24,14 +24,7 @@ enum {
 
 /* Of the map; the arrays point into the bytes of the file. */
 typedef struct {
-    double dynamic_pressure, zero, drift; /* largest [Pa], [1], and rise over the window [1] */
-    double least_samples, least_part, least_gauges, own_factor, moved, loud;
-    const double *noise_std;         /* (n_gauges) [1] */
-    const double *known, *known_std; /* (n_gauges) strain of the loads that act meanwhile, and its standard deviation [1] */
-    size_t n_patterns;
-    const double *pattern;   /* (n_patterns, n_gauges) strain of flights, to any scale */
-    const double *load_odds; /* (n_gauges + 1) by the number of gauges that read: sum of squares along patterns, over the sum
-                                of the rest, that random zeros stay below */
+    MAP_MEMBERS(TARE)
 } TareLimits;
 
 /* What is serialised, as float64, with the arrays of the zeros and of the window behind it. */
@@ -58,7 +51,6 @@ typedef struct {
     size_t n_gauges;
     double largest_zero; /* [1] */
     TareLimits limits;
-    void *memory;
     int up;      /* the input */
     TareFlags flags;
     double *zero; /* (2 n_gauges + 1) of a tare: zeros, standard deviations, the common one [1]; the window follows */

@@ -1,0 +1,237 @@
+"""The layout of ``map.bin`` for C: ``python -m strainfmu.estimator.resource.c_layout`` writes ``map_layout.h``.
+
+A part is read into one structure or several. The header has each group of arrays as one macro: of it C makes the
+members of a structure and the rows of the table by which ``map_read`` reads, checks and refuses them.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from strainfmu.estimator.resource.map_file import LAYOUT
+from strainfmu.estimator.signal_names import TARE
+from strainfmu.estimator.tables.schema import Stored
+from strainfmu.files import write_bytes_atomically
+
+HEADER = Path(__file__).parents[3] / "fmus" / "native" / "estimator" / "map" / "map_layout.h"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Length:
+    """A length: ``symbol``, of ``array`` along ``axis``, from ``least`` to ``most``; ``member``: in C."""
+
+    symbol: str
+    array: str
+    axis: int = 0
+    least: str = "0"
+    most: str = "4096"
+    member: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Arrays of ``part`` in one structure: the arrays ``names``, or the rest."""
+
+    macro: str
+    part: str
+    lengths: tuple[Length, ...] = ()
+    names: tuple[str, ...] = ()
+
+
+GROUPS = (
+    Group(
+        macro="LINEAR",
+        part="linear",
+        lengths=(
+            Length(symbol="n_gauges", array="mean_strain", least="1"),
+            Length(symbol="n_states", array="state_operator"),
+            Length(symbol="n_errors", array="error_strain"),
+        ),
+    ),
+    Group(macro="ZERO_OFFSETS", part="settings", names=("zero_offset",)),
+    Group(macro="SETTINGS", part="settings"),
+    Group(
+        macro="ENVELOPE",
+        part="envelope",
+        lengths=(
+            Length(symbol="n_half_spaces", array="limit", most="65536"),
+            Length(symbol="n_layers", array="layers", least="1"),
+        ),
+    ),
+    Group(macro="SCALED", part="scaled"),
+    Group(macro="SCALED_ERRORS", part="scaled_errors", lengths=(Length(symbol="n_terms", array="common"),)),
+    Group(macro="ANGLES", part="angles"),
+    Group(
+        macro="THERMAL",
+        part="thermal",
+        lengths=(
+            Length(symbol="n_modes", array="prior_std", least="1"),
+            Length(symbol="n_sensors", array="sensor_std"),
+            Length(symbol="n_powers", array="apparent_strain"),
+        ),
+    ),
+    Group(macro="INERTIA", part="inertia"),
+    Group(macro="VEHICLE", part="vehicle"),
+    Group(
+        macro="PARAMETERS",
+        part="parameters",
+        lengths=(Length(symbol="n_parameters", array="minimum", least="1", most="64", member="count"),),
+    ),
+    Group(
+        macro="SENSORS",
+        part="sensors",
+        lengths=(Length(symbol="n_others", array="scale", most="n_gauges-1", member="count"),),
+    ),
+    Group(
+        macro="OTHER_LOADS",
+        part="other_loads",
+        lengths=(
+            Length(symbol="n_loads", array="is_moment", least="1"),
+            Length(symbol="n_arrays", array="array_size", least="1"),
+        ),
+    ),
+    Group(macro="FILTER", part="filter"),
+    Group(
+        macro="KNOTS",
+        part="flight",
+        names=("min_incidence", "mach_knots", "incidence_knots"),
+        lengths=(
+            Length(symbol="n_mach", array="mach_knots", least="2"),
+            Length(symbol="n_incidence", array="incidence_knots", least="2"),
+        ),
+    ),
+    Group(
+        macro="TABLES",
+        part="considered",
+        lengths=(
+            Length(symbol="n_channels", array="table", axis=2, least="1", most="2*n_rows"),
+            Length(symbol="n_harmonics", array="table", axis=3, least="1"),
+            Length(symbol="n_terms", array="row", least="n_rows", most="2*n_rows"),
+        ),
+    ),
+    Group(
+        macro="FLIGHT",
+        part="flight",
+        lengths=(
+            Length(symbol="n_common", array="common_error"),
+            Length(symbol="n_shapes", array="shapes", most="16"),
+            Length(symbol="n_considered_common", array="considered_common"),
+        ),
+    ),
+    Group(macro="FLIGHT_LOADS", part="flight_loads"),
+    Group(macro="PRODUCTS", part="parameter_tables", names=("product",)),
+    Group(
+        macro="PARAMETER_TABLES",
+        part="parameter_tables",
+        lengths=(
+            Length(symbol="n_parameters", array="mean", least="1", most="64"),
+            Length(symbol="n_powers", array="power", most="3*n_parameters"),
+            Length(symbol="n_basis", array="basis", most="65536"),
+        ),
+    ),
+    Group(
+        macro="TARE",
+        part=TARE,
+        lengths=(Length(symbol="n_patterns", array="pattern", least="1", most="n_strains"),),
+    ),
+)
+"""Groups in the order in which C reads them; arrays of tables are named once, by the part "considered"."""
+
+_OPENING = """\
+/* The arrays of map.bin, one a line: kind, member of the structure T of its group, name, what its values must be,
+   rank, smallest and largest number, symbol that a length binds, shape or bounds of a length; meaning.
+
+   Written by python -m strainfmu.estimator.resource.c_layout, of the schema of a map: do not edit. container.h
+   makes members of structures and rows of tables of it; map_read reads, checks and refuses by these. */
+
+#ifndef MAP_LAYOUT_H
+#define MAP_LAYOUT_H"""
+
+_LIMITS = {sys.float_info.max: "DBL_MAX", sys.float_info.min: "DBL_MIN"}
+
+TERM = re.compile(r"(?:(\d+)\*)?([a-z]\w*)([+-]\d+)?")
+
+
+def header() -> str:
+    """Return the content of ``map_layout.h``."""
+    groups = [(group, _arrays_of(group)) for group in GROUPS]
+    lines = [*_OPENING.splitlines(), "", "enum {", "    SYM_NONE,"]
+    lines += [*(f"    SYM_{_name(symbol)}," for symbol in _symbols(groups)), "    N_SYMBOLS", "};", ""]
+    for group, arrays in groups:
+        rows = [*map(_length_row, group.lengths), *map(_row, arrays)]
+        lines += [
+            f"#define {group.macro}(X, T) \\",
+            *(f"    {row} \\" for row in rows[:-1]),
+            f"    {rows[-1]}",
+            "",
+        ]
+    return "\n".join([*lines, "#endif", ""])
+
+
+def _arrays_of(group: Group) -> list[Stored]:
+    named = {name for one in GROUPS if one.part == group.part for name in one.names}
+    shared = {"table", "row", "channel", "cosine", "sine", "fixed_response"}
+    arrays = [one for one in LAYOUT if one.part == group.part]
+    if group.names:
+        return [one for one in arrays if one.name in group.names]
+    leave = named if group.macro == "TABLES" else named | shared
+    return [one for one in arrays if one.name not in leave]
+
+
+def _symbols(groups: list[tuple[Group, list[Stored]]]) -> list[str]:
+    found = dict[str, None]()
+    for group, arrays in groups:
+        axes = [axis for one in arrays for axis in one.shape.split()]
+        axes += [one.symbol for one in group.lengths]
+        for axis in axes:
+            match = TERM.fullmatch(axis)
+            if match is not None:
+                found[match[2]] = None
+    return [*found]
+
+
+def _name(symbol: str) -> str:
+    return symbol.removeprefix("n_").upper()
+
+
+def _size(text: str) -> str:
+    """Return a length in symbols as C has it."""
+    match = TERM.fullmatch(text)
+    if match is None:
+        return f"FIXED({text})"
+    times, symbol, plus = match.groups()
+    return f"AXIS({_name(symbol)}, {times or 1}, {int(plus or 0)})"
+
+
+def _length_row(one: Length) -> str:
+    bounds = f"SYM_{_name(one.symbol)}, {_size(one.least)}, {_size(one.most)}"
+    return f"X(T, LENGTH, {one.member or one.symbol}, {one.array}, ANY, {one.axis}, 0, 0, {bounds})"
+
+
+def _row(array: Stored) -> str:
+    axes = array.shape.split()
+    kind, rule = array.kind.upper(), array.rule
+    if kind == "VALUES":
+        kind += f"_{axes[0]}"
+    low, high = array.low, array.high
+    if kind == "NUMBER" and low is not None:
+        rule = "BETWEEN"
+    if isinstance(high, str):
+        axes, high = [high], None
+    numbers = ["0" if bound is None else _LIMITS.get(bound, f"{bound:g}") for bound in (low, high)]
+    if rule == "BETWEEN" and high is None:
+        numbers[1] = "DBL_MAX"
+    shape = ", ".join(_size(axis) for axis in axes) or "FIXED(0)"
+    rank = 0 if kind in ("WHOLE", "COUNT") else len(axes)
+    values = ", ".join([rule, str(rank), *numbers, "SYM_NONE", shape])
+    row = f"X(T, {kind}, {array.member or array.name}, {array.name}, {values})"
+    unit = f" [{array.unit}]" if array.unit not in ("", "1") else ""
+    meaning = re.split("; |: |, for ", array.meaning)[0]
+    return f"{row} /* {meaning}{unit} */"
+
+
+if __name__ == "__main__":
+    write_bytes_atomically(HEADER, header().encode())

@@ -1,0 +1,20 @@
+"""The layout of ``map.bin``: the header for C is of the schema, and a value has one place."""
+
+from __future__ import annotations
+
+import pytest
+
+from strainfmu.estimator.resource.c_layout import HEADER, header
+from strainfmu.estimator.resource.map_file import LAYOUT
+
+pytestmark = pytest.mark.fast
+
+
+def test_the_header_for_c_is_of_the_schema() -> None:
+    assert HEADER.read_text(encoding="utf-8") == header(), "python -m strainfmu.estimator.resource.c_layout"
+
+
+def test_each_array_has_one_place_and_a_meaning() -> None:
+    places = [one.place for one in LAYOUT]
+    assert len(set(places)) == len(places)
+    assert all(one.meaning for one in LAYOUT)
