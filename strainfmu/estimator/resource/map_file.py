@@ -1,8 +1,8 @@
 """The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
 A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` and the table
-in :mod:`~strainfmu.estimator.resource.nonlinear_arrays` list what follows from them, :data:`PARTS` the parts that not
-every map has. A bound that a map does not state is the largest finite number.
+of :mod:`~strainfmu.estimator.resource.nonlinear_arrays` list what follows from them, :data:`PARTS` the parts that
+not every map has. A bound that a map does not state is the largest finite number.
 
 Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Gains, whitening
 and directions of the linear estimator follow from them: the compiled estimator computes these as it opens a map.
