@@ -225,6 +225,11 @@ class Estimate(NamedLoads):
         )
         return SectionLoads(stations, loads, std)
 
+    @property
+    def load_factor(self) -> FloatArray:
+        """(3,) axial, normal, side force over the weight of the vehicle's mass; none where the map states no mass."""
+        return self._field("load_factor")
+
     # Health, and what it rests on.
 
     @property

@@ -63,6 +63,7 @@ _OUTPUTS = {
     "loads": "[N, N, N, N m, N m]",
     "loads_std": "their standard deviations",
     "health": "state, as below",
+    "load_factor": "[1] axial, normal, side force over the weight of the stated mass",
     "usable": "1 if health is OK or DEGRADED: loads may be used with their standard deviations",
     "chi_square": "[1] of the residual",
     "chi_square_limit": "[1] above it health is INCONSISTENT",

@@ -205,6 +205,17 @@ def accelerated(held: InverseMap, load_factor: float = 5.0) -> tuple[InverseMap,
     return with_mass, fitting(held) + strain_of(held, motion), motion
 
 
+@KINDS
+def test_loads_over_the_weight_are_the_load_factor(held: InverseMap) -> None:
+    """n = F / (m g), where the mass is stated; no values where it is not."""
+    with_mass, strain, motion = accelerated(held, load_factor=4.0)
+    estimate = Estimator(with_mass).step(strain, **air(held), **motion)
+    weight = with_mass.inertia.vehicle_mass * STANDARD_GRAVITY
+    np.testing.assert_allclose(estimate.load_factor, estimate.loads[:3] / weight, rtol=1e-15)
+    assert np.hypot(*estimate.load_factor[1:]) == pytest.approx(4.0, rel=0.05)
+    assert Estimator(held).step(fitting(held), **air(held)).load_factor.shape == (0,)
+
+
 def in_g(motion: dict[str, float]) -> dict[str, float]:
     """Return the motion with specific forces in g, as if they were in m/s2."""
     return {name: value / STANDARD_GRAVITY if name in LATERAL_FORCES else value for name, value in motion.items()}

@@ -22,6 +22,8 @@
 #define MAX_FIELDS 32
 #define N_RECORDS (SL_TARE + 1)
 #define N_RUNS 9 /* of a sample */
+#define N_FORCES 3 /* axial, normal, side */
+#define STANDARD_GRAVITY 9.80665 /* [m/s2] */
 
 /* Fields of a record. */
 typedef struct {
@@ -124,6 +126,7 @@ static void describe_outputs(StrainLoad *handle) {
     add_field(record, "other_coefficients_std", n_other);
     add_field(record, "parameter_score", e->parameters.count);
     add_field(record, "usable", 1);
+    add_field(record, "load_factor", e->thermal.map.vehicle_mass > 0.0 ? N_FORCES : 0);
 }
 
 static void describe_fit(StrainLoad *handle) {
@@ -358,7 +361,11 @@ static void write_result(StrainLoad *handle, double *output, double *fit) {
         const double given = e->inputs.value[first_parameter(&e->inputs) + k];
         output[k] = given == e->map.not_known ? 0.0 : parameter_score(&e->parameters, k, given);
     }
-    output[e->parameters.count] = (double)is_usable(e->output[HEALTH_STATE]);
+    output += e->parameters.count;
+    *output++ = (double)is_usable(e->output[HEALTH_STATE]);
+    for (size_t i = 0; e->thermal.map.vehicle_mass > 0.0 && i < N_FORCES; i++) {
+        output[i] = e->output[LOADS + i] / (e->thermal.map.vehicle_mass * STANDARD_GRAVITY);
+    }
     if (fit != NULL) {
         write_fit(e, fit);
     }
