@@ -227,7 +227,7 @@ class Estimate(NamedLoads):
 
     @property
     def load_factor(self) -> FloatArray:
-        """(3,) axial, normal, side force over the weight of the vehicle's mass; none where the map states no mass."""
+        """(3,) axial, normal, side force over the weight of the vehicle; none where the map states no mass."""
         return self._field("load_factor")
 
     # Health, and what it rests on.

@@ -136,7 +136,7 @@ def linear_rows(m: InverseMap, random: Random, ratio: np.ndarray, state: np.ndar
         return np.asarray(
             m.mean_strain + state @ columns.T + random.standard_normal((len(ratio), m.n_gauges)) @ root.T
         )
-    own = m.modes.isothermal_covariance
+    own = m.thermal_and_inertia.isothermal_covariance
     fixed = m.fixed_strain
     noise = random.standard_normal((len(ratio), m.n_gauges)) @ np.linalg.cholesky(own).T
     return np.asarray(fixed + ratio[:, None] * (m.mean_strain - fixed + state @ columns.T) + noise)
@@ -296,7 +296,8 @@ def table_rows(
     manifold = m.manifold
     assert manifold is not None
     k, n, one = len(state), m.n_gauges, 1 if lasting else len(state)
-    noise = np.full(n, COLD_NOISE) if m.modes.n_modes else np.sqrt(np.diag(manifold.gauge_covariance))
+    warm = m.thermal_and_inertia.n_modes > 0
+    noise = np.full(n, COLD_NOISE) if warm else np.sqrt(np.diag(manifold.gauge_covariance))
     discrepancy = random.standard_normal((one, manifold.error_strain.shape[1])) @ manifold.error_strain.T
     gain = manifold.gain_std * random.standard_normal((one, n)) + manifold.common_gain * random.normal(
         size=(one, 1)
