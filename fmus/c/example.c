@@ -15,6 +15,7 @@
 
 #include "estimator/interface/strainload.h"
 #include "map_data.h"
+#include "positions.h"
 #include "samples.h"
 
 enum { LINE_SIZE = 1 << 17, MOST_COLUMNS = 4096, N_LOADS = 5 };
@@ -49,9 +50,7 @@ static int same_bits(double a, double b) {
 /* The built-in samples: the five loads, each with its standard deviation, and health. */
 static int run_samples(StrainLoad *handle, double *output) {
     const size_t n_inputs = sl_size(handle, SL_INPUTS), n_outputs = sl_size(handle, SL_OUTPUTS);
-    const double *load = output + first_of(handle, SL_OUTPUTS, "loads");
-    const double *std = output + first_of(handle, SL_OUTPUTS, "loads_std");
-    const double *health = output + first_of(handle, SL_OUTPUTS, "health");
+    const double *load = output + SL_OUT_LOADS, *std = output + SL_OUT_LOADS_STD, *health = output + SL_OUT_HEALTH;
     size_t others = 0;
     double largest = 0.0;
     printf("time [s]");

@@ -247,8 +247,22 @@ static void *measure_all(void *unused) {
     return unused;
 }
 
+/* Whether a buffer of the stated size is enough, without a request of memory. */
+static int opens_in_buffer(void) {
+    void *buffer = malloc(sl_size(handle, SL_MEMORY));
+    const size_t before = n_requests;
+    counting = 1;
+    StrainLoad *other = buffer != NULL ? sl_open_in(sl_map_data, sl_map_size, buffer, sl_size(handle, SL_MEMORY), text) : NULL;
+    sl_close(other);
+    counting = 0;
+    free(buffer);
+    return other != NULL && n_requests == before;
+}
+
 static void print_memory(size_t of_opening) {
     printf("map_data.c %26lu bytes, constant\n", (unsigned long)sl_map_size);
+    printf("a handle of sl_open_in %14lu bytes, no request\n", (unsigned long)sl_size(handle, SL_MEMORY));
+    printf("iterations of a step %16lu at most\n", (unsigned long)sl_size(handle, SL_ITERATIONS));
 #if defined(WRAPPED)
     printf("a handle %28lu bytes in %lu blocks, taken by sl_open\n", (unsigned long)most_in_use, (unsigned long)n_requests);
 #else
@@ -296,6 +310,10 @@ int main(int count, char **words) {
     const size_t of_opening_requests = n_requests, of_steps = stack_of(measure_all);
     if (of_steps > 0) {
         printf("stack of a step %21lu bytes at most\n", (unsigned long)of_steps);
+    }
+    if (of_opening > sl_size(handle, SL_STACK) || of_steps > sl_size(handle, SL_STACK) || !opens_in_buffer()) {
+        fprintf(stderr, "measure: stack or buffer is larger than sl_size states\n");
+        return 1;
     }
 #if defined(WRAPPED)
     printf("requests of memory by steps %9lu\n", (unsigned long)(n_requests - of_opening_requests));

@@ -46,6 +46,8 @@ class Record(IntEnum):
     STATE = 7
     TARE_STATE = 8
     ITERATIONS = 9
+    STACK = 10
+    MEMORY = 11
 
 
 class Series(IntEnum):
@@ -78,6 +80,7 @@ class Core:
     inputs, settings, outputs, fit : layouts of its records; the fields of ``fit`` begin behind the outputs.
     tare_outcome : layout of what a tare finds.
     most_iterations : Gauss-Newton iterations that no sample exceeds; 0 of a map without tables.
+    stack_size, memory_size : bytes of stack that no function exceeds; bytes of a handle, without the map.
     """
 
     def __init__(self, resource: bytes) -> None:
@@ -105,6 +108,7 @@ class Core:
         self.tare_outcome = self._layout(Record.TARE)
         self._n_outcome, self._tare_state_size = size[Record.TARE], size[Record.TARE_STATE]
         self.most_iterations = size[Record.ITERATIONS]
+        self.stack_size, self.memory_size = size[Record.STACK], size[Record.MEMORY]
         # One sample: the addresses of these arrays are taken once.
         self.sample = np.full(self.n_inputs, np.nan)
         self._result = np.empty(self.n_outputs + self.n_fit)

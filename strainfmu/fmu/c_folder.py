@@ -24,7 +24,14 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.estimator.setting_inputs import SETTING_INPUTS
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, STRAIN, TEMPERATURE, THRUST, OperatingSettings
+from strainfmu.estimator.signal_names import (
+    COEFFICIENT_ARRAY,
+    LOAD_NAMES,
+    STRAIN,
+    TEMPERATURE,
+    THRUST,
+    OperatingSettings,
+)
 from strainfmu.files import check_new_folder
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS, compiled_files, model_sources
 from strainfmu.fmu.reference_run.run import ReferenceRun, reference_run
@@ -117,6 +124,7 @@ def c_entries(inverse_map: InverseMap, content_hash: str) -> dict[str, bytes]:
         **sources,
         **{name: own.joinpath(name).read_bytes() for name in FILES},
         "map_data.c": _map_data(resource),
+        "positions.h": _positions_header(core),
         "samples.c": _samples(core, run.time, input_records(inverse_map, core.inputs, run)),
         "CMakeLists.txt": _cmake_lists(compiled_files(sources)),
         "README.txt": _readme(inverse_map, content_hash, core).encode(),
@@ -145,6 +153,62 @@ def input_records(inverse_map: InverseMap, inputs: Layout, run: ReferenceRun) ->
             if name in run.inputs:
                 found[:, place] = run.inputs[name]
     return found
+
+
+def bounds(core: Core) -> str:
+    """Return what a flight computer must set aside for a map, as one line."""
+    iterations = f"{core.most_iterations} iterations in a step" if core.most_iterations else "no iterations"
+    return (
+        f"map {len(core.resource):,} bytes, constant; a handle {core.memory_size:,} bytes; stack at most "
+        f"{core.stack_size:,} bytes; at most {iterations}; time of the worst step: build/measure on the target"
+    )
+
+
+def bounds_in(folder: Path) -> str:
+    """Return the line of :func:`bounds` in the README.txt of ``folder``."""
+    lines = (folder / "README.txt").read_text(encoding="utf-8").splitlines()
+    return lines[lines.index("MEMORY") + 1].strip()
+
+
+def _positions_header(core: Core) -> bytes:
+    """Return ``positions.h``: places of fields and named values of a sample, results and settings; sizes."""
+    elements = {
+        COEFFICIENT_ARRAY: COEFFICIENT_NAMES,
+        "loads": LOAD_NAMES,
+        "air_data": AIR_DATA_NAMES,
+        "air_data_used": [f"{one}_used" for one in NAVIGATION],
+    }
+    elements |= {
+        f"{name}_std": [f"{one}_std" for one in elements[name]]
+        for name in (COEFFICIENT_ARRAY, "loads", "air_data")
+    }
+    lines = [
+        "/* Positions of values in the records of this map, and its sizes: README.txt has the meaning. */",
+        "",
+        "#ifndef POSITIONS_H",
+        "#define POSITIONS_H",
+    ]
+    for record, layout in (("IN", core.inputs), ("OUT", core.outputs), ("SET", core.settings)):
+        fields = {name: part for name, part in layout.items() if part.stop > part.start}
+        places = {name: part.start for name, part in fields.items()}
+        for name, part in fields.items():
+            places |= dict(zip(elements.get(name, ()), range(part.start, part.stop), strict=False))
+        constants = [f"SL_{record}_{name.upper()} = {place}" for name, place in places.items()]
+        size = max(part.stop for part in fields.values())
+        lines += ["", "enum {", *(f"    {one}," for one in constants), f"    SL_{record}_SIZE = {size}", "};"]
+    sizes = {
+        "ROWS": core.n_rows,
+        "ITERATIONS": core.most_iterations,
+        "STACK": core.stack_size,
+        "MEMORY": core.memory_size,
+    }
+    lines += [
+        "",
+        "/* Of sl_size: sensors, iterations of a step, bytes of stack and of a buffer of sl_open_in. */",
+        "enum {",
+    ]
+    lines += [",\n".join(f"    SL_{name}_SIZE = {size}" for name, size in sizes.items()), "};", "", "#endif", ""]
+    return "\n".join(lines).encode()
 
 
 def _map_data(resource: bytes) -> bytes:
@@ -264,6 +328,7 @@ def _readme(inverse_map: InverseMap, content_hash: str, core: Core) -> str:
         n_gauges=inverse_map.n_gauges,
         map_size=len(core.resource),
         most_iterations=core.most_iterations,
+        bounds=bounds(core),
         flags=" ".join(("-std=c99", "-O2", *ARITHMETIC_FLAGS)),
         n_inputs=core.n_inputs,
         inputs=_record(core.inputs, inputs),

@@ -26,7 +26,7 @@ from strainfmu.estimator.core import Series
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.fmu.c_folder import WARNING_FLAGS
+from strainfmu.fmu.c_folder import WARNING_FLAGS, bounds_in
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.native.build import compile_with_zig
 from strainfmu.fmu.native.sources import ARITHMETIC_FLAGS
@@ -106,25 +106,55 @@ def link(sources: Path, library: Path, output: Path) -> Path:
 
 CPP = """
 #include <cstdio>
-#include "map_data.h"
+#include <vector>
 #include "estimator/interface/strainload.h"
+#include "map_data.h"
+#include "positions.h"
+#include "samples.h"
+
+static unsigned char buffer[SL_MEMORY_SIZE];
 
 int main() {
     char text[SL_TEXT_SIZE];
-    StrainLoad *handle = sl_open(sl_map_data, sl_map_size, text);
-    std::printf("%zu rows\\n", handle != nullptr ? sl_size(handle, SL_ROWS) : 0);
+    if (sl_open_in(sl_map_data, sl_map_size, buffer, sizeof buffer / 2, text) != nullptr) {
+        return 1;
+    }
+    std::printf("%s\\n", text);
+    StrainLoad *handle = sl_open_in(sl_map_data, sl_map_size, buffer, sizeof buffer, text);
+    if (handle == nullptr || sl_size(handle, SL_INPUTS) != SL_IN_SIZE
+        || sl_size(handle, SL_OUTPUTS) != SL_OUT_SIZE) {
+        return 2;
+    }
+    std::vector<double> output(SL_OUT_SIZE);
+    sl_step(handle, sl_sample_time[0], sl_sample_input, nullptr, output.data());
+    std::printf("%zu rows %d %d %d\\n", sl_size(handle, SL_ROWS),
+                output[SL_OUT_C_N] == sl_sample_output[SL_OUT_C_N],
+                output[SL_OUT_NORMAL_FORCE_STD] == sl_sample_output[SL_OUT_NORMAL_FORCE_STD],
+                sl_sample_input[SL_IN_MACH_NUMBER] > 0.0);
     sl_close(handle);
 }
 """
 
 
-def test_a_program_in_cpp_links_the_library(built: Path, tmp_path: Path) -> None:
+def test_a_program_in_cpp_needs_no_heap_and_names_values(built: Path, tmp_path: Path) -> None:
     """Names of functions are other ones in C++ unless the headers declare them as C."""
     compiler = program("c++", "g++", "clang++", install="apt install g++")
     (tmp_path / "host.cpp").write_text(CPP)
     library, host = built / "build" / "libstrainload.a", tmp_path / "host"
-    output_of(compiler, "-Wall", "-Werror", f"-I{built / 'c'}", tmp_path / "host.cpp", library, "-lm", "-o", host)
-    assert output_of(host) == f"{load_inverse_map(built / 'map.h5').n_gauges} rows\n"
+    sources = [tmp_path / "host.cpp", built / "c" / "samples.c", built / "c" / "map_data.c"]
+    flags = ("-Wall", "-Wextra", "-pedantic", "-Werror")
+    output_of(compiler, *flags, f"-I{built / 'c'}", *sources, library, "-lm", "-o", host)
+    n = load_inverse_map(built / "map.h5").n_gauges
+    assert output_of(host).splitlines() == ["needs more memory than there is", f"{n} rows 1 1 1"]
+
+
+def test_the_export_states_what_must_be_set_aside(built: Path) -> None:
+    core = Estimator(load_inverse_map(built / "map.h5")).core
+    line = bounds_in(built / "c")
+    assert f"a handle {core.memory_size:,} bytes" in line
+    assert f"at most {core.most_iterations} iterations in a step" in line
+    measured = output_of(built / "build" / "measure", "1")
+    assert re.search(rf"a handle of sl_open_in +{core.memory_size} bytes", measured)
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -258,6 +288,7 @@ def test_the_folder_holds_no_front_of_fmi(built: Path) -> None:
         "map_data.c",
         "map_data.h",
         "measure.c",
+        "positions.h",
         "samples.c",
         "samples.h",
     ]

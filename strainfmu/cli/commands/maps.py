@@ -133,6 +133,10 @@ def export(
         given["platforms"] = [name.strip() for name in platforms.split(",")]
     found = strainfmu.export(**given)
     Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    if kind == "c":
+        from strainfmu.fmu.c_folder import bounds_in
+
+        Console().print(bounds_in(output), highlight=False, markup=False, soft_wrap=True)
     if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)

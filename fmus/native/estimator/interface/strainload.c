@@ -22,6 +22,7 @@
 #define MAX_FIELDS 32
 #define N_RECORDS (SL_TARE + 1)
 #define N_RUNS 9 /* of a sample */
+#define STACK_SIZE 16384 /* measured: 10,000 bytes on x86-64 and aarch64; fmus/c/measure.c ends with an error above it */
 #define N_FORCES 3 /* axial, normal, side */
 #define STANDARD_GRAVITY 9.80665 /* [m/s2] */
 
@@ -238,6 +239,9 @@ size_t sl_size(const StrainLoad *handle, int record) {
     }
     if (record == SL_TARE_STATE) {
         return tare_state_size(&handle->steps);
+    }
+    if (record == SL_STACK) {
+        return STACK_SIZE;
     }
     if (record == SL_MEMORY) {
         return handle->estimator->memory.taken - handle->copied + MEMORY_ALIGNMENT;

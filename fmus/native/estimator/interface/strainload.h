@@ -32,9 +32,6 @@ extern "C" {
 /* Changes when a function or the meaning of a field does. */
 #define SL_VERSION 5
 
-/* Bytes of stack that no function needs more of. */
-#define SL_STACK_SIZE 16384
-
 #define SL_TEXT_SIZE 256
 #define SL_NAME_SIZE 64
 
@@ -52,6 +49,7 @@ enum {
     SL_STATE,       /* bytes of what a sample leaves to the next one */
     SL_TARE_STATE,  /* bytes of a tare by steps */
     SL_ITERATIONS,  /* most iterations of a sample: the field "iterations" of SL_OUTPUTS never exceeds it; 0 without tables */
+    SL_STACK,       /* bytes of stack that no function needs more of */
     SL_MEMORY       /* bytes of a handle: the size of a buffer of sl_open_in; sl_open takes the map's copy besides */
 };
 
@@ -76,7 +74,7 @@ SL_API StrainLoad *sl_open(const void *bytes, size_t length, char text[SL_TEXT_S
 SL_API StrainLoad *sl_open_in(const void *bytes, size_t length, void *buffer, size_t size, char text[SL_TEXT_SIZE]);
 SL_API void sl_close(StrainLoad *handle);
 
-/* Number of values of a record, of rows, of bytes of the state, or of iterations. */
+/* Number of values of a record, of rows, of iterations, or of bytes. */
 SL_API size_t sl_size(const StrainLoad *handle, int record);
 
 /* Field `index` of a record. 1; 0 if there is none. */
