@@ -95,6 +95,8 @@ _PLANT_SOURCES = (
     "estimator/map/sensors.py",
     "estimator/setting_inputs.py",
     "estimator/signal_names.py",
+    "estimator/tables/__init__.py",
+    "estimator/tables/schema.py",
     "interface/",
     "cosim/__init__.py",
     "cosim/models/__init__.py",

@@ -124,7 +124,7 @@ class NumpyCore:
             | dict.fromkeys((*of_health, "envelope_score", "degrees_of_freedom", "iterations"), 1)
             | dict.fromkeys(("air_data", "air_data_std", "is_identified", "air_data_used", "is_linear"), 0)
             | dict.fromkeys(more, m)
-            | {"parameter_score": n_p, "usable": 1}
+            | {"parameter_score": n_p, "usable": 1, "load_factor": 0}
         )
         self.n_inputs, self.n_outputs = _size(self.inputs), _size(self.outputs)
         self.fit = _layout(
