@@ -14,6 +14,7 @@
 #include "../policies/health.h"
 #include "../sample/inertia.h"
 #include "../sample/readings.h"
+#include "estimator_model.h"
 #include "estimator_state.h"
 #include "estimator_variables.h"
 

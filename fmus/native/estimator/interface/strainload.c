@@ -15,7 +15,7 @@
 #include "../../core/floating.h"
 #include "../policies/flight.h"
 #include "../sample/readings.h"
-#include "estimator_state.h"
+#include "estimator_model.h"
 #include "fit.h"
 #include "tare_record.h"
 

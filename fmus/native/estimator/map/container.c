@@ -9,8 +9,8 @@
    A file may come from anywhere. map_open checks the table entry by entry: a name of allowed letters that is greater
    than the last one, a kind and a rank that exist, lengths whose product does not overflow, the position where the
    last array ended, no bytes left at the end, finite numbers. So later functions may trust offsets. map_read then
-   checks name, kind, shape and values against the rows of map_layout.h and notes the first fault; map_close refuses arrays that
-   nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
+   checks name, kind, shape and values against the rows of map_layout.h and notes the first fault; map_close refuses
+   arrays that nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
    strainfmu/estimator/resource/container.py writes it. */
 
 #include "container.h"
@@ -271,9 +271,7 @@ static void require_rule(MapFile *file, const char *name, const MapRow *row, con
         break;
     }
     case MAP_BETWEEN:
-        if (!(*value >= row->low && *value <= row->high)) {
-            refuse(file, "'%s': expected a number from %g to %g, found %g", name, row->low, row->high, *value);
-        }
+        map_require_between(file, name, *value, row->low, row->high);
         break;
     case MAP_FROM_0:
         for (size_t i = 0; i < count; i++) {
@@ -333,8 +331,12 @@ static void read_row(MapFile *file, const char *name, const MapRow *row, void *m
     case MAP_COUNT:
         count = row->high > 0.0 ? (size_t)row->high : length_of(file, &row->length[0]);
         count = take_count(file, name, (size_t)row->low, count);
-        whole = (int)count;
-        memcpy(member, row->kind == MAP_COUNT ? (void *)&count : (void *)&whole, row->kind == MAP_COUNT ? sizeof count : sizeof whole);
+        if (row->kind == MAP_COUNT) {
+            memcpy(member, &count, sizeof count);
+        } else {
+            whole = (int)count;
+            memcpy(member, &whole, sizeof whole);
+        }
         break;
     case MAP_TEXT:
         text = take_texts(file, name, length_of(file, &row->length[0]), length_of(file, &row->length[1]));
@@ -352,6 +354,11 @@ int map_read(MapFile *file, const char *part, const MapRow *row, size_t count, v
         read_row(file, name, &row[k], (unsigned char *)into + row[k].member);
     }
     return file->good;
+}
+
+int map_require_between(MapFile *file, const char *name, double value, double low, double high) {
+    const int is_between = value >= low && value <= high;
+    return is_between ? file->good : refuse(file, "'%s': expected a number from %g to %g, found %g", name, low, high, value);
 }
 
 int map_require(MapFile *file, int condition, const char *name, const char *expected) {

@@ -93,7 +93,9 @@ int map_read(MapFile *file, const char *part, const MapRow *row, size_t count, v
 /* Text of an array that has one of `width` bytes at most. */
 const char *map_text(MapFile *file, const char *name, size_t width);
 
-/* Record that an array is not what is expected, unless a condition holds. It returns `good`. */
+/* Record that a number is not from low to high; that an array is not what is expected, unless a condition holds. They
+   return `good`. */
+int map_require_between(MapFile *file, const char *name, double value, double low, double high);
 int map_require(MapFile *file, int condition, const char *name, const char *expected);
 
 /* Whether all is well and every array has been read: one that nothing reads has a wrong name. */

@@ -70,10 +70,10 @@ enum {
     X(T, NUMBER, dynamic_pressure, dynamic_pressure, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* mean q_inf of the snapshots [Pa] */ \
     X(T, NUMBER, smallest_setting, smallest, BETWEEN, 0, DBL_MIN, 1, SYM_NONE, FIXED(0)) /* bounds of settings */ \
     X(T, NUMBER, largest_setting, largest, BETWEEN, 0, 1, DBL_MAX, SYM_NONE, FIXED(0)) /* the same */ \
-    X(T, NUMBER, reference_area, reference_area, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* what the map was built with [m2] */ \
-    X(T, NUMBER, reference_length, reference_length, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same [m] */ \
+    X(T, NUMBER, reference_area, reference_area, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* what the map was built with [m2] */ \
+    X(T, NUMBER, reference_length, reference_length, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same [m] */ \
     X(T, NUMBER, moment_station, moment_station, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same [m] */ \
-    X(T, NUMBER, sensor_range, sensor_range, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value */ \
+    X(T, NUMBER, sensor_range, sensor_range, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value */ \
     X(T, NUMBER, largest_zero, largest_zero, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* of zero offsets and their standard deviations */ \
     X(T, NUMBER, not_known, not_known, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* start value of flow parameters, and a value of thrust, that means what NaN does */
 

@@ -36,19 +36,11 @@ static void take_form(MapFile *file, Map *map) {
 /* Start values lie within the limits of settings: the state of an instance that holds them is accepted. */
 static void take_settings(MapFile *file, Map *map) {
     MAP_READ(file, "settings", SETTINGS, Map, map);
-    const struct {
-        const char *name;
-        double value, least;
-    } start[] = {
-        {"settings.reference_area", map->reference_area, map->smallest_setting},
-        {"settings.reference_length", map->reference_length, map->smallest_setting},
-        {"settings.moment_station", map->moment_station, -map->largest_setting},
-        {"settings.sensor_range", map->sensor_range, map->smallest_setting},
-    };
-    for (size_t k = 0; k < sizeof start / sizeof *start; k++) {
-        map_require(file, start[k].value >= start[k].least && start[k].value <= map->largest_setting, start[k].name,
-                    "a number within the bounds of settings");
-    }
+    const double smallest = map->smallest_setting, largest = map->largest_setting;
+    map_require_between(file, "settings.reference_area", map->reference_area, smallest, largest);
+    map_require_between(file, "settings.reference_length", map->reference_length, smallest, largest);
+    map_require_between(file, "settings.moment_station", map->moment_station, -largest, largest);
+    map_require_between(file, "settings.sensor_range", map->sensor_range, smallest, largest);
 }
 
 int map_parse(MapFile *file, Map *map) {
