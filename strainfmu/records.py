@@ -12,6 +12,7 @@ import json
 from collections.abc import Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from os import PathLike
+from textwrap import wrap
 from typing import Any, TypeVar, cast
 
 import h5py
@@ -159,3 +160,19 @@ def _values(group: h5py.Group, name: str) -> np.ndarray | None:
     if value.size:
         item.read(h5py.h5s.ALL, h5py.h5s.ALL, value)
     return value
+
+
+def brief(record: Any) -> str:
+    """Return a dataclass in few lines: arrays by shape, collections by length, records by type."""
+    parts = [f"{entry.name}{_in_short(getattr(record, entry.name))}" for entry in fields(record)]
+    return "\n  ".join(wrap(f"{type(record).__name__}({', '.join(parts)})", 112))
+
+
+def _in_short(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f" {value.shape}".replace(",)", ")")
+    if is_dataclass(value):
+        return f": {type(value).__name__}"
+    if isinstance(value, tuple | list | dict):
+        return f": {len(value)}"
+    return f"={value!r:.80}"

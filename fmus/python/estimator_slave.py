@@ -22,8 +22,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.map.offers import has_other_outputs
+from strainfmu.estimator.map.inverse_map import has_other_outputs, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain

@@ -333,8 +333,7 @@ def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
         from strainfmu.cosim.estimators.description import load_groups_in
 
         return load_groups_in(source)
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-    from strainfmu.estimator.map.offers import groups_of_outputs
+    from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
 
     return groups_of_outputs(load_inverse_map(source))
 

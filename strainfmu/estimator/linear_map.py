@@ -44,6 +44,7 @@ from strainfmu.estimator.state_map import (
     whitened_spectrum,
 )
 from strainfmu.files import write_bytes_atomically
+from strainfmu.records import brief
 
 N_LOADS = 5
 """Loads that an :class:`~strainfmu.InverseMap` has at least."""
@@ -95,6 +96,8 @@ class LinearMap:
     _load_of_mean: FloatArray  # (n_f,)
     _largest_strain: FloatArray  # (n_d,) over the snapshots
     _load_range: FloatArray  # (n_f, 2) over the snapshots
+
+    __repr__ = brief
 
     @property
     def case(self) -> int:

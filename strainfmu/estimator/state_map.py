@@ -29,6 +29,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map_checks import check_covariance
 from strainfmu.estimator.numerics.whitening import inverse_root
+from strainfmu.records import brief
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled A in Case 1: above it the gauges do not identify the states."""
@@ -57,6 +58,8 @@ class StateMap:
     state_offset: FloatArray
     unresolved: FloatArray
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LeastSquaresMap(StateMap):
@@ -70,6 +73,8 @@ class LeastSquaresMap(StateMap):
 
     covariance_factor: FloatArray
     condition_number: float
+
+    __repr__ = brief
 
     @property
     def state_covariance(self) -> FloatArray:
@@ -240,6 +245,8 @@ class GaussianMap(StateMap):
     """
 
     spectrum: WhitenedSpectrum
+
+    __repr__ = brief
 
     @property
     def filter_factors(self) -> FloatArray:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from zipfile import BadZipFile, ZipFile
 
 from strainfmu.estimator.alarm_limits import outside_score
-from strainfmu.estimator.map.offers import groups_of_outputs
+from strainfmu.estimator.map.inverse_map import groups_of_outputs
 from strainfmu.estimator.map.validity import all_ranges
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable

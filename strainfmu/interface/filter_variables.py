@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.map.offers import has_filter
+from strainfmu.estimator.map.inverse_map import has_filter
 from strainfmu.estimator.policies import LARGEST_TIME as LARGEST
 from strainfmu.estimator.policies import SMALLEST_TIME as SMALLEST
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT as FILTER_TIME_CONSTANT

@@ -39,6 +39,7 @@ from strainfmu.recorded.history import History
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.recorder_errors import RecorderWatch
 from strainfmu.recorded.samples import Gaps, Samples, open_recording
+from strainfmu.records import brief
 from strainfmu.text_cells import DateOrder
 
 if TYPE_CHECKING:
@@ -85,6 +86,8 @@ class EstimationSummary:
     gaps: Gaps = field(default_factory=Gaps)
     unused: tuple[str, ...] = ()
     notes: list[str] = field(default_factory=list)
+
+    __repr__ = brief
 
     @property
     def duration(self) -> float:

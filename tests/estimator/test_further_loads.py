@@ -15,7 +15,6 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.inverse_map import (
     LOAD_NAMES,
     SCHEMA,
@@ -23,6 +22,7 @@ from strainfmu.estimator.map.inverse_map import (
     InverseMap,
     load_inverse_map,
     save_inverse_map,
+    with_gauge_covariance,
 )
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.settings import default_settings

@@ -44,9 +44,8 @@ from strainfmu.estimator.map.flow_parameters import (
     flow_parameters,
 )
 from strainfmu.estimator.map.inertia import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.lateral_slope import LEAST_PART_OF_SLOPE, incidence_per_force
-from strainfmu.estimator.map.offers import has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.validity import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std

@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.offers import has_filter
+from strainfmu.estimator.map.inverse_map import InverseMap, has_filter
 from strainfmu.estimator.resource.map_file import native_resource
 from strainfmu.fmu.native.build import library_file
 

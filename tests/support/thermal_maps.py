@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.estimator.map.added_noise import with_gauge_covariance
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.temperature import ThermalMap
 
 REFERENCE = 293.15

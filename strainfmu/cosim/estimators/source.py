@@ -18,8 +18,7 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
-from strainfmu.estimator.map.offers import groups_of_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, load_inverse_map
 from strainfmu.estimator.other_loads import SIGMA, output_units
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map

@@ -13,6 +13,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.files import open_hdf5, write_bytes_atomically, write_hdf5_atomically
+from strainfmu.records import brief
 
 SCHEMA = "strainfmu.recording"
 SCHEMA_VERSION = 1
@@ -39,6 +40,8 @@ class Recording:
     values: FloatArray
     instances: tuple[str, ...] = ()
     step_cost: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+
+    __repr__ = brief
 
     def __getitem__(self, name: str) -> FloatArray:
         """Return the (n,) values of the signal ``name``.

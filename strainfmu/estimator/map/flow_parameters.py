@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,9 +17,6 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.arguments import per_sample
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
 
 PARAMETER_TOLERANCE = 0.01
 """Part of its range by which a parameter may leave it: errors of a sensor of deflection, and of rounding."""
@@ -88,7 +85,7 @@ class FlowParameters:
         )
 
 
-def flow_parameters(inverse_map: InverseMap) -> FlowParameters:
+def flow_parameters(inverse_map: Any) -> FlowParameters:
     """Return the parameters of ``inverse_map``, none of one whose snapshots have none."""
     ranges: dict[str, list[float]] = inverse_map.provenance.get("parameters", {})
     bounds = np.array([*ranges.values()], dtype=float).reshape(-1, 2)

@@ -37,6 +37,8 @@ from strainfmu.estimator.map.inverse_map_checks import (
 )
 from strainfmu.estimator.map.sensors import HingeLines, SensorRows, strain_rows
 from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
+from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
@@ -288,9 +290,14 @@ class InverseMap:
                 object.__setattr__(self, name, neutral_value(self, name, sizes))
 
     def _repr_html_(self) -> str:
-        from strainfmu.estimator.map.map_html import map_html
-
-        return map_html(self)
+        method = {1: "least squares on POD modes", 2: "low-rank Gaussian prior"}[self.case]
+        rows = [
+            ("method", f"Case {self.case}, {method}"),
+            ("gauges", f"{self.n_gauges}"),
+            ("pressure states", f"{self.n_states}"),
+            *((one.quantity, one.text) for one in valid_ranges(self)),
+        ]
+        return html_table(f"Inverse map: {self.vehicle}", ("", ""), rows)
 
     def without_tables(self) -> InverseMap:
         """Return this map for the linear estimator alone; the map itself where it has no tables."""
@@ -445,3 +452,41 @@ def load_inverse_map(path: str | PathLike[str]) -> InverseMap:
         The file is missing, damaged, altered, or of another schema version.
     """
     return load_record(InverseMap, Path(path), SCHEMA, SCHEMA_VERSION)
+
+
+def has_filter(inverse_map: InverseMap) -> bool:
+    """Return whether FMUs of ``inverse_map`` can filter.
+
+    All can but linear maps of gamma other than 1 in Case 2: the gain of these belongs to no law of the states that
+    a filter could carry on.
+    """
+    return inverse_map.manifold is not None or inverse_map.case == 1 or inverse_map.regularisation == 1.0
+
+
+def has_other_outputs(inverse_map: InverseMap) -> bool:
+    """Return whether FMUs of the map state such loads: by tables, or in form "dynamic_pressure"."""
+    in_core = inverse_map.manifold is not None or inverse_map.follows_pressure
+    return inverse_map.has_other_loads and in_core
+
+
+def groups_of_outputs(inverse_map: InverseMap) -> tuple[LoadGroup, ...]:
+    """Return the groups of loads that FMUs of the map state after the five; none where they state none."""
+    return inverse_map.load_groups if has_other_outputs(inverse_map) else ()
+
+
+def with_gauge_covariance(
+    inverse_map: InverseMap, own: FloatArray, of_tables: FloatArray | None = None
+) -> InverseMap:
+    """Return ``inverse_map`` for gauges whose errors that do not scale have the covariance ``own`` (n_d, n_d).
+
+    ``of_tables`` (n_d, n_d) is their covariance about the tables; None for the same. Ranges and alarm scales stay.
+
+    Raises
+    ------
+    InputError
+        One of them is no covariance.
+    """
+    flight = inverse_map.manifold
+    if flight is not None:
+        flight = replace(flight, gauge_covariance=own if of_tables is None else of_tables)
+    return replace(inverse_map, gauge_covariance=own, manifold=flight)

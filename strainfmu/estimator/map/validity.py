@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees
-from typing import TYPE_CHECKING
+from math import degrees, radians
+from typing import Any
 
 import numpy as np
 
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 from strainfmu.flight_condition import (
     ALTITUDE,
     ANGLE_OF_ATTACK,
@@ -19,9 +20,6 @@ from strainfmu.flight_condition import (
     FlightCondition,
     with_unit,
 )
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def valid_parameters(ranges: dict[str, list[float]]) -> list[ValidRange]:
     return [ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in ranges.items()]
 
 
-def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+def valid_ranges(inverse_map: Any) -> list[ValidRange]:
     """Return the flight conditions and strains that ``inverse_map`` holds for.
 
     With full symmetry it is the disc of total incidence, whatever the signs of the angles that were listed;
@@ -138,13 +136,31 @@ def valid_ranges(inverse_map: InverseMap) -> list[ValidRange]:
     ]
 
 
-def all_ranges(inverse_map: InverseMap) -> list[ValidRange]:
+def all_ranges(inverse_map: Any) -> list[ValidRange]:
     """Return what the snapshots cover: flight conditions, strains and coefficients."""
-    from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-
     rounded = inverse_map.coefficient_range.round(6) + 0.0  # + 0.0: no negative zeros
     coefficients = zip(COEFFICIENT_NAMES, rounded.tolist(), strict=True)
     return [
         *valid_ranges(inverse_map),
         *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
     ]
+
+
+LEAST_PART_OF_SLOPE = 0.8
+"""Of the smallest incidence per lateral force over that at the largest incidence: curves over Mach number and roll
+angle differ."""
+
+
+def incidence_per_force(inverse_map: Any) -> float:
+    """Return the largest total incidence of the snapshots over the largest lateral coefficient [rad].
+
+    The lateral force of a slender body grows at least in proportion to the incidence, so that no smaller incidence
+    gives a coefficient. 0 where nothing is known of it: for maps without full symmetry, whose lateral force need
+    not be 0 without incidence.
+    """
+    held = inverse_map.provenance
+    stated = held.get("total_incidence_deg")
+    if held.get("symmetry") != "full" or not isinstance(stated, list) or not stated:
+        return 0.0
+    incidence, force = radians(max(stated)), float(np.abs(inverse_map.coefficient_range[1:3]).max())
+    return incidence / force if incidence > 0.0 and force > 0.0 else 0.0

@@ -32,11 +32,10 @@ from strainfmu.estimator.map.envelope import (
 )
 from strainfmu.estimator.map.flow_parameters import LARGEST_SCORE, PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.lateral_slope import incidence_per_force
-from strainfmu.estimator.map.offers import has_filter, has_other_outputs
+from strainfmu.estimator.map.inverse_map import InverseMap, has_filter, has_other_outputs
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.map.validity import incidence_per_force
 from strainfmu.estimator.numerics.fixed_order import product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import (

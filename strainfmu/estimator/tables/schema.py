@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from strainfmu.errors import InputError
-from strainfmu.records import OPTIONAL
+from strainfmu.records import OPTIONAL, brief
 
 Record = TypeVar("Record")
 Sizes = dict[str, int]
@@ -179,9 +179,10 @@ def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
 
 
 def described(record: type[Record]) -> type[Record]:
-    """Add the attributes to the description of a type of records."""
+    """Add the attributes to the description of a type of records, and a text of few lines."""
     lines = [f"{name} : {_in_words(one)}" for name, one in entries(record).items() if one.meaning]
     record.__doc__ = f"{record.__doc__}\n\n    Attributes\n    ----------\n    " + "\n    ".join(lines) + "\n"
+    record.__repr__ = brief  # type: ignore[method-assign]
     return record
 
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.added_noise import with_gauge_covariance
 from strainfmu.estimator.map.flow_parameters import flow_parameters
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.reference.readings import amplitudes, row_noise
 from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.fmu.reference_run.flight_motion import flight_of_tables

@@ -8,6 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from flight_maps import whole_map
+from inertia_maps import with_masses
 from random_map import N_GAUGES, N_STATES, map_of, random_map, random_model
 from state_estimates import state_gain, state_offset
 
@@ -337,3 +339,12 @@ def test_file_is_whole_or_as_it_was(saved: Path, monkeypatch: pytest.MonkeyPatch
         save_inverse_map(random_map(2), saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == ["map.h5"]
+
+
+def test_a_map_in_text_is_short() -> None:
+    """Arrays stand with their shape: a screen of a terminal shows the whole."""
+    for held in (random_map(), with_masses(whole_map())):
+        shown = repr(held)
+        assert len(shown.splitlines()) <= 40
+        assert f"state_operator {held.state_operator.shape}" in " ".join(shown.split())
+        assert len(repr(held.sensors).splitlines()) <= 5
