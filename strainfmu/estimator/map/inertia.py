@@ -46,34 +46,22 @@ LARGEST_CHANNEL = 1e6
 class InertiaMap:
     """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration."""
 
-    prior_std: FloatArray = entry(
-        "k", "m/s2, rad/s2, rad2/s2", "s, standard deviations of the channels where they are not measured"
-    )
-    sensor_std: FloatArray = entry(
-        "k", "m/s2, rad/s2, rad2/s2", "standard deviations of the errors of measured channels"
-    )
-    mode_strain: FloatArray = entry(
-        "n_d k", "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)", "Phi, strain of the gauges per channel"
-    )
-    rest_covariance: FloatArray = entry(
-        "n_d n_d",
-        "(m/m)^2",
-        "the map's gauge_covariance without modes of inertia, vibration and temperature",
-    )
-    vibration_strain: FloatArray = entry(
-        "n_d v",
-        "1",
-        "strain of the gauges by each mode of vibration, over the strain of the gauge that it strains most",
-    )
+    # fmt: off
+    prior_std: FloatArray = entry("k", "m/s2, rad/s2, rad2/s2",
+        "s, standard deviations of the channels where they are not measured")
+    sensor_std: FloatArray = entry("k", "m/s2, rad/s2, rad2/s2",
+        "standard deviations of the errors of measured channels")
+    mode_strain: FloatArray = entry("n_d k", "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)",
+        "Phi, strain of the gauges per channel")
+    rest_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
+        "the map's gauge_covariance without modes of inertia, vibration and temperature")
+    vibration_strain: FloatArray = entry("n_d v", "1",
+        "strain of the gauges by each mode of vibration, over the strain of the gauge that it strains most")
     vibration_std: float = entry(unit="m/m", meaning="standard deviation of each mode where it is not known")
-    vehicle_mass: float | None = entry(
-        unit="kg",
+    vehicle_mass: float | None = entry(unit="kg",
         meaning="mass of the whole vehicle in flight, for :func:`contradicted_forces`; None where not stated",
-        default=None,
-        place="vehicle.mass",
-        rule=POSITIVE,
-        member="vehicle_mass",
-    )
+        default=None, place="vehicle.mass", rule=POSITIVE, member="vehicle_mass")
+    # fmt: on
 
     def __post_init__(self) -> None:
         check(self, "inertia", k=len(CHANNELS), n_d=len(self.mode_strain))

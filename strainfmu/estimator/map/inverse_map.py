@@ -80,198 +80,100 @@ class InverseMap:
     array without values; a file leaves them out, too.
     """
 
+    # fmt: off
     vehicle: str = entry(meaning="name of the vehicle and what it stands for", unit="")
     case: int = entry(meaning="1, least squares on POD modes, or 2, low-rank Gaussian prior", unit="")
     gauge_names: tuple[str, ...] = entry("n_d", "", "names, unique")
     gauge_position: FloatArray = entry("n_d 3", "m", "position in body axes")
     gauge_direction: FloatArray = entry("n_d 3", "1", "unit vectors of the measured strain in body axes")
-    noise_std: FloatArray = entry(
-        "n_d",
-        "m/m",
-        "sigma, standard deviation of the noise of each gauge",
-        place="tare.noise_std",
-        stored="n_strains",
-        rule=POSITIVE,
-    )
-    state_operator: FloatArray = entry(
-        "n_d n_q",
-        "(m/m)/state",
-        "A; the unit of a state is Pa in Case 1, 1 in Case 2",
-        place="linear.state_operator",
-        stored="n_q n_d",
-    )
-    gauge_covariance: FloatArray = entry(
-        "n_d n_d",
-        "(m/m)^2",
+    noise_std: FloatArray = entry("n_d", "m/m", "sigma, standard deviation of the noise of each gauge",
+        place="tare.noise_std", stored="n_strains", rule=POSITIVE)
+    state_operator: FloatArray = entry("n_d n_q", "(m/m)/state",
+        "A; the unit of a state is Pa in Case 1, 1 in Case 2", place="linear.state_operator", stored="n_q n_d")
+    gauge_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
         "Gamma_g, covariance of the errors that have no columns: gauge noise, and all that does not follow q_inf",
-        place="linear.gauge_covariance",
-    )
-    error_strain: FloatArray = entry(
-        "n_d k",
-        "m/m",
+        place="linear.gauge_covariance")
+    error_strain: FloatArray = entry("n_d k", "m/m",
         "N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure",
-        place="linear.error_strain",
-        stored="k n_d",
-    )
-    error_load: FloatArray = entry(
-        "n_f k",
-        "N, N.m",
-        "N_f, loads of the errors of error_strain",
-        place="linear.error_load",
-        stored="k 5",
-    )
-    regularisation: float = entry(
-        meaning="gamma, 0 in Case 1, positive in Case 2", place="linear.regularisation", low=0.0
-    )
-    load_per_state: FloatArray = entry(
-        "n_f n_q",
-        "N/state, N.m/state",
-        "M, loads of each state: G C_map V or G C_map F",
-        place="linear.load_per_state",
-        stored="n_q 5",
-    )
-    load_of_mean: FloatArray = entry(
-        "n_f", "N, N.m", "f_mean, loads of the mean pressure", place="linear.load_of_mean", stored="5"
-    )
+        place="linear.error_strain", stored="k n_d")
+    error_load: FloatArray = entry("n_f k", "N, N.m", "N_f, loads of the errors of error_strain",
+        place="linear.error_load", stored="k 5")
+    regularisation: float = entry(meaning="gamma, 0 in Case 1, positive in Case 2", place="linear.regularisation",
+        low=0.0)
+    load_per_state: FloatArray = entry("n_f n_q", "N/state, N.m/state",
+        "M, loads of each state: G C_map V or G C_map F", place="linear.load_per_state", stored="n_q 5")
+    load_of_mean: FloatArray = entry("n_f", "N, N.m", "f_mean, loads of the mean pressure",
+        place="linear.load_of_mean", stored="5")
     mean_strain: FloatArray = entry("n_d", "m/m", "m, strain of the mean pressure", place="linear.mean_strain")
     strain_range: FloatArray = entry("n_d", "m/m", "largest |strain| over the snapshots")
     coefficient_range: FloatArray = entry("5 2", "1", "smallest and largest coefficient over the snapshots")
     reference_area: float = entry(unit="m2", meaning="S")
     reference_length: float = entry(unit="m", meaning="L")
-    nominal_dynamic_pressure: float = entry(
-        unit="Pa",
-        meaning="mean q_inf of the snapshots",
-        place="settings.dynamic_pressure",
-        rule=POSITIVE,
-    )
+    nominal_dynamic_pressure: float = entry(unit="Pa", meaning="mean q_inf of the snapshots",
+        place="settings.dynamic_pressure", rule=POSITIVE)
     provenance: dict[str, Any] = field(default_factory=dict)
-    field_mean: NDArray[np.float32] = entry(
-        "n_p",
-        "Pa",
-        "pressure at the nodes is field_mean + field_modes q; no nodes: no field",
-        neutral=0,
-        dtype="f4",
-    )
+    field_mean: NDArray[np.float32] = entry("n_p", "Pa",
+        "pressure at the nodes is field_mean + field_modes q; no nodes: no field", neutral=0, dtype="f4")
     field_modes: NDArray[np.float32] = entry("n_p n_q", "Pa/state", "see field_mean", neutral=0, dtype="f4")
-    field_std: NDArray[np.float32] = entry(
-        "n_p",
-        "Pa",
-        "standard deviation of pressure that no state holds, as of truncated modes",
-        neutral=0,
-        dtype="f4",
-    )
+    field_std: NDArray[np.float32] = entry("n_p", "Pa",
+        "standard deviation of pressure that no state holds, as of truncated modes", neutral=0, dtype="f4")
     field_is_net: bool = entry(meaning="1 if the field is p - p_inf", neutral=False, default=False)
     point: NDArray[np.float32] = entry("n_p 3", "m", "nodes of the surface of the field", neutral=0, dtype="f4")
     triangle: NDArray[np.int32] = entry("n_t 3", "1", "its triangles, numbers of nodes", neutral=0, dtype="i4")
     form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute")
-    fixed_strain: FloatArray = entry(
-        "n_d",
-        "m/m",
+    fixed_strain: FloatArray = entry("n_d", "m/m",
         "d_0, strain that does not follow q_inf, as by an internal pressure that is not the ambient one",
-        neutral=0.0,
-    )
-    fixed_load: FloatArray = entry(
-        "n_f", "N, N.m", "f_0, the same of loads; both are part of the mean", neutral=0.0
-    )
-    zero_offset: FloatArray = entry(
-        "n_d",
-        "m/m",
+        neutral=0.0)
+    fixed_load: FloatArray = entry("n_f", "N, N.m", "f_0, the same of loads; both are part of the mean",
+        neutral=0.0)
+    zero_offset: FloatArray = entry("n_d", "m/m",
         "reading of each strain gauge without strain by the calibration; subtracted unless others are given",
-        neutral=0.0,
-        place="settings.zero_offset",
-        stored="n_strains",
-    )
-    gauge_error_product: FloatArray = entry(
-        "21 n_d",
-        "(m/m)^2",
+        neutral=0.0, place="settings.zero_offset", stored="n_strains")
+    gauge_error_product: FloatArray = entry("21 n_d", "(m/m)^2",
         "errors that follow the current strain: sum of D_a D_b over the terms of each gauge, doubled for a < b",
-        neutral=0.0,
-        place="scaled_errors.of_gauge",
-    )
-    common_error: FloatArray = entry(
-        "n_e 6 n_d",
-        "m/m",
-        "E of each such term that all gauges have in common",
-        neutral=0.0,
-        place="scaled_errors.common",
-    )
-    mean_product: FloatArray = entry(
-        "21", "1", "mean of c_a c_b over the snapshots", neutral=0.0, place="scaled_errors.mean_product"
-    )
+        neutral=0.0, place="scaled_errors.of_gauge")
+    common_error: FloatArray = entry("n_e 6 n_d", "m/m", "E of each such term that all gauges have in common",
+        neutral=0.0, place="scaled_errors.common")
+    mean_product: FloatArray = entry("21", "1", "mean of c_a c_b over the snapshots", neutral=0.0,
+        place="scaled_errors.mean_product")
     dynamic_pressure_error: float = entry(
-        meaning="standard deviation of q_inf over q_inf, where the caller states none",
-        default=0.0,
-        place="linear.dynamic_pressure_error",
-    )
+        meaning="standard deviation of q_inf over q_inf, where the caller states none", default=0.0,
+        place="linear.dynamic_pressure_error")
     chi_square_scale: float = entry(
-        meaning="factor on the detection threshold of chi-square, from data of a truth model",
-        default=1.0,
-        place="linear.chi_square_scale",
-        rule=POSITIVE,
-    )
-    outlier_scale: float = entry(
-        meaning="the same on the threshold of the square of the largest |z|",
-        default=1.0,
-        place="linear.outlier_scale",
-        rule=POSITIVE,
-    )
+        meaning="factor on the detection threshold of chi-square, from data of a truth model", default=1.0,
+        place="linear.chi_square_scale", rule=POSITIVE)
+    outlier_scale: float = entry(meaning="the same on the threshold of the square of the largest |z|", default=1.0,
+        place="linear.outlier_scale", rule=POSITIVE)
     level_slope: float = entry(
         meaning="a: the thresholds follow r (1 - a + a r), r the expected chi-square over the one at the mean",
-        neutral=0.0,
-        default=0.0,
-        place="linear.level_slope",
-        low=0.0,
-        high=1.0,
-    )
-    envelope_direction: FloatArray = entry(
-        "m 5",
-        "1",
-        "half-spaces of the coefficients, n'C <= envelope_limit",
-        neutral=0.0,
-        place="envelope.direction",
-        stored="5 m",
-    )
+        neutral=0.0, default=0.0, place="linear.level_slope", low=0.0, high=1.0)
+    envelope_direction: FloatArray = entry("m 5", "1", "half-spaces of the coefficients, n'C <= envelope_limit",
+        neutral=0.0, place="envelope.direction", stored="5 m")
     envelope_limit: FloatArray = entry("m", "1", "see envelope_direction", neutral=0.0, place="envelope.limit")
-    envelope_score_limit: float = entry(
-        meaning="standard deviations beyond them that count as outside",
-        default=DEFAULT_SCORE_LIMIT,
-        place="envelope.score_limit",
-    )
-    dynamic_pressure_range: FloatArray = entry(
-        "2", "Pa", "validity, -inf to inf without limits", neutral=0, is_range=True
-    )
+    envelope_score_limit: float = entry(meaning="standard deviations beyond them that count as outside",
+        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit")
+    dynamic_pressure_range: FloatArray = entry("2", "Pa", "validity, -inf to inf without limits", neutral=0,
+        is_range=True)
     mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, is_range=True)
     altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, is_range=True)
-    sensors: SensorRows = entry(
-        unit="",
+    sensors: SensorRows = entry(unit="",
         meaning="what the rows measure; other fields hold all rows as strain, readings over ``sensors.scale``",
-        neutral=lambda one: strain_rows(len(one.gauge_names)),
-        default=strain_rows(0),
-        record=SensorRows,
-    )
+        neutral=lambda one: strain_rows(len(one.gauge_names)), default=strain_rows(0), record=SensorRows)
     section_station: FloatArray = entry("n_s", "m", "x of the sections, rising; may be empty", default=np.zeros(0))
-    hinge_lines: HingeLines | None = entry(
-        unit="", meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines
-    )
-    bending_lines: HingeLines | None = entry(
-        unit="",
+    hinge_lines: HingeLines | None = entry(unit="",
+        meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines)
+    bending_lines: HingeLines | None = entry(unit="",
         meaning="the same of bending moments of the part ahead of a station, points on the axis there",
-        default=None,
-        record=HingeLines,
-    )
-    thermal: ThermalMap = entry(
-        unit="",
+        default=None, record=HingeLines)
+    thermal: ThermalMap = entry(unit="",
         meaning="modes of the wall's temperature and sensors of it; no modes where the map knows of none",
-        neutral=lambda one: no_temperature(one.gauge_covariance),
-        default=no_temperature(np.zeros((0, 0))),
-        record=ThermalMap,
-    )
-    inertia: InertiaMap | None = entry(
-        unit="", meaning="modes of the vehicle's inertia, and what measures them", default=None, record=InertiaMap
-    )
-    manifold: ManifoldMap | None = entry(
-        unit="", meaning="tables of the nonlinear estimator for the same gauges", default=None, record=ManifoldMap
-    )
+        neutral=lambda one: no_temperature(one.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
+        record=ThermalMap)
+    inertia: InertiaMap | None = entry(unit="", meaning="modes of the vehicle's inertia, and what measures them",
+        default=None, record=InertiaMap)
+    manifold: ManifoldMap | None = entry(unit="", meaning="tables of the nonlinear estimator for the same gauges",
+        default=None, record=ManifoldMap)
+    # fmt: on
 
     def __post_init__(self) -> None:
         check_groups(self)

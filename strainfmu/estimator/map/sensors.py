@@ -37,31 +37,17 @@ _SHOWN_STRAIN = (1e6, "um/m")
 class SensorRows:
     """What the n_d rows of a map measure."""
 
+    # fmt: off
     kind: tuple[str, ...] = entry("n_d", "", "strain or another kind of sensor")
     unit: tuple[str, ...] = entry("n_d", "", "unit of the readings")
-    scale: FloatArray = entry(
-        "n_d",
-        "unit/(m/m)",
-        "reading per row; 1 for strain",
-        place="sensors.scale",
-        stored="n_others",
-        rule=POSITIVE,
-    )
-    largest: FloatArray = entry(
-        "n_d",
-        "unit",
-        "largest |reading| of a working sensor; of strain the estimator's setting counts",
-        place="sensors.largest",
-        stored="n_others",
-        rule=POSITIVE,
-    )
-    thrust_response: FloatArray = entry(
-        "n_d",
-        "unit/N",
-        "reading per thrust, forward along the axis",
-        place="sensors.thrust_response",
-        stored="n_others",
-    )
+    scale: FloatArray = entry("n_d", "unit/(m/m)", "reading per row; 1 for strain", place="sensors.scale",
+        stored="n_others", rule=POSITIVE)
+    largest: FloatArray = entry("n_d", "unit",
+        "largest |reading| of a working sensor; of strain the estimator's setting counts", place="sensors.largest",
+        stored="n_others", rule=POSITIVE)
+    thrust_response: FloatArray = entry("n_d", "unit/N", "reading per thrust, forward along the axis",
+        place="sensors.thrust_response", stored="n_others")
+    # fmt: on
 
     def __post_init__(self) -> None:
         n = len(self.kind)
@@ -148,12 +134,13 @@ class HingeLines:
         Shapes or values are wrong.
     """
 
+    # fmt: off
     name: tuple[str, ...] = entry("n_h", "", "unique names")
     region: tuple[str, ...] = entry("n_h", "", "names of the regions by the vehicle file")
     point: FloatArray = entry("n_h 3", "m", "a point of each line in body axes")
-    direction: FloatArray = entry(
-        "n_h 3", "1", "its direction, a unit vector in body axes; moments are right-handed about it"
-    )
+    direction: FloatArray = entry("n_h 3", "1",
+        "its direction, a unit vector in body axes; moments are right-handed about it")
+    # fmt: on
 
     def __post_init__(self) -> None:
         n = len(self.name)

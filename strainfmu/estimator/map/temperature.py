@@ -30,37 +30,27 @@ LARGEST_RISE = 2000.0
 class ThermalMap:
     """Temperature modes of a map for n_d gauges, k modes and n_t sensors."""
 
-    reference_temperature: float = entry(
-        unit="K", meaning="at which zeros, gauge factors and modulus hold", place="thermal.reference_temperature"
-    )
-    prior_std: FloatArray = entry(
-        "k", "K", "s, standard deviation of each mode's amplitude", place="thermal.prior_std", rule=POSITIVE
-    )
-    mode_strain: FloatArray = entry(
-        "n_d k", "1/K", "Phi, what gauges read of each mode per amplitude", place="thermal.mode_strain"
-    )
-    gauge_operator: FloatArray = entry(
-        "n_d k", "1", "B, temperature of the gauges per amplitude", place="thermal.gauge_operator"
-    )
+    # fmt: off
+    reference_temperature: float = entry(unit="K", meaning="at which zeros, gauge factors and modulus hold",
+        place="thermal.reference_temperature")
+    prior_std: FloatArray = entry("k", "K", "s, standard deviation of each mode's amplitude",
+        place="thermal.prior_std", rule=POSITIVE)
+    mode_strain: FloatArray = entry("n_d k", "1/K", "Phi, what gauges read of each mode per amplitude",
+        place="thermal.mode_strain")
+    gauge_operator: FloatArray = entry("n_d k", "1", "B, temperature of the gauges per amplitude",
+        place="thermal.gauge_operator")
     sensor_names: tuple[str, ...] = entry("n_t", "", "names of the sensors")
-    sensor_operator: FloatArray = entry(
-        "n_t k", "1", "C, temperature of the sensors per amplitude", place="thermal.sensor_operator"
-    )
-    sensor_std: FloatArray = entry(
-        "n_t", "K", "standard deviations of the sensors' errors", place="thermal.sensor_std", rule=POSITIVE
-    )
-    apparent_strain: FloatArray = entry(
-        "j", "1/K, 1/K^2 ..", "coefficients of p, of rise^1 to rise^j", place="thermal.apparent_strain"
-    )
+    sensor_operator: FloatArray = entry("n_t k", "1", "C, temperature of the sensors per amplitude",
+        place="thermal.sensor_operator")
+    sensor_std: FloatArray = entry("n_t", "K", "standard deviations of the sensors' errors",
+        place="thermal.sensor_std", rule=POSITIVE)
+    apparent_strain: FloatArray = entry("j", "1/K, 1/K^2 ..", "coefficients of p, of rise^1 to rise^j",
+        place="thermal.apparent_strain")
     gauge_factor_slope: float = entry(unit="1/K", meaning="g", place="thermal.gauge_factor_slope")
     modulus_slope: float = entry(unit="1/K", meaning="m", place="thermal.modulus_slope")
-    isothermal_covariance: FloatArray = entry(
-        "n_d n_d",
-        "(m/m)^2",
-        "the map's gauge_covariance without the modes",
-        place="thermal.isothermal_covariance",
-        rule=COVARIANCE,
-    )
+    isothermal_covariance: FloatArray = entry("n_d n_d", "(m/m)^2", "the map's gauge_covariance without the modes",
+        place="thermal.isothermal_covariance", rule=COVARIANCE)
+    # fmt: on
 
     def __post_init__(self) -> None:
         check(self, "thermal", n_d=len(self.mode_strain), k=len(self.prior_std))

@@ -19,7 +19,7 @@ from strainfmu.files import write_bytes_atomically
 HEADER = Path(__file__).parents[3] / "fmus" / "native" / "estimator" / "map" / "map_layout.h"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Length:
     """A length: ``symbol``, of ``array`` along ``axis``, from ``least`` to ``most``; ``member``: in C."""
 
@@ -31,7 +31,7 @@ class Length:
     member: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Group:
     """Arrays of ``part`` in one structure: the arrays ``names``, or the rest."""
 
@@ -41,103 +41,47 @@ class Group:
     names: tuple[str, ...] = ()
 
 
+# fmt: off
 GROUPS = (
-    Group(
-        macro="LINEAR",
-        part="linear",
-        lengths=(
-            Length(symbol="n_gauges", array="mean_strain", least="1"),
-            Length(symbol="n_states", array="state_operator"),
-            Length(symbol="n_errors", array="error_strain"),
-        ),
-    ),
-    Group(macro="ZERO_OFFSETS", part="settings", names=("zero_offset",)),
-    Group(macro="SETTINGS", part="settings"),
-    Group(
-        macro="ENVELOPE",
-        part="envelope",
-        lengths=(
-            Length(symbol="n_half_spaces", array="limit", most="65536"),
-            Length(symbol="n_layers", array="layers", least="1"),
-        ),
-    ),
-    Group(macro="SCALED", part="scaled"),
-    Group(macro="SCALED_ERRORS", part="scaled_errors", lengths=(Length(symbol="n_terms", array="common"),)),
-    Group(macro="ANGLES", part="angles"),
-    Group(
-        macro="THERMAL",
-        part="thermal",
-        lengths=(
-            Length(symbol="n_modes", array="prior_std", least="1"),
-            Length(symbol="n_sensors", array="sensor_std"),
-            Length(symbol="n_powers", array="apparent_strain"),
-        ),
-    ),
-    Group(macro="INERTIA", part="inertia"),
-    Group(macro="VEHICLE", part="vehicle"),
-    Group(
-        macro="PARAMETERS",
-        part="parameters",
-        lengths=(Length(symbol="n_parameters", array="minimum", least="1", most="64", member="count"),),
-    ),
-    Group(
-        macro="SENSORS",
-        part="sensors",
-        lengths=(Length(symbol="n_others", array="scale", most="n_gauges-1", member="count"),),
-    ),
-    Group(
-        macro="OTHER_LOADS",
-        part="other_loads",
-        lengths=(
-            Length(symbol="n_loads", array="is_moment", least="1"),
-            Length(symbol="n_arrays", array="array_size", least="1"),
-        ),
-    ),
-    Group(macro="FILTER", part="filter"),
-    Group(
-        macro="KNOTS",
-        part="flight",
-        names=("min_incidence", "mach_knots", "incidence_knots"),
-        lengths=(
-            Length(symbol="n_mach", array="mach_knots", least="2"),
-            Length(symbol="n_incidence", array="incidence_knots", least="2"),
-        ),
-    ),
-    Group(
-        macro="TABLES",
-        part="considered",
-        lengths=(
-            Length(symbol="n_channels", array="table", axis=2, least="1", most="2*n_rows"),
-            Length(symbol="n_harmonics", array="table", axis=3, least="1"),
-            Length(symbol="n_terms", array="row", least="n_rows", most="2*n_rows"),
-        ),
-    ),
-    Group(
-        macro="FLIGHT",
-        part="flight",
-        lengths=(
-            Length(symbol="n_common", array="common_error"),
-            Length(symbol="n_shapes", array="shapes", most="16"),
-            Length(symbol="n_considered_common", array="considered_common"),
-        ),
-    ),
-    Group(macro="FLIGHT_LOADS", part="flight_loads"),
-    Group(macro="PRODUCTS", part="parameter_tables", names=("product",)),
-    Group(
-        macro="PARAMETER_TABLES",
-        part="parameter_tables",
-        lengths=(
-            Length(symbol="n_parameters", array="mean", least="1", most="64"),
-            Length(symbol="n_powers", array="power", most="3*n_parameters"),
-            Length(symbol="n_basis", array="basis", most="65536"),
-        ),
-    ),
-    Group(
-        macro="TARE",
-        part=TARE,
-        lengths=(Length(symbol="n_patterns", array="pattern", least="1", most="n_strains"),),
-    ),
+    Group("LINEAR", "linear", (
+        Length("n_gauges", "mean_strain", least="1"), Length("n_states", "state_operator"),
+        Length("n_errors", "error_strain"))),
+    Group("ZERO_OFFSETS", "settings", names=("zero_offset",)),
+    Group("SETTINGS", "settings"),
+    Group("ENVELOPE", "envelope", (
+        Length("n_half_spaces", "limit", most="65536"), Length("n_layers", "layers", least="1"))),
+    Group("SCALED", "scaled"),
+    Group("SCALED_ERRORS", "scaled_errors", (Length("n_terms", "common"),)),
+    Group("ANGLES", "angles"),
+    Group("THERMAL", "thermal", (
+        Length("n_modes", "prior_std", least="1"), Length("n_sensors", "sensor_std"),
+        Length("n_powers", "apparent_strain"))),
+    Group("INERTIA", "inertia"),
+    Group("VEHICLE", "vehicle"),
+    Group("PARAMETERS", "parameters", (
+        Length("n_parameters", "minimum", least="1", most="64", member="count"),)),
+    Group("SENSORS", "sensors", (Length("n_others", "scale", most="n_gauges-1", member="count"),)),
+    Group("OTHER_LOADS", "other_loads", (
+        Length("n_loads", "is_moment", least="1"), Length("n_arrays", "array_size", least="1"))),
+    Group("FILTER", "filter"),
+    Group("KNOTS", "flight", (
+        Length("n_mach", "mach_knots", least="2"), Length("n_incidence", "incidence_knots", least="2")),
+        names=("min_incidence", "mach_knots", "incidence_knots")),
+    Group("TABLES", "considered", (
+        Length("n_channels", "table", axis=2, least="1", most="2*n_rows"),
+        Length("n_harmonics", "table", axis=3, least="1"),
+        Length("n_terms", "row", least="n_rows", most="2*n_rows"))),
+    Group("FLIGHT", "flight", (
+        Length("n_common", "common_error"), Length("n_shapes", "shapes", most="16"),
+        Length("n_considered_common", "considered_common"))),
+    Group("FLIGHT_LOADS", "flight_loads"),
+    Group("PRODUCTS", "parameter_tables", names=("product",)),
+    Group("PARAMETER_TABLES", "parameter_tables", (
+        Length("n_parameters", "mean", least="1", most="64"), Length("n_powers", "power", most="3*n_parameters"),
+        Length("n_basis", "basis", most="65536"))),
+    Group("TARE", TARE, (Length("n_patterns", "pattern", least="1", most="n_strains"),)),
 )
+# fmt: on
 """Groups in the order in which C reads them; arrays of tables are named once, by the part "considered"."""
 
 _OPENING = """\

@@ -50,120 +50,69 @@ class ManifoldMap:
     c = [1, loads / (p_inf S [1, 1, 1, L, L])].
     """
 
+    # fmt: off
     mach_knots: FloatArray = entry("n_M", "1", "increasing", place="flight.mach_knots", rule=INCREASING)
-    incidence_knots: FloatArray = entry(
-        "n_a",
-        "rad",
-        "total angles of attack from 0, increasing",
-        place="flight.incidence_knots",
-        rule=INCREASING,
-    )
-    response: FloatArray = entry(
-        "n_M+2 n_a+2 n n_m 2",
-        "1/Pa, m2, m3",
-        "spline coefficients of n_d strains, then n_f loads over the flight state, per p_inf",
-    )
+    incidence_knots: FloatArray = entry("n_a", "rad", "total angles of attack from 0, increasing",
+        place="flight.incidence_knots", rule=INCREASING)
+    response: FloatArray = entry("n_M+2 n_a+2 n n_m 2", "1/Pa, m2, m3",
+        "spline coefficients of n_d strains, then n_f loads over the flight state, per p_inf")
     fixed_response: FloatArray = entry("n", "m/m, N, N.m", "part of these that does not follow p_inf")
-    gauge_covariance: FloatArray = entry(
-        "n_d n_d",
-        "(m/m)^2",
-        "of what does not scale, as gauge noise and apparent strain",
-        place="flight.gauge_covariance",
-        rule=COVARIANCE,
-    )
-    error_strain: FloatArray = entry(
-        "n_d k",
-        "1/Pa",
-        "errors that the gain may correct, as of the internal pressure, per standard deviation and per p_inf",
-    )
+    gauge_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
+        "of what does not scale, as gauge noise and apparent strain", place="flight.gauge_covariance",
+        rule=COVARIANCE)
+    error_strain: FloatArray = entry("n_d k", "1/Pa",
+        "errors that the gain may correct, as of the internal pressure, per standard deviation and per p_inf")
     error_load: FloatArray = entry("n_f k", "m2, m3", "the same of loads")
     gauge_gain_std: float = entry(meaning="error of each gauge's gain, relative")
     common_gain_std: float = entry(meaning="error of all gains together, relative")
-    gauge_error_product: FloatArray = entry(
-        "21 n_d",
-        "1/Pa^2",
-        "sum over errors of each gauge of D_a D_b, doubled for a < b",
-        place="flight.gauge_error_product",
-    )
-    common_error: FloatArray = entry(
-        "n_e 6 n_d",
-        "1/Pa",
+    gauge_error_product: FloatArray = entry("21 n_d", "1/Pa^2",
+        "sum over errors of each gauge of D_a D_b, doubled for a < b", place="flight.gauge_error_product")
+    common_error: FloatArray = entry("n_e 6 n_d", "1/Pa",
         "errors that all gauges have in common, per p_inf and c_a, that the gain may correct",
-        place="flight.common_error",
-    )
+        place="flight.common_error")
     reference_area: float = entry(unit="m2", meaning="S", place="flight.reference_area", rule=POSITIVE)
     reference_length: float = entry(unit="m", meaning="L", place="flight.reference_length", rule=POSITIVE)
-    mach_range: FloatArray = entry(
-        "2", "1", "M that the map holds for", place="flight.mach_range", rule=RANGE, kind="values"
-    )
-    pressure_range: FloatArray = entry(
-        "2", "Pa", "p_inf that the map holds for", place="flight.pressure_range", rule=RANGE, kind="values"
-    )
-    incidence_limit: float = entry(
-        unit="rad",
-        meaning="largest total angle of attack that it holds for",
-        place="flight.incidence_limit",
-        rule=POSITIVE,
-    )
+    mach_range: FloatArray = entry("2", "1", "M that the map holds for", place="flight.mach_range", rule=RANGE,
+        kind="values")
+    pressure_range: FloatArray = entry("2", "Pa", "p_inf that the map holds for", place="flight.pressure_range",
+        rule=RANGE, kind="values")
+    incidence_limit: float = entry(unit="rad", meaning="largest total angle of attack that it holds for",
+        place="flight.incidence_limit", rule=POSITIVE)
     mach_number_error: float = entry(meaning="standard deviation of a stated Mach number without its own")
     static_pressure_error: float = entry(meaning="the same of p_inf, relative")
     dynamic_pressure_error: float = entry(meaning="the same of q_inf, relative")
     altitude_error: float = entry(
         meaning="standard deviation of p_inf of the standard atmosphere at a stated altitude, relative",
-        default=DEVIATION_OF_AIR,
-        place="flight.altitude_error",
-    )
+        default=DEVIATION_OF_AIR, place="flight.altitude_error")
     chi_square_scale: float = entry(
-        meaning="factor on the detection threshold of chi-square, from data of a truth model",
-        default=1.0,
-        place="flight.chi_square_scale",
-    )
-    outlier_scale: float = entry(
-        meaning="the same on the square of the largest leave-one-out residual",
-        default=1.0,
-        place="flight.outlier_scale",
-    )
+        meaning="factor on the detection threshold of chi-square, from data of a truth model", default=1.0,
+        place="flight.chi_square_scale")
+    outlier_scale: float = entry(meaning="the same on the square of the largest leave-one-out residual",
+        default=1.0, place="flight.outlier_scale")
     shape_scale: float = entry(meaning="the same on the chi-square of the discrepancy modes", default=1.0)
-    discrepancy_shapes: FloatArray | None = entry(
-        "n_d n_s", "1", "strain of discrepancy modes, tested together; None for none", default=None
-    )
-    considered_response: FloatArray | None = entry(
-        "n_M+2 n_a+2 n n_m 2",
-        "1/Pa, m2, m3",
+    discrepancy_shapes: FloatArray | None = entry("n_d n_s", "1",
+        "strain of discrepancy modes, tested together; None for none", default=None)
+    considered_response: FloatArray | None = entry("n_M+2 n_a+2 n n_m 2", "1/Pa, m2, m3",
         "as response, of a considered error that follows the state, at one standard deviation; None for none",
-        default=None,
-    )
-    considered_strain: FloatArray | None = entry(
-        "n_d k_considered",
-        "1/Pa",
+        default=None)
+    considered_strain: FloatArray | None = entry("n_d k_considered", "1/Pa",
         "errors that the gain may not correct: they count in covariances and alarms alone (considered parameters, "
         "Schmidt 1966); None for none",
-        default=None,
-    )
+        default=None)
     considered_load: FloatArray | None = entry("n_f k_considered", "m2, m3", "the same of loads", default=None)
     considered_common: FloatArray | None = entry("n_c 6 n_d", "1/Pa", "the same of common_error", default=None)
-    crossflow_range: FloatArray | None = entry(
-        "2 2",
-        "rad",
-        "smallest and largest u and w that it holds for; None for every aerodynamic roll angle",
-        default=None,
-    )
-    pressure_field: FlightField | None = entry(
-        unit="", meaning="pressure on the surface of a body of revolution", default=None, record=FlightField
-    )
-    shape_field: ShapeField | None = entry(
-        unit="", meaning="the same of any other shape", default=None, record=ShapeField
-    )
-    sensor_gain_std: FloatArray | None = entry(
-        "n_aux",
-        "1",
-        "gauge_gain_std of the auxiliary sensors, the last of the gauges; None for none",
-        default=None,
-    )
+    crossflow_range: FloatArray | None = entry("2 2", "rad",
+        "smallest and largest u and w that it holds for; None for every aerodynamic roll angle", default=None)
+    pressure_field: FlightField | None = entry(unit="", meaning="pressure on the surface of a body of revolution",
+        default=None, record=FlightField)
+    shape_field: ShapeField | None = entry(unit="", meaning="the same of any other shape", default=None,
+        record=ShapeField)
+    sensor_gain_std: FloatArray | None = entry("n_aux", "1",
+        "gauge_gain_std of the auxiliary sensors, the last of the gauges; None for none", default=None)
     sensor_common_gain_std: FloatArray | None = entry("n_aux", "1", "common_gain_std of these", default=None)
-    parameters: ParameterTables | None = entry(
-        unit="", meaning="what flow parameters change; None for nothing", default=None, record=ParameterTables
-    )
+    parameters: ParameterTables | None = entry(unit="", meaning="what flow parameters change; None for nothing",
+        default=None, record=ParameterTables)
+    # fmt: on
 
     def __post_init__(self) -> None:
         n_d, n_f = len(self.error_strain), len(self.error_load)

@@ -20,13 +20,14 @@ from strainfmu.estimator.tables.schema import FROM_0, check, described, entry
 class Powers:
     """J powers of n_p parameters."""
 
+    # fmt: off
     mean: FloatArray = entry("n_p", "", "of the parameters over the snapshots", place="parameter_tables.mean")
-    spread: FloatArray = entry(
-        "n_p", "", "the same, 0 where they hold one value", place="parameter_tables.spread", rule=FROM_0
-    )
+    spread: FloatArray = entry("n_p", "", "the same, 0 where they hold one value", place="parameter_tables.spread",
+        rule=FROM_0)
     parameter: IntArray = entry("J", "", "parameter of each power, ascending", place="parameter_tables.parameter")
     power: IntArray = entry("J", "", "exponent of each power, 1 to 3", place="parameter_tables.power")
     offset: FloatArray = entry("J", "1", "mean of each power over the snapshots", place="parameter_tables.offset")
+    # fmt: on
 
     def change(self, values: FloatArray, left: FloatArray | float = 0.0) -> FloatArray:
         """Return (k, J) each power of ``values`` (k, n_p), less its mean [1].
@@ -52,19 +53,16 @@ class Powers:
 class ParameterTables:
     """Tables of n rows by J powers of n_p parameters: strains, then all loads."""
 
+    # fmt: off
     powers: Powers = entry(unit="", meaning="of the parameters", record=Powers)
-    slope: FloatArray = entry(
-        "n_M+2 n_a+2 J n n_m 2",
-        "1/Pa, m2, m3",
-        "spline coefficients per p_inf, on the knots of the tables of strain",
-    )
-    unit_error: FloatArray = entry(
-        "J n k_unit", "1/Pa, m2, m3", "errors per p_inf and unit of a power, over the states of the snapshots"
-    )
-    spread_error: FloatArray = entry(
-        "n_p n k_spread", "1/Pa, m2, m3", "errors per p_inf of a parameter that is not known"
-    )
+    slope: FloatArray = entry("n_M+2 n_a+2 J n n_m 2", "1/Pa, m2, m3",
+        "spline coefficients per p_inf, on the knots of the tables of strain")
+    unit_error: FloatArray = entry("J n k_unit", "1/Pa, m2, m3",
+        "errors per p_inf and unit of a power, over the states of the snapshots")
+    spread_error: FloatArray = entry("n_p n k_spread", "1/Pa, m2, m3",
+        "errors per p_inf of a parameter that is not known")
     error: FloatArray = entry("n k_rest", "1/Pa, m2, m3", "the other errors of the map, per p_inf")
+    # fmt: on
 
     def check(self, shape: tuple[int, ...]) -> None:
         """Check shapes against ``shape`` of the tables of strain and loads.

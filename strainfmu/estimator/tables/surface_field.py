@@ -24,23 +24,19 @@ from strainfmu.estimator.tables.schema import Sizes, check, described, entry
 class FlightField:
     """Pressure at n_x stations times n_roll roll angles; node = station number * n_roll + roll number."""
 
+    # fmt: off
     station: FloatArray = entry("n_x", "m", "of the nodes")
     radius: FloatArray = entry("n_x", "m", "outer radius")
     roll_angle: FloatArray = entry("n_roll", "rad", "from +z towards +y")
-    amplitude: NDArray[np.float32] = entry(
-        "n_M+2 n_a+2 n_x n_m", "1", "spline coefficients of P_m, on the knots of the tables"
-    )
-    strain_covariance: NDArray[np.float32] = entry(
-        "n_x n_h 2 n_d",
-        "1/Pa",
-        "C with strain of pressure off the tables, per p_inf^2: cosine and sine of m phi",
-    )
-    error_std: FloatArray = entry(
-        "n_x", "1", "standard deviation of pressure off the tables at any roll angle, per p_inf"
-    )
-    table_error_std: NDArray[np.float32] = entry(
-        "n_x n_roll", "1", "the same of interpolation and of higher harmonics, at phi - phi_T"
-    )
+    amplitude: NDArray[np.float32] = entry("n_M+2 n_a+2 n_x n_m", "1",
+        "spline coefficients of P_m, on the knots of the tables")
+    strain_covariance: NDArray[np.float32] = entry("n_x n_h 2 n_d", "1/Pa",
+        "C with strain of pressure off the tables, per p_inf^2: cosine and sine of m phi")
+    error_std: FloatArray = entry("n_x", "1",
+        "standard deviation of pressure off the tables at any roll angle, per p_inf")
+    table_error_std: NDArray[np.float32] = entry("n_x n_roll", "1",
+        "the same of interpolation and of higher harmonics, at phi - phi_T")
+    # fmt: on
 
     def __post_init__(self) -> None:
         check(self, "pressure_field")
@@ -56,14 +52,14 @@ class FlightField:
 class FieldParameters:
     """What J powers of n_p flow parameters change of the amplitudes of n_q modes."""
 
+    # fmt: off
     slope: NDArray[np.float32] = entry("n_M+2 n_a+2 J n_q n_m 2", "1", "spline coefficients per unit of a power")
-    unit_error: FloatArray = entry(
-        "J n_q k_unit", "1", "errors per unit of a power, over the states of the snapshots"
-    )
-    spread_error: FloatArray = entry(
-        "n_params n_q k_spread", "1", "errors of a parameter that is not known, part of the field's own"
-    )
+    unit_error: FloatArray = entry("J n_q k_unit", "1",
+        "errors per unit of a power, over the states of the snapshots")
+    spread_error: FloatArray = entry("n_params n_q k_spread", "1",
+        "errors of a parameter that is not known, part of the field's own")
     strain: FloatArray = entry("n_d n_q", "1/Pa", "strain of each mode, per p_inf")
+    # fmt: on
 
 
 @described
@@ -71,17 +67,16 @@ class FieldParameters:
 class ShapeField:
     """Pressure at the n_p nodes of the map."""
 
+    # fmt: off
     modes: NDArray[np.float32] = entry("n_p n_q", "1", "of p / p_inf - 1")
-    amplitude: FloatArray = entry(
-        "n_M+2 n_a+2 n_q n_m 2", "1", "spline coefficients of their amplitudes, on the knots of the tables"
-    )
-    strain_covariance: NDArray[np.float32] = entry(
-        "n_p n_d", "1/Pa", "C with strain of pressure off the tables, per p_inf^2"
-    )
+    amplitude: FloatArray = entry("n_M+2 n_a+2 n_q n_m 2", "1",
+        "spline coefficients of their amplitudes, on the knots of the tables")
+    strain_covariance: NDArray[np.float32] = entry("n_p n_d", "1/Pa",
+        "C with strain of pressure off the tables, per p_inf^2")
     error_std: FloatArray = entry("n_p", "1", "standard deviation of pressure off the tables, per p_inf")
-    parameters: FieldParameters | None = entry(
-        unit="", meaning="what flow parameters change; None for nothing", default=None, record=FieldParameters
-    )
+    parameters: FieldParameters | None = entry(unit="", meaning="what flow parameters change; None for nothing",
+        default=None, record=FieldParameters)
+    # fmt: on
 
     def __post_init__(self) -> None:
         sizes: Sizes = check(self, "shape_field")
