@@ -204,7 +204,8 @@ def test_inertia_that_the_file_states_is_included(heavy_world: World, error: str
 def test_the_inertial_unit_sharpens(world: World, heavy_world: World) -> None:
     without, measured = (rows_for(heavy_world, error)[2] for error in MASSES[:2])
     assert without["load"] == measured["load"] == "C_N"
-    assert measured["rms"] < 0.3 * without["rms"]
+    # Where the unit reads, errors of the masses and of the theory of their strain are left.
+    assert measured["rms"] < 0.35 * without["rms"]
     assert rows_for(world, MASSES[0])[0]["undetected_percent"] > 20.0
     unit = case_of(heavy_world.vehicle, MASSES[1])
     known = read_case(
