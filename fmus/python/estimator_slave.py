@@ -19,7 +19,7 @@ from pythonfmu import Fmi2Slave
 from pythonfmu.enums import Fmi2Status
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES, QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import has_other_outputs, load_inverse_map
@@ -230,8 +230,15 @@ class EstimatorSlave(Fmi2Slave):
         return [int(self._values[vr]) if vr in self._of_type["Integer"] else 0 for vr in vrs]
 
     def set_integer(self, vrs: list[int], values: list[int]) -> None:
-        """Log the attempt: the estimator has no Integer input."""
-        self.log(f"valueReferences {vrs} are no Integer inputs", Fmi2Status.error)
+        """Set the source of the dynamic pressure; anything else is logged and left alone."""
+        self._before_change()
+        for vr, value in zip(vrs, values, strict=True):
+            if not self._is_settable(vr, "Integer"):
+                continue
+            if value in tuple(QSource):
+                self._values[vr] = value
+            else:
+                self.log(f"{self._names[vr]}: {value} found, must be from 0 to {max(QSource):d}", Fmi2Status.error)
 
     def get_boolean(self, vrs: list[int]) -> list[bool]:
         """Return ``valid`` of gauges and flags; any other value reference is logged and read as false."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.tare_edge import TareState
 
@@ -50,11 +51,21 @@ TARE_ITEMS = (
     (TareState.REFUSED, "Loads were not known, or the readings are no zeros: zeros as before"),
 )
 
+Q_SOURCE_TYPE = "DynamicPressureSource"
+
+Q_SOURCE_ITEMS = (
+    (QSource.AUTO, "Not stated: with a Mach number it counts as computed, without one as measured"),
+    (QSource.INDEPENDENT, "Measured, or computed from neither Mach number nor static pressure"),
+    (QSource.MACH_AND_PRESSURE, "Computed from Mach number and static pressure"),
+    (QSource.MACH_AND_ALTITUDE, "Computed from Mach number and an atmosphere at the altitude"),
+)
+
 Items = tuple[tuple[IntEnum, str], ...]
 
 ENUMERATIONS: dict[str, tuple[str, Items]] = {
     HEALTH_TYPE: ("How far an estimate can be trusted; the numbers are no ranks", HEALTH_ITEMS),
     TARE_TYPE: ("What has become of the last tare", TARE_ITEMS),
+    Q_SOURCE_TYPE: ("What the dynamic pressure is computed from", Q_SOURCE_ITEMS),
 }
 """Description and items by name."""
 

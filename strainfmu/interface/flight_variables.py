@@ -13,6 +13,7 @@ from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, INERTIA
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
+from strainfmu.interface.enumerations import Q_SOURCE_TYPE
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, LINEAR_LOADS, STATE, USABLE, VALID_GAUGES
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_GIVEN, PARAMETERS
@@ -109,6 +110,7 @@ def with_inertial_inputs(interface: tuple[Variable, ...], inverse_map: InverseMa
 
 
 def _air_input(one: AirInput, text: str) -> Variable:
+    is_source = one.name == Q_SOURCE
     return Variable(
         name=one.name,
         description=text,
@@ -116,10 +118,13 @@ def _air_input(one: AirInput, text: str) -> Variable:
         kind="air data",
         label=one.label,
         symbol=one.symbol,
-        unit=one.unit,
+        variability="discrete" if is_source else "continuous",
+        fmi_type="Enumeration" if is_source else "Real",
+        declared_type=Q_SOURCE_TYPE if is_source else None,
+        unit=None if is_source else one.unit,
         display_unit=one.shown,
-        minimum=None if one.is_signed else 0.0,
-        start=one.start,
+        minimum=None if one.is_signed or is_source else 0.0,
+        start=int(one.start) if is_source else one.start,
     )
 
 

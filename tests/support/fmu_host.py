@@ -54,6 +54,9 @@ class Host:
     def set_booleans(self, names: Sequence[str], values: Sequence[bool]) -> None:
         self.fmu.setBoolean([self.references[name] for name in names], list(values))
 
+    def set_integers(self, names: Sequence[str], values: Sequence[int]) -> None:
+        self.fmu.setInteger([self.references[name] for name in names], list(values))
+
     def integers(self, names: Sequence[str]) -> list[int]:
         return list(self.fmu.getInteger([self.references[name] for name in names]))
 

@@ -153,6 +153,11 @@ class Fmu2:
         """Status of setting Real variables."""
         return self.call("SetReal", self.references(references), c_size_t(len(references)), _doubles(values))
 
+    def set_integers(self, references: Sequence[int], values: Sequence[int]) -> int:
+        """Status of setting Integer or Enumeration variables."""
+        numbers = (c_int * len(values))(*values)
+        return self.call("SetInteger", self.references(references), c_size_t(len(references)), numbers)
+
     def set_valid(self, valid: np.ndarray) -> None:
         """Set the validity of all gauges."""
         references = range(N_OUTPUTS + self.n, N_OUTPUTS + 2 * self.n)

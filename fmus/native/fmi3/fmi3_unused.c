@@ -46,7 +46,6 @@ SET(UInt8)
 SET(Int16)
 SET(UInt16)
 SET(UInt32)
-SET(Int64)
 SET(UInt64)
 SET(String)
 

@@ -2,6 +2,8 @@
 
 #include "fmi3.h"
 
+#include <limits.h>
+
 #define CHUNK 64 /* integers or Booleans that are converted at once */
 
 fmi3Status fmi3_wrong_type(const Instance *instance, const char *function, fmi3ValueReference reference) {
@@ -88,6 +90,11 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
     return array->count > 0 && model_type_of(s->model, array->first) == type;
 }
 
+/* The nearest int: no variable takes a number beyond. */
+static int as_int(fmi3Int64 value) {
+    return value > INT_MAX ? INT_MAX : value < INT_MIN ? INT_MIN : (int)value;
+}
+
 #define GET(Name, variables, get)                                                                     \
     fmi3Status fmi3Get##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
                              size_t nValueReferences, fmi3##Name values[], size_t nValues) {          \
@@ -116,7 +123,7 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
         return fmi3OK;                                                                                \
     }
 
-#define SET(Name, set)                                                                                \
+#define SET(Name, variables, set)                                                                     \
     fmi3Status fmi3Set##Name(fmi3Instance instance, const fmi3ValueReference valueReferences[],       \
                              size_t nValueReferences, const fmi3##Name values[], size_t nValues) {    \
         static const char NAME[] = "fmi3Set" #Name;                                                   \
@@ -127,14 +134,14 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
         }                                                                                             \
         for (size_t i = 0; i < nValueReferences; i++) {                                               \
             const Selection array = fmi3_array(s, valueReferences[i]);                                \
-            if (array.count == 0) {                                                                   \
+            if (!is_of(s, &array, variables)) {                                                       \
                 return fmi3_wrong_type(s, NAME, valueReferences[i]);                                  \
             }                                                                                         \
             for (size_t k = 0; k < array.count; k += CHUNK) {                                         \
                 int chunk[CHUNK];                                                                     \
                 const Selection which = chunk_of(&array, k);                                          \
                 for (size_t j = 0; j < which.count; j++) {                                            \
-                    chunk[j] = (int)*values++;                                                        \
+                    chunk[j] = as_int((fmi3Int64)*values++);                                          \
                 }                                                                                     \
                 if (!set(s->model, &which, chunk, text)) {                                            \
                     return refused(s, NAME, valueReferences[i], text);                                \
@@ -147,5 +154,6 @@ static int is_of(const Instance *s, const Selection *array, Type type) {
 GET(Int32, INTEGER, model_get_integers)
 GET(Int64, ENUMERATION, model_get_integers)
 GET(Boolean, BOOLEAN, model_get_booleans)
-SET(Int32, model_set_integers)
-SET(Boolean, model_set_booleans)
+SET(Int32, INTEGER, model_set_integers)
+SET(Int64, ENUMERATION, model_set_integers)
+SET(Boolean, BOOLEAN, model_set_booleans)

@@ -110,7 +110,9 @@ class FmuStep:
         stds = [name.replace(PARAMETER_PREFIX, STD_PREFIX, 1) for name in parameters]
         named = (*(variable.name for variable in sensors), *parameters, *stds)
         asked = (*other_inputs, *named, *self.reading_units)
-        self.other_inputs = tuple(name for name in asked if name in by_name)
+        listed = [name for name in asked if name in by_name]
+        # Reals side by side are exchanged as they lie.
+        self.other_inputs = tuple(sorted(listed, key=lambda name: by_name[name].type != "Real"))
         of_flow = tuple(by_name[name] for name in self.other_inputs)
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
@@ -321,7 +323,8 @@ class FmuStep:
         """Move ``values`` into the FMU, or out of it."""
         for block, columns in blocks:
             if into and columns is not None:
-                block.buffer[:] = values[columns]
+                given = values[columns]
+                block.buffer[:] = given if block.buffer.dtype == given.dtype else np.nan_to_num(given)
             block.call()
             if not into and columns is not None:
                 values[columns] = block.buffer

@@ -10,7 +10,15 @@ from html import escape
 from importlib import resources
 
 from strainfmu.fmu.description.fmu_description import FmuDescription
-from strainfmu.interface.enumerations import HEALTH_ITEMS, HEALTH_TYPE, TARE_ITEMS, TARE_TYPE, Items
+from strainfmu.interface.enumerations import (
+    HEALTH_ITEMS,
+    HEALTH_TYPE,
+    Q_SOURCE_ITEMS,
+    Q_SOURCE_TYPE,
+    TARE_ITEMS,
+    TARE_TYPE,
+    Items,
+)
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.pages import STYLE, table_html
 
@@ -125,6 +133,7 @@ def _enumerations(fmu: FmuDescription) -> list[Section]:
     known: dict[str, tuple[str, str, Items]] = {
         HEALTH_TYPE: ("Health", "States of health", HEALTH_ITEMS),
         TARE_TYPE: ("Tare", "States of the tare", TARE_ITEMS),
+        Q_SOURCE_TYPE: ("Source of the dynamic pressure", "Values of q_source", Q_SOURCE_ITEMS),
     }
     return [
         (heading, [_states_table(items, caption)])

@@ -14,7 +14,7 @@ from fmpy.validation import validate_fmu
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, synthetic_inverse_map
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import LAST_INPUTS
+from strainfmu.estimator.air_inputs import LAST_INPUTS, QSource
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.description.fmi2 import model_description
@@ -22,7 +22,7 @@ from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.reference_run.run import array_elements
-from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, TARE_ITEMS
+from strainfmu.interface.enumerations import ENUMERATIONS, HEALTH_ITEMS, Q_SOURCE_ITEMS, TARE_ITEMS
 from strainfmu.interface.estimator_variables import (
     FLOW_INPUTS,
     PARAMETERS,
@@ -104,10 +104,11 @@ def test_dependencies_state_what_feeds_what(synthetic: SyntheticFiles) -> None:
 def test_states_are_those_of_the_enumerations(fmus: dict[str, Path]) -> None:
     assert [state for state, _ in HEALTH_ITEMS] == list(HealthState)
     assert [state for state, _ in TARE_ITEMS] == list(TareState)
+    assert [source for source, _ in Q_SOURCE_ITEMS] == list(QSource)
     for kind in ("native", "native_3", "python"):
         declared = read_model_description(str(fmus[kind])).typeDefinitions
         assert [one.name for one in declared] == list(ENUMERATIONS)
-        for one, states in zip(declared, (HealthState, TareState), strict=True):
+        for one, states in zip(declared, (HealthState, TareState, QSource), strict=True):
             assert [(item.name, int(item.value)) for item in one.items] == [(s.name, s.value) for s in states]
 
 
@@ -132,7 +133,7 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         ("moment", 2),
         *((name, None) for name in scalars if name.startswith("health.")),
         ("strain", N_GAUGES),
-        *((name, None) for name in (*FLOW_INPUTS, *LAST_INPUTS)),
+        *((name, None) for name in (*FLOW_INPUTS, *LAST_INPUTS[1:])),
         ("sigma.coefficients", 5),
         ("sigma.force", 3),
         ("sigma.moment", 2),
@@ -147,6 +148,7 @@ def test_arrays_of_fmi_3_hold_the_scalars_of_fmi_2(fmus: dict[str, Path]) -> Non
         ("zero_in_use", N_GAUGES),
         ("zero_in_use_std", N_GAUGES),
         ("zero_in_use_common_std", None),
+        (LAST_INPUTS[0], None),
         ("time", None),
     ]
     found = [(name, int(v.dimensions[0].start) if v.dimensions else None) for name, v in arrays.items()]

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from flight_fmu import N_D, random_flight, whole_map
+from fmpy.fmi1 import FMICallException
 from fmu_host import COEFFICIENTS, OPTIONS, Host, loaded
 
+from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
@@ -34,11 +37,25 @@ def stepped(host: Host, strain: np.ndarray, flow: dict[str, float]) -> None:
     host.initialize()
     host.set(STRAINS, strain)
     host.set(list(flow), list(flow.values()))
+    host.set_integers(["q_source"], [QSource.INDEPENDENT])
     host.fmu.doStep(0.0, 0.01)
 
 
-MEASURED = {"q_source": 1.0}
-"""The dynamic pressure."""
+def test_the_source_of_the_dynamic_pressure_is_an_enumeration(host: Host) -> None:
+    """Computed from Mach number and static pressure it is no measurement, which is used no more."""
+    sample, used = random_flight(whole_map(), 1, seed=5)[0], host.references["navigation_used.dynamic_pressure"]
+    for source in QSource:
+        stepped(host, sample.strain, sample.flow)
+        host.set_integers(["q_source"], [source])
+        assert host.integers(["q_source"]) == [source]
+        assert host.fmu.getBoolean([used]) == [source == QSource.INDEPENDENT]
+    for wrong in (-1, len(QSource)):
+        with suppress(FMICallException):  # PythonFMU lets no slave refuse a value
+            host.set_integers(["q_source"], [wrong])
+        assert host.integers(["q_source"]) == [QSource.MACH_AND_ALTITUDE]
+    with suppress(FMICallException):
+        host.set(["q_source"], [0.0])
+    assert host.integers(["q_source"]) == [QSource.MACH_AND_ALTITUDE]
 
 
 def test_a_deviation_that_is_not_given_is_the_map_s(host: Host) -> None:
@@ -47,7 +64,7 @@ def test_a_deviation_that_is_not_given_is_the_map_s(host: Host) -> None:
     outputs = ["C_A", "sigma.C_A", "air_data.mach_number", "sigma.air_data.mach_number", "health.chi_square"]
 
     def found(name: str, deviation: float) -> list[float]:
-        stepped(host, sample.strain, sample.flow | MEASURED | {f"{name}_std": deviation})
+        stepped(host, sample.strain, sample.flow | {f"{name}_std": deviation})
         return [*host.get(outputs), *host.fmu.getBoolean([host.references[f"navigation_used.{name}"]])]
 
     for name in sample.flow:
@@ -79,7 +96,7 @@ def check(found: dict[str, tuple[object, ...]]) -> None:
 def test_navigation_that_is_not_given_or_impossible(host: Host) -> None:
     found: dict[str, tuple[object, ...]] = {}
     for name, change in (UNKNOWN | CHANGES).items():
-        stepped(host, SAMPLE.strain, SAMPLE.flow | MEASURED | change)
+        stepped(host, SAMPLE.strain, SAMPLE.flow | change)
         found[name] = (HealthState(host.health()).name, *host.get(COEFFICIENTS))
     check(found)
 
@@ -87,6 +104,6 @@ def test_navigation_that_is_not_given_or_impossible(host: Host) -> None:
 def test_navigation_that_is_not_given_or_impossible_in_python() -> None:
     estimator, found = Estimator(whole_map()), dict[str, tuple[object, ...]]()
     for name, change in (UNKNOWN | CHANGES).items():
-        one = estimator.step(SAMPLE.strain, **(SAMPLE.flow | MEASURED | change))
+        one = estimator.step(SAMPLE.strain, **(SAMPLE.flow | change), q_source=1.0)
         found[name] = (one.health.name, *one.coefficients)
     check(found)

@@ -147,7 +147,7 @@ def test_against_differences_of_its_own_outputs(
 def test_navigation_that_is_dropped(fmu: FlightFmu, inverse_map: InverseMap) -> None:
     sample = sample_of(inverse_map, 1)
     fmu.give(replace(sample, flow=sample.flow | {"static_pressure": 2.0 * sample.flow["static_pressure"]}))
-    assert fmu.set_reals([Q_SOURCE], [QSource.INDEPENDENT]) == OK
+    assert fmu.set_integers([Q_SOURCE], [QSource.INDEPENDENT]) == OK
     assert fmu.step() == OK
     assert fmu.all_outputs()[-4:-1].tolist() == [1.0, 0.0, 1.0]
     assert np.all(fmu.derivative(UNKNOWNS, [FIRST + 1], [1.0]) == 0.0)

@@ -110,12 +110,18 @@ def test_what_is_no_scalar_of_a_type_is_refused(pair: tuple[Fmu2, Fmu3], small: 
             assert third.get(name, c_type, scalars([number]), 1)[0] == ERROR, (name, number)
             assert len(third.messages) == 1
             assert f"fmi3Get{name}" in third.messages[0][2]
+    source = end - 1 - len(LAST_INPUTS)
     for name, c_type, wrong in (
-        ("Float64", c_double, [0, 20, N_OUTPUTS + small.n, end, largest]),
+        ("Float64", c_double, [0, 20, N_OUTPUTS + small.n, source, end, largest]),
+        ("Int32", c_int32, [0, 20, source, end, largest]),
+        ("Int64", c_int64, [0, 20, N_OUTPUTS, end, largest]),
         ("Boolean", c_bool, [0, N_OUTPUTS, end, largest]),
     ):
         for number in wrong:
             assert third.set(name, c_type, scalars([number]), [0]) == ERROR, (name, number)
+    for value in (3, 4, -1, 2**32, -(2**32)):
+        assert third.set("Int64", c_int64, scalars([source]), [value]) == (OK if value == 3 else ERROR)
+        assert third.get("Int64", c_int64, scalars([source]), 1)[1].tolist() == [3]
     # A value that is not one per scalar.
     assert third.get("Float64", c_double, scalars([0, 1]), 3)[0] == ERROR
     assert third.get("Float64", c_double, scalars([0, 1]), 1)[0] == ERROR

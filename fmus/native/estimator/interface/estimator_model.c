@@ -13,6 +13,7 @@
 #include "../estimator_derivative.h"
 #include "../policies/health.h"
 #include "../sample/inertia.h"
+#include "../sample/pressure_source.h"
 #include "../sample/readings.h"
 #include "estimator_model.h"
 #include "estimator_state.h"
@@ -199,6 +200,9 @@ static int get_reals(Model *model, const Selection *which, double *value, char t
     }
     for (size_t k = 0; k < count; k++) {
         const size_t variable = selected(which, k), input = input_of(e, variable);
+        if (is_source(e, variable)) {
+            return wrong_type(variable, text);
+        }
         if (input != SIZE_MAX) {
             value[k] = e->inputs.value[input];
         } else if (is_real_output(variable)) {
@@ -234,6 +238,11 @@ static int get_integers(Model *model, const Selection *which, int *value, char t
         const size_t variable = selected(which, k);
         if (e->tare.present && variable == tare_variable(e) + 1) {
             value[k] = (int)whole[TARE_WHOLE];
+            continue;
+        }
+        if (is_source(e, variable)) {
+            const double stated = last_input(&e->inputs, Q_SOURCE); /* NaN for AUTO */
+            value[k] = stated <= MACH_AND_ALTITUDE ? (int)stated : AUTO;
             continue;
         }
         if (variable != HEALTH_STATE && !(variable >= VALID_GAUGES && variable <= SUSPECTS)) {
@@ -287,7 +296,7 @@ static int set_reals(Model *model, const Selection *which, const double *value, 
     }
     for (size_t k = 0; k < count; k++) {
         const size_t variable = selected(which, k), input = input_of(e, variable);
-        if (input == SIZE_MAX) {
+        if (input == SIZE_MAX || is_source(e, variable)) {
             return no_input("real", variable, text);
         }
         if (input >= n && !inputs_accept(&e->inputs, input, value[k], text)) {
@@ -306,9 +315,20 @@ static int set_reals(Model *model, const Selection *which, const double *value, 
 }
 
 static int set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    (void)model;
-    (void)value;
-    return which->count == 0 ? 1 : no_input("integer", selected(which, 0), text);
+    Estimator *e = estimator_of(model);
+    for (size_t k = 0; k < which->count; k++) {
+        const size_t variable = selected(which, k);
+        if (!is_source(e, variable)) {
+            return no_input("integer", variable, text);
+        }
+        if (value[k] < AUTO || value[k] > MACH_AND_ALTITUDE) {
+            snprintf(text, MODEL_TEXT_SIZE, "q_source: %d found, must be from %d to %d", value[k], AUTO, MACH_AND_ALTITUDE);
+            return 0;
+        }
+        estimator_before_change(e);
+        e->inputs.value[input_of(e, variable)] = (double)value[k];
+    }
+    return 1;
 }
 
 static int set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
@@ -328,12 +348,14 @@ static int set_booleans(Model *model, const Selection *which, const int *value, 
     return 1;
 }
 
-/* Derivatives: of loads, coefficients and air data; the sigmas of zeros and the time constant of the filter have none. */
+/* Derivatives: of loads, coefficients and air data; the sigmas of zeros, the time constant of the filter and the source
+   of the dynamic pressure have none. */
 
 static size_t input_index(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
     const size_t input = input_of(e, variable), first_std = e->map.n_gauges + N_ALL_SCALARS + e->sensors.n_strains;
-    const int none = (input >= first_std && input < first_temperature(&e->inputs)) || input == filter_setting(&e->inputs);
+    const int none = (input >= first_std && input < first_temperature(&e->inputs)) || input == filter_setting(&e->inputs)
+                  || is_source(e, variable);
     return none ? SIZE_MAX : input;
 }
 

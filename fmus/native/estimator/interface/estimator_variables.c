@@ -119,6 +119,10 @@ int is_real_output(size_t variable) {
         || variable == ENVELOPE_SCORE;
 }
 
+int is_source(const Estimator *e, size_t variable) {
+    return input_of(e, variable) == first_last(&e->inputs) + Q_SOURCE;
+}
+
 size_t input_of(const Estimator *e, size_t variable) {
     const size_t n = e->map.n_gauges;
     if (variable - N_OUTPUTS < n) { /* size_t: outputs wrap round to large numbers */
@@ -150,6 +154,9 @@ size_t input_of(const Estimator *e, size_t variable) {
 
 Type model_type_of(const Model *model, size_t variable) {
     const Estimator *e = estimator_of(model);
+    if (is_source(e, variable)) {
+        return ENUMERATION;
+    }
     if (is_real_output(variable) || input_of(e, variable) != SIZE_MAX || flight_real(e, variable) != SIZE_MAX
         || other_real(e, variable) != NULL || zero_in_use(e, variable) != SIZE_MAX
         || parameter_output(e, variable) != SIZE_MAX) {

@@ -24,6 +24,9 @@ size_t flight_flag(const Estimator *e, size_t variable);
 
 int is_real_output(size_t variable);
 
+/* Whether a variable is the source of the dynamic pressure, an enumeration that is kept among the real inputs. */
+int is_source(const Estimator *e, size_t variable);
+
 /* Where a variable of the other loads is kept; NULL for any other. */
 const double *other_real(const Estimator *e, size_t variable);
 

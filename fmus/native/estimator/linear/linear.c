@@ -144,6 +144,13 @@ static int conditions_of(const Linear *linear) {
          | (linear->prepared.masked->n_used < linear->map->n_gauges ? GAUGES_LOST : 0);
 }
 
+/* Without an estimate; the limit of chi-square is that of all gauges. */
+static void set_nothing_known(Linear *linear) {
+    const Map *map = linear->map;
+    const double limit = map->chi_square_scale * map->chi_square_limit[map->degrees_of_freedom - 1];
+    set_unknown(linear->output, limit * scalar_input(linear->inputs, ALARM_SCALE));
+}
+
 void linear_update(Linear *linear) {
     double *output = linear->output;
     prepared_follow(&linear->prepared, linear->inputs);
@@ -151,7 +158,7 @@ void linear_update(Linear *linear) {
     output[VALID_GAUGES] = (double)m->n_used;
     output[SUSPECT_GAUGE] = output[SUSPECTS] = 0.0;
     if (!m->identified) {
-        set_unknown(output);
+        set_nothing_known(linear);
         linear->conditions = m->n_used > 0 ? NOT_IDENTIFIED : NO_GAUGE;
         return;
     }
@@ -159,7 +166,7 @@ void linear_update(Linear *linear) {
     if (linear->flow.known || !linear->map->form.follows_pressure) {
         linear_outputs(linear);
     } else {
-        set_unknown(output);
+        set_nothing_known(linear);
     }
     linear->conditions = conditions_of(linear);
 }

@@ -43,10 +43,10 @@ static void map_coefficients(const Linear *linear, const ScaledStep *step, doubl
     }
 }
 
-/* The output ENVELOPE_SCORE; NaN without a dynamic pressure. */
+/* The output ENVELOPE_SCORE; 0 without a dynamic pressure. */
 static void set_envelope_score(Linear *linear, const ScaledStep *step) {
     if (!linear->flow.known || linear->map->envelope.n_half_spaces == 0) {
-        linear->output[ENVELOPE_SCORE] = linear->flow.known ? 0.0 : NAN;
+        linear->output[ENVELOPE_SCORE] = 0.0;
         return;
     }
     double coefficients[N_LOADS], covariance[N_LOADS * N_LOADS];

@@ -181,7 +181,7 @@ int flight_conclude(Flight *flight, size_t used) {
 }
 
 void flight_set_nothing_known(Flight *flight, int condition) {
-    set_unknown(flight->output);
+    set_unknown(flight->output, chi_square_limit(flight, flight->solver.n_gauges));
     flight->output[SUSPECT_GAUGE] = flight->output[SUSPECTS] = 0.0;
     flight->conditions = condition;
     for (size_t k = 0; k < N_FLIGHT_REALS; k++) {

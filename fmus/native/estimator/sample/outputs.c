@@ -1,5 +1,5 @@
 /* Scales of coefficients, and outputs that are not known. C = F / (q S) for forces, M / (q S L) for moments. Unknown
-   outputs are NaN except counts and health, which always have a value. */
+   loads and coefficients are NaN; counts, health and the tests of the residual always have a value. */
 
 #include "outputs.h"
 
@@ -16,9 +16,9 @@ void set_unknown_from(double *output, int first, int end) {
     }
 }
 
-void set_unknown(double *output) {
+void set_unknown(double *output, double chi_square_limit) {
     set_unknown_from(output, COEFFICIENTS, HEALTH_STATE);
-    set_unknown_from(output, CHI_SQUARE, VALID_GAUGES);
-    output[ENVELOPE_SCORE] = NAN;
+    output[CHI_SQUARE] = output[ENVELOPE_SCORE] = 0.0;
+    output[CHI_SQUARE_LIMIT] = chi_square_limit;
 }
 

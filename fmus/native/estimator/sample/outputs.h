@@ -53,9 +53,12 @@ static inline int is_usable(double health) {
 /* Factors of coefficients at q_inf [Pa]: 1 / (q S) for the three forces, 1 / (q S L) for the two moments. */
 void coefficient_scales(double pressure, double area, double length, double *scale);
 
-/* No number, for outputs from `first` up to, not including, `end`; for all but counts and health. */
+/* No number, for outputs from `first` up to, not including, `end`. */
 void set_unknown_from(double *output, int first, int end);
-void set_unknown(double *output);
+
+/* Outputs without an estimate: no loads and coefficients, and a residual without terms, whose chi-square and envelope
+   margin are 0. Counts and health are the caller's. */
+void set_unknown(double *output, double chi_square_limit);
 
 /* M_P' = M_P + shift F_N and M_Y' = M_Y + shift F_Y about a point further aft. */
 static inline void move_moments(double shift, double *loads) {
