@@ -111,6 +111,7 @@ class Fmi2Host:
         assert self.fmu.instance.value is not None, self.fmu.messages
         self._began = False
         self._reals = self.places.references("input", "Real")
+        self._whole = self.places.references("input", "Enumeration")
         self._parameters = self.places.references("parameter", "Real")
         self._outputs = {
             kind: (self.places.references("output", kind), self.places.typed(self.places.outputs, kind))
@@ -129,10 +130,12 @@ class Fmi2Host:
         """Set all parameters, also between two steps."""
         assert self.fmu.set_reals(self._parameters, parameters) == OK, self.fmu.messages
 
-    def step(self, reals: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
+    def step(self, numbers: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
         """Return all outputs after a step of ``size`` from ``time`` [s] with the values of all inputs."""
         fmu, found = self.fmu, np.empty(len(self.places.outputs))
+        reals, whole = np.split(numbers, [len(numbers) - len(self._whole)])
         assert fmu.set_reals(self._reals, reals) == OK, fmu.messages
+        assert fmu.set_integers(self._whole, whole.astype(int).tolist()) == OK, fmu.messages
         fmu.set_valid(valid)
         assert fmu.step(time, size) == OK, fmu.messages
         for kind, (references, places) in self._outputs.items():
@@ -164,6 +167,7 @@ class Fmi3Host:
         assert self.fmu.instance.value is not None, self.fmu.messages
         self._began = False
         self._reals = self.places.references("input", "Real")
+        self._whole = self.places.references("input", "Enumeration")
         self._valid = self.places.references("input", "Boolean")
         self._parameters = self.places.references("parameter", "Real")
         self._outputs = [
@@ -183,10 +187,12 @@ class Fmi3Host:
         """As :meth:`Fmi2Host.set_parameters`."""
         assert self.fmu.set("Float64", c_double, self._parameters, parameters) == OK, self.fmu.messages
 
-    def step(self, reals: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
+    def step(self, numbers: np.ndarray, valid: np.ndarray, time: float, size: float) -> np.ndarray:
         """As :meth:`Fmi2Host.step`."""
         fmu, found = self.fmu, np.empty(len(self.places.outputs))
+        reals, whole = np.split(numbers, [len(numbers) - len(self._whole)])
         assert fmu.set("Float64", c_double, self._reals, reals) == OK, fmu.messages
+        assert fmu.set("Int64", c_int64, self._whole, whole.astype(int)) == OK, fmu.messages
         assert fmu.set("Boolean", c_bool, self._valid, valid.tolist()) == OK, fmu.messages
         flags, reached = [c_bool() for _ in range(3)], c_double()
         pointers = [*map(byref, flags), byref(reached)]
@@ -257,10 +263,13 @@ def _parameters(places: Places, inverse_map: InverseMap, inputs: Inputs, seconds
 
 
 def _inputs(places: Places, inverse_map: InverseMap, inputs: Inputs) -> np.ndarray:
-    """Return (k, n) the values of all real inputs, NaN of those that the stream does not give."""
+    """Return (k, n) the values of all real inputs, NaN where the stream gives none, then of enumerations."""
     column, unknown = columns(inverse_map, inputs), np.full(len(inputs), np.nan)
-    real = [places.inputs[place] for place in places.typed(places.inputs, "Real")]
-    return np.column_stack([column.get(name, unknown) for name in real])
+    real, whole = (
+        [column.get(places.inputs[place], unknown) for place in places.typed(places.inputs, kind)]
+        for kind in ("Real", "Enumeration")
+    )
+    return np.column_stack([*real, *map(np.nan_to_num, whole)])
 
 
 def columns(inverse_map: InverseMap, inputs: Inputs) -> dict[str, np.ndarray]:

@@ -18,6 +18,7 @@ from strainfmu.fmu.documentation.run_panels import estimate_figure, fault_span
 from strainfmu.fmu.reference_run.run import TRUTH, ReferenceRun, is_usual
 from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NOT_KNOWN
+from strainfmu.interface.parameter_variables import parameter_names
 from strainfmu.interface.sensor_variables import THRUST, has_thrust, sensor_names
 from strainfmu.pages import table_html
 from strainfmu.version import __version__
@@ -85,6 +86,7 @@ _CITATION = """@misc{strainload,
 def estimator_sections(inverse_map: InverseMap, content_hash: str, run: ReferenceRun) -> list[Section]:
     """Return the sections of the estimator's page before its tables."""
     return [
+        ("How to use it", _use(inverse_map)),
         (
             "What it computes",
             [
@@ -113,6 +115,27 @@ def estimator_sections(inverse_map: InverseMap, content_hash: str, run: Referenc
             ],
         ),
     ]
+
+
+def _use(inverse_map: InverseMap) -> list[str]:
+    """Return what a user does first: connect inputs, choose a step size, look at the health."""
+    needed = "<code>dynamic_pressure</code> [Pa]"
+    if inverse_map.manifold is not None:
+        needed += ", <code>mach_number</code> and <code>static_pressure</code> [Pa] or <code>altitude</code> [m]"
+    others = ", and the sensors, temperatures and parameters listed below" if _has_more(inverse_map) else ""
+    return [
+        f"Connect <code>strain</code> 1 to {inverse_map.n_strain_gauges} [m/m], NaN for a gauge that is lost, "
+        f"{needed}{others}.",
+        "Step size: the time between two samples of strain. Any size is allowed, and sizes may vary.",
+        "Use loads and coefficients where <code>health.usable</code> is true. While <code>health.state</code> is "
+        "INVALID or UNIDENTIFIED they are NaN, with their standard deviations and air data, unless a filter holds "
+        "them; chi-square and envelope score are 0 then, and the limit is the one of all gauges. While it is "
+        "NO_COEFFICIENTS the coefficients are NaN.",
+    ]
+
+
+def _has_more(inverse_map: InverseMap) -> bool:
+    return inverse_map.has_auxiliary_sensors or inverse_map.has_temperature or bool(parameter_names(inverse_map))
 
 
 def _limits(inverse_map: InverseMap) -> list[str]:

@@ -21,14 +21,19 @@ from slender_vehicle import NOISE_STD, SlenderFiles
 from starting_fmu import Starting
 
 from strainfmu.cosim.flight import flight_system, fly
+from strainfmu.cosim.models.flight_model import load_flight_model
 from strainfmu.cosim.scenario import FaultEvent, Scenario, load_scenario
 from strainfmu.cosim.systems.instance import read_description
+from strainfmu.cosim.systems.master import simulate
 from strainfmu.cosim.systems.ssp import identifier, write_ssp
-from strainfmu.cosim.systems.system import System, split_signal
+from strainfmu.cosim.systems.system import Connection, System, split_signal
 from strainfmu.errors import InputError
+from strainfmu.estimator.health import HealthState
+from strainfmu.fmu.flight_export import export_flight
 from strainfmu.interface.plant_variables import GaugeFault
 
 SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
+WATCHED = ("chi_square", "chi_square_limit", "suspect_gauge")
 C_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -178,21 +183,29 @@ def omsimulator() -> str | None:
     return os.environ.get("STRAINFMU_OMSIMULATOR") or shutil.which("OMSimulator")
 
 
+def simulated(package: Path, scenario: Scenario, folder: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """What OMSimulator records of ``package``, by signal without the names of the systems, and its errors."""
+    program = omsimulator()
+    if program is None:
+        pytest.skip("needs OMSimulator 3: its path in STRAINFMU_OMSIMULATOR, or on PATH")
+    command = [program, f"--stopTime={scenario.stop_time:g}", "--resultFile=found.csv", str(package)]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout[-2000:]
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error")]
+    assert f"{len(errors)} errors" in done.stdout or not (errors or "errors" in done.stdout)
+    with (folder / "found.csv").open() as table:
+        names, *rows = csv.reader(table)
+    values = np.array(rows, dtype=float).T
+    return dict(zip((name.split(".", 2)[-1] for name in names), values, strict=True)), errors
+
+
 @pytest.mark.parametrize("connectors", [False, True])
 def test_omsimulator_flies_both_packages(
     packages: dict[bool, Path], scenario: Scenario, fmus: dict[str, Path], tmp_path: Path, connectors: bool
 ) -> None:
     """With the tracking error of fly, to 1 %: its delays are other ones."""
-    program = omsimulator()
-    if program is None:
-        pytest.skip("needs OMSimulator 3: its path in STRAINFMU_OMSIMULATOR, or on PATH")
-    command = [program, f"--stopTime={scenario.stop_time:g}", "--resultFile=found.csv", str(packages[connectors])]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert "error" not in re.sub(r"0 errors", "", done.stdout)
-    with (tmp_path / "found.csv").open() as table:
-        names, *rows = csv.reader(table)
-    values = dict(zip((name.split(".", 2)[-1] for name in names), np.array(rows, dtype=float).T, strict=True))
+    values, errors = simulated(packages[connectors], scenario, tmp_path)
+    assert errors == []
     last = np.append(np.diff(values["time"]) > 0.0, True)  # it writes a row before and one after every event
     commanded, flown = values["schedule.commanded_angle_of_attack"][last], values["plant.angle_of_attack"][last]
     ours = fly(scenario, fmus, "estimate")
@@ -203,6 +216,32 @@ def test_omsimulator_flies_both_packages(
     assert values["autopilot.valid[1]"][-1] == 0.0
     if connectors:
         np.testing.assert_array_equal(values["plant_angle_of_attack"][last], flown)
+
+
+def test_omsimulator_connects_health_while_no_gauge_reads(scenario: Scenario, tmp_path: Path) -> None:
+    """From 2 to 3 s all strains are beyond the sensor range: its recorder refuses the loads, which are NaN then.
+
+    Chi-square, limit and suspect, which the autopilot has, are no error.
+    """
+    gauges = range(1, load_flight_model(scenario.flight_model).n_gauges + 1)
+    faults = [FaultEvent(2.0, gauge, GaugeFault.STUCK, value=1.0) for gauge in gauges]
+    faults += [FaultEvent(3.0, gauge, GaugeFault.NONE) for gauge in gauges]
+    blind = replace(scenario, faults=tuple(faults))
+    system = flight_system(blind, export_flight(blind, tmp_path / "fmus"), "truth")
+    watched = [Connection(f"estimator.health.{name}", f"autopilot.{name}") for name in WATCHED]
+    system = replace(system, connections=(*system.connections, *watched))
+    write_ssp(system, tmp_path / "blind.ssp", blind.name, blind.stop_time, blind.step_size)
+    values, errors = simulated(tmp_path / "blind.ssp", blind, tmp_path)
+    lost = errors.count("error:   [updateSignals] failed to fetch variable C_A")
+    assert lost > 0
+    assert errors.count("error:   [getReal] getReal returned NAN") == lost == len(errors) - lost
+    ours = simulate(system, blind.stop_time, blind.step_size)
+    without = (ours.time > 2.015) & (ours.time < 2.995)
+    assert set(ours["estimator.health.state"][without]) == {HealthState.INVALID}
+    assert not np.isnan([ours[f"estimator.health.{name}"] for name in (*WATCHED, "envelope_score")]).any()
+    assert values["time"][-1] == pytest.approx(blind.stop_time)
+    assert values["estimator.health.state"][-1] == HealthState.OK
+    assert values["estimator.C_N"][-1] == pytest.approx(ours["estimator.C_N"][-1], rel=0.05)
 
 
 def _rms(values: np.ndarray) -> float:
