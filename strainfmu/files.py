@@ -15,6 +15,7 @@ import stat
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -25,6 +26,9 @@ import numpy as np
 from strainfmu.errors import InputError, StrainfmuError
 
 HASH_ATTRIBUTE = "content_hash"
+BUILT_ATTRIBUTE = "built"
+"""Time at which a file was made, which is no part of its content."""
+
 USER_BLOCK_SIZE = 512
 
 
@@ -138,12 +142,39 @@ def write_folder_atomically(path: str | PathLike[str], entries: Mapping[str, byt
             shutil.rmtree(temporary, ignore_errors=True)
 
 
+def stated_time() -> datetime | None:
+    """Return the time by SOURCE_DATE_EPOCH (reproducible-builds.org), None where it is not set.
+
+    Raises
+    ------
+    InputError
+        SOURCE_DATE_EPOCH is no number of seconds.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    try:
+        if epoch is None or int(epoch) >= 0:
+            return None if epoch is None else datetime.fromtimestamp(int(epoch), UTC)
+        raise ValueError("before 1970")
+    except (ValueError, OverflowError, OSError) as error:
+        raise InputError(f"SOURCE_DATE_EPOCH: expected whole seconds since 1970, got '{epoch}'") from error
+
+
+def build_time() -> str:
+    """Return the time to state in a file that is made, as XML has it: :func:`stated_time`, else now."""
+    return f"{stated_time() or datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
 def write_hdf5_atomically(
-    path: str | PathLike[str], schema: str, schema_version: int, fill: Callable[[h5py.File], None]
+    path: str | PathLike[str],
+    schema: str,
+    schema_version: int,
+    fill: Callable[[h5py.File], None],
+    built: str = "",
 ) -> str:
     """Compose an HDF5 file in memory with ``fill``, stamp it and write it atomically.
 
-    The file gets the root attributes ``schema``, ``schema_version`` and ``content_hash``, and ahead of the HDF5
+    The file gets the root attributes ``schema``, ``schema_version``, ``content_hash`` and, unless it is "",
+    ``built``, the time at which it was made, which is no part of the hash; and ahead of the HDF5
     part a user block with one line of text: ``strainfmu SCHEMA VERSION sha256 DIGEST``, the digest of all bytes
     behind the block. So a damaged file is found out before HDF5, which may hang on one, sees it.
 
@@ -159,6 +190,8 @@ def write_hdf5_atomically(
         file.attrs["schema_version"] = schema_version
         digest = content_hash(file)
         file.attrs[HASH_ATTRIBUTE] = digest
+        if built:
+            file.attrs[BUILT_ATTRIBUTE] = built
         file.flush()
         image = file.id.get_file_image()
     line = f"strainfmu {schema} {schema_version} sha256 {hashlib.sha256(image).hexdigest()}\n"
@@ -175,7 +208,7 @@ def content_hash(file: h5py.File) -> str:
 
     def add_attributes(name: str, item: h5py.HLObject) -> None:
         for key in sorted(item.attrs):
-            if not (name == "/" and key == HASH_ATTRIBUTE):
+            if not (name == "/" and key in (HASH_ATTRIBUTE, BUILT_ATTRIBUTE)):
                 digest.update(f"{name}@{key}={item.attrs[key]!r}".encode())
 
     add_attributes("/", file)
@@ -250,6 +283,18 @@ def content_hash_of(path: str | PathLike[str], schema: str, schema_version: int)
     """
     with open_hdf5(path, schema, schema_version) as file:
         return str(file.attrs[HASH_ATTRIBUTE])
+
+
+def built_time_of(path: str | PathLike[str], schema: str, schema_version: int) -> str:
+    """Return the time at which the artefact at ``path`` was made, "" where it states none.
+
+    Raises
+    ------
+    InputError
+        As :func:`open_hdf5`.
+    """
+    with open_hdf5(path, schema, schema_version) as file:
+        return str(file.attrs.get(BUILT_ATTRIBUTE, ""))
 
 
 def fingerprint(inputs: Mapping[str, Any]) -> str:

@@ -37,11 +37,12 @@ def save_record(
     schema_version: int,
     units: Mapping[str, str],
     left_out: Collection[str] = (),
+    built: str = "",
 ) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
     ``units`` holds the unit of each field; fields without one have the ``unit`` of their metadata, or 1. The
-    fields ``left_out`` are not written.
+    fields ``left_out`` are not written. ``built`` is the time that the file states, outside its hash; "" for none.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def save_record(
     """
 
     return write_hdf5_atomically(
-        path, schema, schema_version, lambda file: write_record(file, record, units, left_out)
+        path, schema, schema_version, lambda file: write_record(file, record, units, left_out), built
     )
 
 

@@ -28,7 +28,7 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.estimator.zeros.tare import KnownStrain
-from strainfmu.files import content_hash_of, write_folder_atomically
+from strainfmu.files import built_time_of, content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription
 from strainfmu.fmu.description.terminals import terminal_files
@@ -54,13 +54,14 @@ from strainfmu.fmu.reference_run.run import (
 from strainfmu.interface.contents import CONTENTS, estimator_contents
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.listed_variables import most_important_first, without_zeros
+from strainfmu.interface.listed_variables import most_important_first, with_minimal_inputs, without_zeros
 from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
 from strainfmu.version import __version__
 
 KINDS = ("native", "python", "c")
 FMI_VERSIONS = ("2", "3")
+INPUTS = ("minimal", "full")
 
 _COMMON_SOURCES = (
     "__init__.py",
@@ -121,6 +122,8 @@ class ExportOptions:
     scalars : whether an FMU of FMI 3.0 has the scalar variables of FMI 2.0, by the same names, and no arrays.
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
     model_name : name of the model that tools show.
+    inputs : "minimal" for strains, dynamic pressure, Mach number, altitude and static pressure, and what the map
+        needs in addition; "full" for ``valid`` of each gauge and all other air data too.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
         that which the map was built for.
     zero_inputs : whether an FMU of scalars lists zeros of the gauges, their standard deviations, and the zeros
@@ -134,6 +137,7 @@ class ExportOptions:
     scalars: bool = False
     platforms: Sequence[str] | None = None
     model_name: str = "StrainLoadEstimator"
+    inputs: str = "minimal"
     estimator: Literal["linear"] | None = None
     zero_inputs: bool = False
     tare_known: Path | None = None
@@ -142,6 +146,8 @@ class ExportOptions:
         object.__setattr__(self, "fmi_version", str(self.fmi_version))
         if self.kind not in KINDS:
             raise InputError(f"kind: '{self.kind}' found, must be one of {', '.join(KINDS)}")
+        if self.inputs not in INPUTS:
+            raise InputError(f"inputs: '{self.inputs}' found, must be one of {', '.join(INPUTS)}")
         if self.estimator not in (None, "linear"):
             raise InputError(f"estimator: '{self.estimator}' found, must be linear or left out")
         if self.fmi_version not in FMI_VERSIONS:
@@ -160,6 +166,7 @@ class ExportOptions:
         wrong = {
             "fmi": self.fmi_version != "2",
             "platforms": self.platforms is not None,
+            "inputs": self.inputs != "minimal",
             "zero inputs": self.zero_inputs,
             "tare known": self.tare_known is not None,
         }
@@ -177,6 +184,7 @@ def export(
     fmi: str | int = "2",
     scalars: bool = False,
     platforms: Sequence[str] | Literal["all"] = "all",
+    inputs: str = "minimal",
     estimator: Literal["linear"] | None = None,
     zero_inputs: bool = False,
     tare_known: str | PathLike[str] | None = None,
@@ -187,7 +195,7 @@ def export(
     ----------
     inverse_map : file of the map.
     output : FMU to write; folder of kind "c".
-    kind, scalars, platforms, estimator, zero_inputs, tare_known : as :class:`ExportOptions` has them.
+    kind, scalars, platforms, inputs, estimator, zero_inputs, tare_known : as :class:`ExportOptions` has them.
     fmi : version of FMI, 2 or, native only, 3.
 
     Raises
@@ -200,6 +208,7 @@ def export(
         fmi_version=str(fmi).removesuffix(".0"),
         scalars=scalars,
         platforms=None if platforms == "all" else platforms,
+        inputs=inputs,
         estimator=estimator,
         zero_inputs=zero_inputs,
         tare_known=None if tare_known is None else Path(tare_known),
@@ -237,7 +246,8 @@ def export_estimator(
     if options.estimator == "linear" and inverse_map.manifold is not None:
         with TemporaryDirectory() as folder:
             linear = Path(folder) / "map.h5"
-            save_inverse_map(replace(inverse_map, manifold=None), linear)
+            built = built_time_of(map_path, SCHEMA, SCHEMA_VERSION)
+            save_inverse_map(replace(inverse_map, manifold=None), linear, built)
             return export_estimator(linear, fmu_path, options)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     if options.kind == "c":
@@ -251,7 +261,11 @@ def export_estimator(
 def _listed(scalars: Sequence[Variable], inverse_map: InverseMap, options: ExportOptions) -> tuple[Variable, ...]:
     """Return the scalar variables that the description of the FMU lists."""
     n = inverse_map.n_strain_gauges
-    return most_important_first(scalars if options.zero_inputs else without_zeros(scalars, n))
+    return _in_order(scalars if options.zero_inputs else without_zeros(scalars, n), options)
+
+
+def _in_order(interface: Sequence[Variable], options: ExportOptions) -> tuple[Variable, ...]:
+    return most_important_first(interface if options.inputs == "full" else with_minimal_inputs(interface))
 
 
 def _known_strain(options: ExportOptions, inverse_map: InverseMap) -> KnownStrain | None:
@@ -266,7 +280,7 @@ def _known_bytes(known: KnownStrain | None) -> bytes:
 
 
 def _native_estimator(
-    _: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
+    map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
 ) -> dict[str, bytes]:
     from strainfmu.estimator.resource.map_file import native_resource
 
@@ -280,7 +294,7 @@ def _native_estimator(
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
-        interface=most_important_first(arrays) if of_arrays else _listed(scalars, inverse_map, options),
+        interface=_in_order(arrays, options) if of_arrays else _listed(scalars, inverse_map, options),
         content_hash=hashlib.sha256(digest).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
@@ -289,6 +303,7 @@ def _native_estimator(
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
         n_arrays=len(arrays) if options.scalars else None,
+        built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
         numbers=value_references(arrays if of_arrays else scalars),
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
@@ -322,6 +337,7 @@ def _python_estimator(
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
         numbers=value_references(scalars),
+        built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
     )
     return {
         **python_entries(description, code, payload),
@@ -399,6 +415,7 @@ def export_plant(
         stop_time=trajectory.stop_time,
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
+        built=built_time_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION),
     )
     reference = python_plant_reference(model, trajectory)
     interface = description.interface

@@ -17,7 +17,7 @@ from strainfmu.cosim.systems.recording import Recording, save_csv, save_hdf5
 from strainfmu.cosim.systems.ssp import check_ssp_path, write_ssp
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.plant_variables import Motion
 
@@ -42,6 +42,7 @@ def fly(
     *,
     files: str | PathLike[str] | None = None,
     ssp: str | PathLike[str] | None = None,
+    fmi: str | int = "2",
     progress: Callable[[str], AbstractContextManager[Callable[[int, int], None]]] | None = None,
 ) -> ClosedLoopFlight:
     """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU, one run per feedback.
@@ -52,6 +53,7 @@ def fly(
     output : folder for FMUs and recordings.
     files : folder of map.h5 and flight_model.h5; None for the scenario's own.
     ssp : file of the system as an SSP package; one with connectors is written next to it.
+    fmi : 3 to write the FMUs in FMI 3.0 too, into the folder fmi_3 of ``output``; those of FMI 2.0 fly.
     progress : returns the context of a stage by its title, which gives a function of (done, of).
 
     Raises
@@ -66,7 +68,8 @@ def fly(
     model, fault = load_flight_model(loaded.flight_model), None
     with stage("FMUs"):
         fmus = export_flight(loaded, folder)
-    written = [*fmus.values()]
+        more = export_flight(loaded, folder / "fmi_3", fmi_version="3") if str(fmi) == "3" else {}
+    written = [*fmus.values(), *more.values()]
     recordings: dict[str, Recording] = {}
     for feedback in loaded.feedback:
         with stage(f"Flight: feedback of {feedback}") as advance:
@@ -97,8 +100,12 @@ def _advance(advance: Callable[[int, int], None], stop_time: float, time: float)
     advance(round(100 * time / stop_time), 100)
 
 
-def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | None = None) -> dict[str, Path]:
+def export_flight(
+    scenario: Scenario, folder: Path, platforms: Sequence[str] | None = None, fmi_version: str = "2"
+) -> dict[str, Path]:
     """Write the FMUs of a scenario into ``folder``; return their paths by name of the instance.
+
+    Those of FMI 3.0 have the same scalar variables.
 
     Raises
     ------
@@ -112,7 +119,8 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
         raise InputError(f"{scenario.inverse_map}: expected the gauges and sensors of {scenario.flight_model}")
     fmus = {name: folder / f"{name}.fmu" for name in INSTANCES}
     folder.mkdir(parents=True, exist_ok=True)
-    export_estimator(scenario.inverse_map, fmus["estimator"])
+    options = ExportOptions(inputs="full", fmi_version=fmi_version, scalars=fmi_version == "3")
+    export_estimator(scenario.inverse_map, fmus["estimator"], options)
     export_native_plant(
         flight_model_path=scenario.flight_model,
         fmu_path=fmus["plant"],
@@ -121,6 +129,7 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
         trajectory_path=None,
         platforms=platforms,
         seed=scenario.noise_seed,
+        fmi_version=fmi_version,
     )
     export_autopilot(
         flight_model_path=scenario.flight_model,
@@ -128,6 +137,14 @@ def export_flight(scenario: Scenario, folder: Path, platforms: Sequence[str] | N
         start=scenario.start,
         settings=scenario.autopilot,
         platforms=platforms,
+        fmi_version=fmi_version,
     )
-    export_schedule(scheduled_signals(scenario, model), fmus["schedule"], platforms)
+    signals = scheduled_signals(scenario, model)
+    export_schedule(
+        signals,
+        fmus["schedule"],
+        platforms=platforms,
+        fmi_version=fmi_version,
+        flight_model_path=scenario.flight_model,
+    )
     return fmus

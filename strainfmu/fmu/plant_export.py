@@ -1,4 +1,4 @@
-"""Export of the native FMUs round the estimator: plant, autopilot and schedule (FMI 2.0 co-simulation)."""
+"""Export of the native FMUs round the estimator: plant, autopilot and schedule (co-simulation)."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.library_sources import sources_digest
 from strainfmu.estimator.signal_names import STRAIN
-from strainfmu.files import content_hash_of
+from strainfmu.files import built_time_of, content_hash_of
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description.fmu_description import FmuDescription
 from strainfmu.fmu.description.terminals import terminal_files
@@ -54,6 +54,7 @@ def plant(
     flight_model: str | PathLike[str],
     output: str | PathLike[str] = "plant.fmu",
     *,
+    fmi: str | int = "2",
     motion: str = "inputs",
     trajectory: str | PathLike[str] | None = None,
     mach_number: float | None = None,
@@ -67,6 +68,7 @@ def plant(
     ----------
     flight_model : flight_model.h5 of a demonstration.
     output : FMU to write.
+    fmi : version of FMI, 2 or 3.
     motion : "inputs", "trajectory", or "short_period", which responds to a control moment.
     trajectory : table to fly (CSV), for motion "trajectory" and for it alone.
     mach_number, altitude, angle_of_attack, sideslip : start values [1], [m], [rad], [rad]; None for the middle of
@@ -97,7 +99,9 @@ def plant(
         sideslip_angle=sideslip or 0.0,
     )
     table = None if trajectory is None else Path(trajectory)
-    export_native_plant(Path(flight_model), Path(output), Motion[motion.upper()], start, table)
+    export_native_plant(
+        Path(flight_model), Path(output), Motion[motion.upper()], start, table, fmi_version=str(fmi)
+    )
 
 
 def export_native_plant(
@@ -108,6 +112,7 @@ def export_native_plant(
     trajectory_path: Path | None = None,
     platforms: Sequence[str] | None = None,
     seed: int = 1,
+    fmi_version: str = "2",
 ) -> None:
     """Write the native plant FMU of a flight model to ``fmu_path``.
 
@@ -117,6 +122,7 @@ def export_native_plant(
     trajectory_path : the CSV table to fly, for ``Motion.TRAJECTORY`` and for it alone.
     platforms : as for the estimator's export; None for all.
     seed : start value of the noise's.
+    fmi_version : "2" for FMI 2.0, "3" for FMI 3.0.
 
     Raises
     ------
@@ -153,6 +159,8 @@ def export_native_plant(
         platforms=platforms,
         contents={"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
         stop_time=trajectory.stop_time if trajectory is not None else STOP_TIME,
+        fmi_version=fmi_version,
+        built=_built(flight_model_path),
     )
     write_archive(fmu_path, entries)
 
@@ -188,6 +196,7 @@ def export_autopilot(
     start: FlightStart,
     settings: AutopilotSettings | None = None,
     platforms: Sequence[str] | None = None,
+    fmi_version: str = "2",
 ) -> None:
     """Write the autopilot FMU, designed for the vehicle and flight condition of ``start``, to ``fmu_path``.
 
@@ -225,14 +234,24 @@ def export_autopilot(
         reference=autopilot_reference(model, start, settings),
         platforms=platforms,
         contents={"vehicle": model.vehicle, "design": asdict(start)},
+        fmi_version=fmi_version,
+        built=_built(flight_model_path),
     )
     write_archive(fmu_path, entries)
 
 
+def _built(flight_model_path: Path) -> str:
+    return built_time_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
+
+
 def export_schedule(
-    signals: Sequence[ScheduledSignal], fmu_path: Path, platforms: Sequence[str] | None = None
+    signals: Sequence[ScheduledSignal],
+    fmu_path: Path,
+    platforms: Sequence[str] | None = None,
+    fmi_version: str = "2",
+    flight_model_path: Path | None = None,
 ) -> None:
-    """Write the schedule FMU of ``signals`` to ``fmu_path``.
+    """Write the schedule FMU of ``signals`` to ``fmu_path``, dated as the flight model that it is for.
 
     Raises
     ------
@@ -251,6 +270,8 @@ def export_schedule(
         reference=schedule_reference(signals),
         platforms=platforms,
         contents={},
+        fmi_version=fmi_version,
+        built="" if flight_model_path is None else _built(flight_model_path),
     )
     write_archive(fmu_path, entries)
 
@@ -266,12 +287,15 @@ def _native_fmu(
     platforms: Sequence[str] | None,
     contents: dict[str, object],
     stop_time: float = STOP_TIME,
+    fmi_version: str = "2",
+    built: str = "",
 ) -> dict[str, bytes]:
     """Return the entries of one FMU."""
-    libraries, sources = chosen_libraries(LIBRARY, platforms, "2"), native_sources(LIBRARY, "2")
+    libraries = chosen_libraries(LIBRARY, platforms, fmi_version)
+    sources = native_sources(LIBRARY, fmi_version)
     digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode()).hexdigest()
     capabilities = {
-        name: value for name, value in CAPABILITIES["2"].items() if name != "providesDirectionalDerivative"
+        name: value for name, value in CAPABILITIES[fmi_version].items() if not name.startswith("provides")
     }
     description = FmuDescription(
         model_name=model_name,
@@ -281,6 +305,8 @@ def _native_fmu(
         stop_time=stop_time,
         step_size=STEP_SIZE,
         capabilities=capabilities,
+        fmi_version=fmi_version,
+        built=built,
         source_files=compiled_files(sources),
     )
     pages = documentation_files(description, [*sections, *reference_sections(reference, interface)], "native")

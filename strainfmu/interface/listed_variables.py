@@ -6,11 +6,19 @@ number there, listed or not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from strainfmu.estimator.air_inputs import (
+    AIR_INPUT_NAMES,
+    ALTITUDE,
+    DYNAMIC_PRESSURE,
+    MACH_NUMBER,
+    Q_SOURCE,
+    STATIC_PRESSURE,
+)
 from strainfmu.estimator.other_loads import ROLLING
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, VALID
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names
@@ -24,9 +32,30 @@ def without_zeros(interface: Sequence[Variable], n_gauges: int) -> tuple[Variabl
 
     They are four of seven variables of an FMU with 54 gauges.
     """
-    left_out = {*zero_names(n_gauges), *zero_in_use_names(n_gauges)}
+    return _without(interface, {*zero_names(n_gauges), *zero_in_use_names(n_gauges)})
+
+
+_MINIMAL_AIR_INPUTS = (DYNAMIC_PRESSURE, MACH_NUMBER, ALTITUDE, STATIC_PRESSURE, Q_SOURCE)
+"""Air data that most hosts have; the others have start values that stand for not known."""
+
+
+def with_minimal_inputs(interface: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return scalars or arrays without the inputs ``valid`` and the air data that few hosts have.
+
+    A lost gauge is a strain of NaN then. What the map needs in addition, as temperatures, is there.
+    """
+    few = {*AIR_INPUT_NAMES}.difference(_MINIMAL_AIR_INPUTS)
+    return _without(interface, few | {one.name for one in interface if VALID in (one.array, one.name)})
+
+
+def _without(interface: Sequence[Variable], left_out: Collection[str]) -> tuple[Variable, ...]:
+    """Return ``interface`` without some variables, on which no other depends then."""
+
+    def listed(names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(name for name in names if name not in left_out)
+
     return tuple(
-        replace(one, initially_depends_on=tuple(name for name in one.initially_depends_on if name not in left_out))
+        replace(one, depends_on=listed(one.depends_on), initially_depends_on=listed(one.initially_depends_on))
         for one in interface
         if one.name not in left_out
     )

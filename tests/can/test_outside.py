@@ -32,7 +32,7 @@ from strainfmu.cosim.estimators.step import Step, other_inputs
 from strainfmu.estimator.air_inputs import LAST_INPUTS
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.contents import stated_contents
 
 CYCLE = 0.01
@@ -54,7 +54,7 @@ def bounded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         envelope_limit=np.full(5, 1e3),
     )
     save_inverse_map(ranged, folder / "map.h5")
-    export_estimator(folder / "map.h5", folder / "estimator.fmu")
+    export_estimator(folder / "map.h5", folder / "estimator.fmu", ExportOptions(inputs="full"))
     return folder
 
 
@@ -194,7 +194,7 @@ def test_a_map_per_dynamic_pressure_behind_the_bus(tmp_path: Path, name: str) ->
     inverse_map = replace(scaled_map(1, 3, n), dynamic_pressure_range=np.array([0.5, 3.0]) * NOMINAL)
     save_inverse_map(inverse_map, tmp_path / "map.h5")
     if name.endswith(".fmu"):
-        export_estimator(tmp_path / "map.h5", tmp_path / name)
+        export_estimator(tmp_path / "map.h5", tmp_path / name, ExportOptions(inputs="full"))
     layout = profile_layout("fd64", inverse_map.gauge_names, CYCLE)
     found = {}
     with opened(tmp_path, name) as step:

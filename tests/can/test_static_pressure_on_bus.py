@@ -96,7 +96,7 @@ def flown(step: Step, lost: int, cycles: int) -> list[Result]:
 def test_a_bridge_estimates_as_python_does(tmp_path: Path, kind: str) -> None:
     save_inverse_map(flown_map(), source := tmp_path / "map.h5")
     if kind == "fmu":
-        export_estimator(source, source := tmp_path / "e.fmu", ExportOptions(platforms=["linux64"]))
+        export_estimator(source, source := tmp_path / "e.fmu", ExportOptions(inputs="full", platforms=["linux64"]))
     lost, cycles = 15, 40
     with open_step(source) as ready:
         assert set(OTHER_AIR_DATA) - set(INERTIAL_NAMES) <= set(other_inputs(ready.step))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from slender_vehicle import NOISE_STD, slender_flight_model
 
@@ -160,6 +161,19 @@ def test_same_flight_same_bits(scenario: Scenario, fmus: dict[str, Path], tmp_pa
     for name in INSTANCES:
         assert again[name].read_bytes() == fmus[name].read_bytes()
     np.testing.assert_array_equal(fly(scenario, fmus, "estimate").values, fly(scenario, again, "estimate").values)
+
+
+def test_fmus_of_fmi_3_have_the_variables_of_fmi_2(
+    scenario: Scenario, fmus: dict[str, Path], tmp_path: Path
+) -> None:
+    """Names, causalities and units of all four, so that another engine connects them alike."""
+    third = export_flight(scenario, tmp_path, platforms=["linux64"], fmi_version="3")
+    for name in INSTANCES:
+        before, after = (read_model_description(str(one[name])) for one in (fmus, third))
+        assert (before.fmiVersion, after.fmiVersion) == ("2.0", "3.0")
+        listed = [[(v.name, v.causality, v.unit) for v in one.modelVariables] for one in (before, after)]
+        assert listed[1] == [*listed[0], ("time", "independent", "s")]
+        assert validate_fmu(str(third[name])) == []
 
 
 def test_cycles_need_a_delay(scenario: Scenario, fmus: dict[str, Path]) -> None:

@@ -9,13 +9,14 @@ import subprocess
 import sys
 import zipfile
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from flight_fmu import whole_map
-from fmpy import simulate_fmu
+from fmpy import read_model_description, simulate_fmu
 from fmu_host import OPTIONS
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, write_trajectory
 
@@ -23,7 +24,8 @@ from strainfmu.cli.main import main
 from strainfmu.cosim.models.trajectory import HEADER
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.estimator.map.inverse_map import SCHEMA, SCHEMA_VERSION, load_inverse_map, save_inverse_map
+from strainfmu.files import built_time_of
 from strainfmu.fmu.export import ExportOptions, export_estimator, export_plant
 from strainfmu.fmu.native.build import library_file
 from strainfmu.fmu.native.package import processor_library
@@ -43,6 +45,30 @@ def test_equal_exports_are_equal_to_the_byte(
         simulate_fmu(str(tmp_path / f"{name}_python.fmu"), stop_time=0.01)
     for kind in (*OPTIONS, "plant"):
         assert (tmp_path / f"a_{kind}.fmu").read_bytes() == (tmp_path / f"b_{kind}.fmu").read_bytes()
+
+
+@pytest.mark.fast
+def test_fmus_are_dated_as_their_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the time of the build, which no content hash holds, or by SOURCE_DATE_EPOCH; equal maps, equal bytes."""
+    monkeypatch.delenv("SOURCE_DATE_EPOCH", raising=False)
+    hashes = [save_inverse_map(whole_map(), tmp_path / f"{day}.h5", f"2026-05-0{day}T10:11:12Z") for day in (1, 2)]
+    assert hashes[0] == hashes[1]
+    for options in (*OPTIONS.values(), ExportOptions(estimator="linear")):
+        fmus = [tmp_path / f"{name}.fmu" for name in ("a", "b", "c")]
+        for fmu, day in zip(fmus, (1, 1, 2), strict=True):
+            export_estimator(tmp_path / f"{day}.h5", fmu, options)
+        assert fmus[0].read_bytes() == fmus[1].read_bytes()
+        dates = [read_model_description(str(fmu)).generationDateAndTime for fmu in fmus]
+        assert dates[1:] == ["2026-05-01T10:11:12Z", "2026-05-02T10:11:12Z"]
+    save_inverse_map(whole_map(), tmp_path / "now.h5")
+    now = datetime.fromisoformat(built_time_of(tmp_path / "now.h5", SCHEMA, SCHEMA_VERSION))
+    assert abs(datetime.now(UTC) - now) < timedelta(minutes=5)
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    export_estimator(tmp_path / "1.h5", tmp_path / "a.fmu")
+    stated = "2023-11-14T22:13:20Z"
+    assert read_model_description(str(tmp_path / "a.fmu")).generationDateAndTime == stated
+    save_inverse_map(whole_map(), tmp_path / "now.h5")
+    assert built_time_of(tmp_path / "now.h5", SCHEMA, SCHEMA_VERSION) == stated
 
 
 @pytest.mark.fast

@@ -150,7 +150,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, str], Pa
     def source(kind: str, name: str) -> Path:
         file = folder_of(kind) / name
         if not file.exists():
-            options = ExportOptions(kind=file.stem, zero_inputs=file.stem == "native")
+            options = ExportOptions(inputs="full", kind=file.stem, zero_inputs=file.stem == "native")
             export_estimator(file.with_name("map.h5"), file, options)
         return file
 

@@ -14,7 +14,7 @@ from flight_maps import exact_response
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import EstimationSummary, estimate_file
 
 pytestmark = pytest.mark.fast
@@ -28,7 +28,7 @@ Writer = Callable[[Path, dict[str, float]], Path]
 def fmu(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fmu")
     save_inverse_map(whole_map(), folder / "map.h5")
-    export_estimator(folder / "map.h5", folder / "estimator.fmu")
+    export_estimator(folder / "map.h5", folder / "estimator.fmu", ExportOptions(inputs="full"))
     return folder / "estimator.fmu"
 
 

@@ -15,11 +15,11 @@ from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 OPTIONS = {
-    "native": ExportOptions(zero_inputs=True),
-    "native_3": ExportOptions(fmi_version="3"),
-    "python": ExportOptions(kind="python", zero_inputs=True),
+    "native": ExportOptions(inputs="full", zero_inputs=True),
+    "native_3": ExportOptions(inputs="full", fmi_version="3"),
+    "python": ExportOptions(inputs="full", kind="python", zero_inputs=True),
 }
-SCALARS = ExportOptions(fmi_version="3", scalars=True, zero_inputs=True)
+SCALARS = ExportOptions(inputs="full", fmi_version="3", scalars=True, zero_inputs=True)
 """FMI 3.0 by the names of FMI 2.0, beside the kinds."""
 
 

@@ -115,7 +115,7 @@ def make_synthetic_files(folder: Path) -> SyntheticFiles:
     save_inverse_map(synthetic_inverse_map(1), files.map_1)
     save_inverse_map(synthetic_inverse_map(2), files.map_2)
     save_flight_model(synthetic_flight_model(), files.flight_model)
-    export_estimator(files.map_1, files.estimator_1, ExportOptions(zero_inputs=True))
-    export_estimator(files.map_2, files.estimator_2, ExportOptions(zero_inputs=True))
+    export_estimator(files.map_1, files.estimator_1, ExportOptions(inputs="full", zero_inputs=True))
+    export_estimator(files.map_2, files.estimator_2, ExportOptions(inputs="full", zero_inputs=True))
     export_plant(files.flight_model, files.trajectory, files.plant)
     return files

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -36,6 +36,9 @@ def fly(
         Path | None,
         typer.Option(metavar="X.ssp", help="Write the system as an SSP package too, and X_connectors.ssp."),
     ] = None,
+    fmi: Annotated[
+        Literal["2", "3"], typer.Option(help="3: write the FMUs in FMI 3.0 too, into OUTPUT/fmi_3; 2.0 flies.")
+    ] = "2",
     figures: Annotated[bool, typer.Option(help="Draw every run.")] = True,
 ) -> None:
     """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU.
@@ -51,7 +54,7 @@ def fly(
     """
     console = Console()
     reporter = ConsoleReporter(console)
-    flown = strainfmu.fly(scenario, output, files=files, ssp=ssp, progress=reporter.stage)
+    flown = strainfmu.fly(scenario, output, files=files, ssp=ssp, fmi=fmi, progress=reporter.stage)
     written = [*flown.files]
     if figures:
         written += builder.flight_figures(flown, output)
@@ -69,6 +72,7 @@ def fly(
 def plant(
     flight_model: Annotated[Path, typer.Argument(metavar="FLIGHT_MODEL", help="flight_model.h5 of a demo.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write.")] = Path("plant.fmu"),
+    fmi: Annotated[Literal["2", "3"], typer.Option(help="2 for FMI 2.0, 3 for FMI 3.0.")] = "2",
     motion: Annotated[
         str, typer.Option(help="inputs, trajectory, or short_period (responds to a control moment).")
     ] = "inputs",
@@ -100,6 +104,8 @@ def plant(
     Examples:
 
         strainfmu plant demo/flight_model.h5 -o plant.fmu
+
+        strainfmu plant demo/flight_model.h5 --fmi 3 -o plant_3.fmu
 
         strainfmu plant demo/flight_model.h5 --motion trajectory --trajectory manoeuvre.csv
     """

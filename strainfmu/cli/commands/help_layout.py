@@ -74,7 +74,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Results": ("columns", "residuals", "field", "field_every"),
     },
     "export": {
-        "Kind of FMU": ("kind", "fmi", "scalars", "platforms", "estimator"),
+        "Kind of FMU": ("kind", "fmi", "scalars", "inputs", "platforms", "estimator"),
         "Zero offsets": ("zero_inputs", "tare_known"),
     },
     "bridge": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},

@@ -94,6 +94,13 @@ def export(
         Literal["linear"] | None,
         typer.Option(help="linear: the linear estimator of a map that includes both."),
     ] = None,
+    inputs: Annotated[
+        Literal["minimal", "full"],
+        typer.Option(
+            help="minimal: strain, dynamic pressure and its source, Mach number, altitude, static pressure, tare. "
+            "full: also valid of each gauge and all other air data."
+        ),
+    ] = "minimal",
     zero_inputs: Annotated[
         bool,
         typer.Option(
@@ -117,6 +124,8 @@ def export(
     Examples:
 
         strainfmu export results/map.h5 -o estimator.fmu
+
+        strainfmu export results/map.h5 -o estimator.fmu --inputs full
 
         strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
 

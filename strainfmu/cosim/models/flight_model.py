@@ -22,6 +22,7 @@ from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
+from strainfmu.files import build_time
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.interface.sensor_variables import reading_names
 from strainfmu.records import inner_record, load_record, save_record
@@ -293,7 +294,7 @@ def save_flight_model(model: FlightModel, path: str | PathLike[str]) -> str:
     StrainfmuError
         The file could not be written; what was there before is untouched.
     """
-    return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS)
+    return save_record(model, path, SCHEMA, SCHEMA_VERSION, _UNITS, built=build_time())
 
 
 def load_flight_model(path: str | PathLike[str]) -> FlightModel:

@@ -57,6 +57,7 @@ from strainfmu.estimator.tables.schema import (
     neutral_names,
     neutral_value,
 )
+from strainfmu.files import build_time
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
@@ -332,8 +333,10 @@ def neutral_fields(inverse_map: InverseMap) -> list[str]:
     return [name for name in names if name not in partial]
 
 
-def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
+def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str], built: str = "") -> str:
     """Write ``inverse_map`` to ``path`` atomically and return its content hash.
+
+    ``built`` is the time of its build, "" for now; FMUs state it.
 
     Raises
     ------
@@ -342,7 +345,8 @@ def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str]) -> str:
     """
     state = "Pa" if inverse_map.case == 1 else "1"
     units = {name: one.unit.replace("state", state) for name, one in entries(inverse_map).items()}
-    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, neutral_fields(inverse_map))
+    left_out, built = neutral_fields(inverse_map), built or build_time()
+    return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out, built=built)
 
 
 def load_inverse_map(path: str | PathLike[str]) -> InverseMap:

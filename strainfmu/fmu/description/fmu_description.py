@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 import uuid
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass, field
-from datetime import UTC, datetime
 
 from strainfmu.errors import InputError
+from strainfmu.files import build_time, stated_time
 from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.version import __version__
 
 _NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "strainfmu")
 
-_NO_TIME = datetime(1980, 1, 1, tzinfo=UTC)
-"""Stamp of FMUs without SOURCE_DATE_EPOCH: the time of their zip entries, the earliest a zip can hold."""
+_NO_TIME = "1980-01-01T00:00:00Z"
+"""Stamp of FMUs whose data state no time: the time of their zip entries, the earliest a zip can hold."""
 
 AUTHOR = "strainfmu developers"
 COPYRIGHT = "strainfmu developers; the data inside belong to their makers"
@@ -51,6 +50,7 @@ class FmuDescription:
     source_files : names inside ``sources/`` of the files to compile, none for a Python FMU.
     model_exchange : attributes of the ModelExchange element; None for an FMU without it.
     n_arrays : number of arrays that an interface of scalars stands for in FMI 3.0; None for one of the arrays.
+    built : time at which the data inside were made, "" for none stated.
     numbers : number of each variable by name, its value reference but for scalars of FMI 3.0; None for its index
         in ``interface``.
     """
@@ -66,6 +66,7 @@ class FmuDescription:
     source_files: Sequence[str] = ()
     model_exchange: Mapping[str, str] | None = None
     n_arrays: int | None = None
+    built: str = ""
     numbers: Mapping[str, int] | None = None
 
     @property
@@ -100,23 +101,15 @@ def model_identifier(model_name: str) -> str:
     return f"m_{identifier}" if identifier[0].isdigit() else identifier
 
 
-def generation_time() -> str:
-    """Return the time to stamp, as XML has it: SOURCE_DATE_EPOCH (reproducible-builds.org), else 1980-01-01.
+def generation_time(built: str = "") -> str:
+    """Return the time to stamp, as XML has it: SOURCE_DATE_EPOCH, else ``built``, "" for none, else 1980-01-01.
 
     Raises
     ------
     InputError
         SOURCE_DATE_EPOCH is no number of seconds.
     """
-    epoch = os.environ.get("SOURCE_DATE_EPOCH")
-    try:
-        seconds = None if epoch is None else int(epoch)
-        if seconds is not None and seconds < 0:
-            raise ValueError("before 1970")
-        time = _NO_TIME if seconds is None else datetime.fromtimestamp(seconds, UTC)
-    except (ValueError, OverflowError, OSError) as error:
-        raise InputError(f"SOURCE_DATE_EPOCH: expected whole seconds since 1970, got '{epoch}'") from error
-    return time.strftime("%Y-%m-%dT%H:%M:%SZ")
+    return build_time() if stated_time() is not None else built or _NO_TIME
 
 
 def root_attributes(fmu: FmuDescription) -> dict[str, str]:
@@ -129,7 +122,7 @@ def root_attributes(fmu: FmuDescription) -> dict[str, str]:
         "copyright": COPYRIGHT,
         "license": LICENSE,
         "generationTool": f"strainfmu {__version__}",
-        "generationDateAndTime": generation_time(),
+        "generationDateAndTime": generation_time(fmu.built),
         "variableNamingConvention": "structured",
     }
 

@@ -89,7 +89,7 @@ def test_map_and_fmu(tmp_path: Path, kind: str) -> None:
     held = linear_map() if kind == "linear" else nonlinear_map()
     save_inverse_map(held, tmp_path / "map.h5")
     expected = steps(tmp_path / "map.h5", held)
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions(zero_inputs=True))
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions(inputs="full", zero_inputs=True))
     for k, (found, wanted) in enumerate(zip(steps(tmp_path / "e.fmu", held), expected, strict=True)):
         if NEW_ZEROS <= k < RENEWED:
             assert found.health in (wanted.health, HealthState.DEGRADED), k
@@ -113,7 +113,7 @@ def test_a_gauge_is_in_range_by_its_reading(tmp_path: Path) -> None:
     expected = Estimator(held, zeros=zeros).step(strain, pressure)
     assert expected.valid.all()
     save_inverse_map(held, tmp_path / "map.h5")
-    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions(zero_inputs=True))
+    export_estimator(tmp_path / "map.h5", tmp_path / "e.fmu", ExportOptions(inputs="full", zero_inputs=True))
     for source in ("map.h5", "e.fmu"):
         with open_step(tmp_path / source) as ready:
             assert isinstance(ready.step, MapStep | FmuStep)

@@ -83,7 +83,7 @@ def test_recorded_data_and_bus_start_from_them(calibrated: Path, tmp_path: Path,
     held, source = load_inverse_map(calibrated), calibrated
     if ending == ".fmu":
         source = tmp_path / "calibrated.fmu"
-        export_estimator(calibrated, source, ExportOptions(zero_inputs=True))
+        export_estimator(calibrated, source, ExportOptions(inputs="full", zero_inputs=True))
     time, strain, pressure = samples(20)
     wanted = expected(held, strain, pressure)
     headings = ["time", *NAMES, "dynamic_pressure"]

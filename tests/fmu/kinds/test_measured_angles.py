@@ -18,7 +18,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
-KINDS = {**OPTIONS, "native_3": ExportOptions(fmi_version="3", scalars=True)}
+KINDS = {**OPTIONS, "native_3": ExportOptions(inputs="full", fmi_version="3", scalars=True)}
 STRAINS = [f"strain[{i + 1}]" for i in range(N_D)]
 COEFFICIENTS = ["C_A", "C_N", "C_Y", "M_P", "M_Y"]
 SAMPLE = random_flight(whole_map(), 1, seed=5)[0]

@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy import read_model_description
 from fmpy.validation import validate_fmu
 from slender_vehicle import make_slender_files, slender_flight_model
 from synthetic_vehicle import SyntheticFiles
 
+from strainfmu.cli.main import main
+from strainfmu.cosim.models import flight_model
 from strainfmu.cosim.models.autopilot import AutopilotSettings
 from strainfmu.cosim.models.autopilot_law import AutopilotSample, AutopilotState, autopilot_design, next_state
 from strainfmu.cosim.models.flight_model import load_flight_model
@@ -20,6 +23,7 @@ from strainfmu.cosim.models.plant_law import Plant
 from strainfmu.cosim.models.schedule import ScheduledSignal
 from strainfmu.cosim.models.trajectory import load_trajectory
 from strainfmu.errors import InputError
+from strainfmu.files import built_time_of
 from strainfmu.fmu.checks.crosscheck import crosscheck
 from strainfmu.fmu.checks.importers import read_table
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
@@ -28,7 +32,10 @@ from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 
 START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.05)
-KINDS = ("inputs", "trajectory", "short_period", "python", "autopilot", "schedule")
+NATIVE = ("inputs", "trajectory", "short_period", "autopilot", "schedule")
+KINDS = (*NATIVE, *(f"{kind}_3" for kind in NATIVE), "python")
+"""Those of FMI 3.0 end on 3."""
+
 SIGNALS = [
     ScheduledSignal(
         Variable(name="angle", description="one", causality="output", unit="rad"),
@@ -55,27 +62,38 @@ def references(synthetic: SyntheticFiles, tmp_path_factory: pytest.TempPathFacto
     make_slender_files(folder)
     vehicle = folder / "flight_model.h5"
     fmus = {name: folder / f"{name}.fmu" for name in KINDS}
-    for motion in (Motion.INPUTS, Motion.SHORT_PERIOD):
+    for end, version in (("", "2"), ("_3", "3")):
+        for motion in (Motion.INPUTS, Motion.SHORT_PERIOD):
+            export_native_plant(
+                flight_model_path=vehicle,
+                fmu_path=fmus[f"{motion.name.lower()}{end}"],
+                motion=motion,
+                start=START,
+                trajectory_path=None,
+                platforms=None,
+                seed=7,
+                fmi_version=version,
+            )
         export_native_plant(
-            flight_model_path=vehicle,
-            fmu_path=fmus[motion.name.lower()],
-            motion=motion,
+            flight_model_path=synthetic.flight_model,
+            fmu_path=fmus[f"trajectory{end}"],
+            motion=Motion.TRAJECTORY,
             start=START,
-            trajectory_path=None,
-            platforms=None,
-            seed=7,
+            trajectory_path=synthetic.trajectory,
+            fmi_version=version,
         )
-    export_native_plant(
-        flight_model_path=synthetic.flight_model,
-        fmu_path=fmus["trajectory"],
-        motion=Motion.TRAJECTORY,
-        start=START,
-        trajectory_path=synthetic.trajectory,
-    )
+        export_autopilot(vehicle, fmus[f"autopilot{end}"], START, fmi_version=version)
+        export_schedule(SIGNALS, fmus[f"schedule{end}"], fmi_version=version)
     fmus["python"] = synthetic.plant
-    export_autopilot(vehicle, fmus["autopilot"], START)
-    export_schedule(SIGNALS, fmus["schedule"])
     return fmus
+
+
+def test_the_command_writes_a_plant_of_fmi_3(synthetic: SyntheticFiles, tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["plant", str(synthetic.flight_model), "--fmi", "3", "-o", str(tmp_path / "plant.fmu")])
+    found = read_model_description(str(tmp_path / "plant.fmu"))
+    built = built_time_of(synthetic.flight_model, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
+    assert (found.fmiVersion, found.generationDateAndTime) == ("3.0", built)
 
 
 @pytest.mark.parametrize("kind", KINDS)
