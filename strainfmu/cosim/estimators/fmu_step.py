@@ -110,10 +110,9 @@ class FmuStep:
         stds = [name.replace(PARAMETER_PREFIX, STD_PREFIX, 1) for name in parameters]
         named = (*(variable.name for variable in sensors), *parameters, *stds)
         asked = (*other_inputs, *named, *self.reading_units)
-        listed = [name for name in asked if name in by_name]
-        # Reals side by side are exchanged as they lie.
-        self.other_inputs = tuple(sorted(listed, key=lambda name: by_name[name].type != "Real"))
-        of_flow = tuple(by_name[name] for name in self.other_inputs)
+        self.other_inputs = tuple(name for name in asked if name in by_name)
+        # Reals side by side, so that they are exchanged as they lie.
+        of_flow = sorted((by_name[name] for name in self.other_inputs), key=lambda one: one.type != "Real")
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         # Of angles without one; an FMU leaves them out.

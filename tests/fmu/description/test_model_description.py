@@ -191,7 +191,9 @@ def test_scalars_of_fmi_3_are_the_variables_of_fmi_2(fmus: dict[str, Path]) -> N
     assert known["native"] == known["scalars"]
 
 
-@pytest.mark.parametrize("options", [ExportOptions(), ExportOptions(fmi_version="3", scalars=True)])
+@pytest.mark.parametrize(
+    "options", [ExportOptions(inputs="full"), ExportOptions(inputs="full", fmi_version="3", scalars=True)]
+)
 def test_scalars_without_zeros_keep_their_value_references(
     fmus: dict[str, Path], synthetic: SyntheticFiles, tmp_path: Path, options: ExportOptions
 ) -> None:
