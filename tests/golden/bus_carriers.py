@@ -74,6 +74,10 @@ def by_bridge(source: Path, inverse_map: InverseMap, inputs: Inputs) -> Results:
     results["health"] = np.array([HealthState.INVALID if one.health is None else one.health for one in found])
     names = found[-1].other_outputs.keys()
     outputs = {name: np.array([one.other_outputs.get(name, np.nan) for one in found]) for name in names}
+    # A cycle without any strain is not given to the estimator.
+    results["chi_square"] = np.nan_to_num(results["chi_square"])
+    if "health.envelope_score" in outputs:
+        outputs["health.envelope_score"] = np.nan_to_num(outputs["health.envelope_score"])
     return in_part(results) | fields_of(Places(inverse_map, arrays=False), outputs)
 
 
@@ -131,7 +135,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from pythonfmu import Fmi2Causality, Fmi2Slave, Real
+from pythonfmu import Fmi2Causality, Fmi2Slave, Integer, Real
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 
 
@@ -143,16 +147,21 @@ class {name}(Fmi2Slave):
             names, self.values = content["names"].tolist(), content["values"]
         self.k, self.fed = 0, np.full({n_fed}, np.nan)
         for i, name in enumerate(names):
-            self._add(name, Fmi2Causality.output, partial(self._played, i))
+            played = self._whole if name == "q_source" else self._played
+            self._add(name, Fmi2Causality.output, partial(played, i))
         for i in range({n_fed}):
             self._add(f"fed[{{i + 1}}]", Fmi2Causality.input, partial(self._was_fed, i), partial(self._feed, i))
             self._add(f"was_fed[{{i + 1}}]", Fmi2Causality.output, partial(self._was_fed, i))
 
     def _add(self, name, causality, getter, setter=None):
-        self.register_variable(Real(name, causality=causality, getter=getter, setter=setter), nested=False)
+        kind = Integer if name == "q_source" else Real
+        self.register_variable(kind(name, causality=causality, getter=getter, setter=setter), nested=False)
 
     def _played(self, i):
         return self.values[self.k, i]
+
+    def _whole(self, i):
+        return int(np.nan_to_num(self.values[self.k, i]))
 
     def _was_fed(self, i):
         return self.fed[i]

@@ -270,6 +270,9 @@ class NumpyCore:
         found = {name: np.full((k, place.stop - place.start), np.nan) for name, place in whole.items()}
         for name in ("suspect_gauge", "suspects", "degrees_of_freedom", "iterations", "fits", "is_suspect"):
             found[name][:] = 0.0
+        found["chi_square"][:] = found["envelope_score"][:] = 0.0
+        limit = self._map.chi_square_scale * chi_square_limit(self._map.residual_degrees_of_freedom)
+        found["chi_square_limit"][:] = float(self._setting(OF_ALARMS)[0]) * limit
         found[VALID][:], found["valid_gauges"][:, 0] = used, used.sum(axis=1)
         found["noise_left"][:] = 1.0
         found["health"][:, 0] = np.where(used.any(axis=1), HealthState.UNIDENTIFIED, HealthState.INVALID)
