@@ -53,7 +53,7 @@ def fly(
     output : folder for FMUs and recordings.
     files : folder of map.h5 and flight_model.h5; None for the scenario's own.
     ssp : file of the system as an SSP package; one with connectors is written next to it.
-    fmi : 3 to write the FMUs in FMI 3.0 too, into the folder fmi_3 of ``output``; those of FMI 2.0 fly.
+    fmi : 3 to write the FMUs in FMI 3.0 too, into the folder fmi_3 of ``output``; FMI 2.0 flies.
     progress : returns the context of a stage by its title, which gives a function of (done, of).
 
     Raises
