@@ -189,9 +189,9 @@ def recorded_samples(
                 d,
                 float(q),
                 unknown,
-                **{name: float(block.flow[name][row]) for name in block.flow},
-                readings={inputs[name]: float(of[row]) for name, of in block.readings.items()},
+                **{name: float(block.flow[name][row]) for name in NAVIGATION if name in block.flow},
+                readings={of: float(block.flow[name][row]) for name, of in inputs.items() if name in block.flow},
             )
-            for block, _ in opened.blocks
+            for block in opened.blocks
             for row, (d, q) in enumerate(zip(block.strain, block.dynamic_pressure, strict=True))
         )

@@ -5,17 +5,14 @@ excitation V_ex, r = (V - V_0)/V_ex, positive in tension. The change x = dR/R of
 divider rule, strain = x/k. With r of the other sign these are the formulas of National Instruments, NI-DAQmx,
 "Strain Gage Configurations".
 
-    quarter               r = x/(4 + 2 x)                          x = 4 r/(1 - 2 r)
-    half-poisson          r = x (1 + nu)/(4 + 2 x (1 - nu))        x = 4 r/((1 + nu) - 2 r (1 - nu))
-    half-bending          r = x/2                                  x = 2 r
-    full-bending          r = x                                    x = r
-    full-bending-poisson  r = x (1 + nu)/2                         x = 2 r/(1 + nu)
-    full-poisson          r = x (1 + nu)/(2 + x (1 - nu))          x = 2 r/((1 + nu) - r (1 - nu))
+    quarter       r = x/(4 + 2 x)                      x = 4 r/(1 - 2 r)
+    half-poisson  r = x (1 + nu)/(4 + 2 x (1 - nu))    x = 4 r/((1 + nu) - 2 r (1 - nu))
+    full-poisson  r = x (1 + nu)/(2 + x (1 - nu))      x = 2 r/((1 + nu) - r (1 - nu))
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -37,24 +34,16 @@ from strainfmu.units import RATIO_UNITS, STRAIN_UNITS, TIME_UNITS, VOLTAGE_UNITS
 _CHANGE: dict[str, Callable[[FloatArray, float], FloatArray]] = {
     "quarter": lambda r, nu: 4.0 * r / (1.0 - 2.0 * r),
     "half-poisson": lambda r, nu: 4.0 * r / ((1.0 + nu) - 2.0 * r * (1.0 - nu)),
-    "half-bending": lambda r, nu: 2.0 * r,
-    "full-bending": lambda r, nu: r,
-    "full-bending-poisson": lambda r, nu: 2.0 * r / (1.0 + nu),
     "full-poisson": lambda r, nu: 2.0 * r / ((1.0 + nu) - r * (1.0 - nu)),
 }
 
-BENDING = ("half-bending", "full-bending", "full-bending-poisson")
-"""Bridges whose output is half the difference of the strains at two positions."""
+_BENDING = ("half-bending", "full-bending", "full-bending-poisson")
+"""Bridges whose output is half the difference of the strains at two positions, and so is no gauge of a map."""
 
-_POISSON = ("half-poisson", "full-poisson", "full-bending-poisson")
+_POISSON = ("half-poisson", "full-poisson")
 """Bridges that take the strain across for -nu times that along: true under uniaxial stress alone."""
 
-_WIRES = {
-    "quarter": (2, 3),
-    "half-poisson": (3,),
-    "half-bending": (3,),
-    **dict.fromkeys(("full-bending", "full-bending-poisson", "full-poisson"), (4, 6)),
-}
+_WIRES = {"quarter": (2, 3), "half-poisson": (3,), "full-poisson": (4, 6)}
 """Numbers of lead wires that a bridge may have."""
 
 _LEADS = {2: 2.0, 3: 1.0, 4: 2.0, 6: 0.0}
@@ -68,11 +57,21 @@ SIGNAL_UNITS = {**STRAIN_UNITS, **RATIO_UNITS, **VOLTAGE_UNITS}
 JOINS = {"linear": "interpolated", "hold": "held", "nearest": "taken from the nearest sample"}
 """Rules by which a channel of another raster gets its values, and the word for each."""
 
-_INHERITED = (
-    *("unit", "bridge", "gauge_factor", "recorder_gauge_factor", "poisson_ratio", "excitation_V", "gain"),
-    *("scale_um_per_m_per_V", ZERO, "sign", "temperature_compensation", "wires", "lead_resistance_ohm"),
-    *("gauge_resistance_ohm", "uniaxial_stress"),
-)
+_NUMBERS: dict[str, tuple[float | None, float, float]] = {
+    "gauge_factor": (None, 0.1, 500.0),
+    "recorder_gauge_factor": (None, 0.1, 500.0),  # that the recorder was set to
+    "poisson_ratio": (0.0, -1.0, 0.5),
+    "excitation_V": (None, 1e-3, 1e3),
+    "gain": (1.0, 1e-6, 1e6),
+    "scale_um_per_m_per_V": (None, -1e9, 1e9),  # instead of the bridge
+    "sign": (1.0, -1.0, 1.0),
+    ZERO: (0.0, -inf, inf),  # value without load, in the unit of the values
+    "lead_resistance_ohm": (0.0, 0.0, 1e4),
+    "gauge_resistance_ohm": (0.0, 0.0, 1e6),
+}
+"""Numbers of a channel: the default, None for no value, the least and the largest."""
+
+_INHERITED = ("unit", "bridge", "wires", "temperature_compensation", "uniaxial_stress", *_NUMBERS)
 """Entries that ``[defaults]`` may state for all channels."""
 
 
@@ -98,15 +97,9 @@ class ChannelEntry:
     name : in the recording.
     gauge : of the map, or a leg of a rosette.
     unit : of the values, None for the unit of the recording.
-    bridge : see above.
-    gauge_factor, recorder_gauge_factor : of the gauge, and the one that the recorder was set to; or None.
-    poisson_ratio : nu of the material, for Poisson bridges.
-    excitation : [V], of values in volts; with ``gain`` of the amplifier.
-    scale : [(um/m)/V], of values in volts; None for by the bridge.
-    sign : 1 or -1.
-    zero : value without load, in the unit of the values.
+    bridge : see above; ``wires`` is the number of its lead wires.
     compensation : of temperature, of :data:`COMPENSATIONS`, None if not stated.
-    wires, lead_resistance, gauge_resistance : lead wires and the resistance of one, and of a gauge [ohm].
+    numbers : of ``_NUMBERS``, by the names in the file.
     """
 
     where: str
@@ -114,18 +107,9 @@ class ChannelEntry:
     gauge: str
     unit: str | None
     bridge: str
-    gauge_factor: float | None
-    recorder_gauge_factor: float | None
-    poisson_ratio: float
-    excitation: float | None
-    gain: float
-    scale: float | None
-    sign: float
-    zero: float
-    compensation: str | None
     wires: int
-    lead_resistance: float
-    gauge_resistance: float
+    compensation: str | None
+    numbers: Mapping[str, float | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +213,18 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
     """Read one channel; what it does not state comes from the defaults."""
     stated = set(item.entries)
     item.entries = {**defaults.entries, **item.entries}
-    unit, bridge = _option(item, "unit", SIGNAL_UNITS), _option(item, "bridge", _CHANGE) or "quarter"
+    unit, bridge = _option(item, "unit", SIGNAL_UNITS), _option(item, "bridge", (*_CHANGE, *_BENDING)) or "quarter"
+    if bridge in _BENDING:
+        raise item.fault(
+            "bridge",
+            f"'{bridge}' gives half the difference of the strains at two positions, and a gauge of the map is at "
+            "one: expected a channel for each",
+        )
+    numbers = {
+        key: item.number(key, None if key == "poisson_ratio" and bridge in _POISSON else default, low, high)
+        for key, (default, low, high) in _NUMBERS.items()
+        if default is not None or key in item.entries
+    }
     entry = ChannelEntry(
         where=item.name,
         name=item.text("name"),
@@ -237,17 +232,8 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
         unit=unit,
         bridge=bridge,
         wires=item.whole("wires", _WIRES[bridge][-1], 6),
-        gauge_factor=_optional(item, "gauge_factor", 0.1, 500.0),
-        recorder_gauge_factor=_optional(item, "recorder_gauge_factor", 0.1, 500.0),
-        poisson_ratio=item.number("poisson_ratio", 0.0 if bridge not in _POISSON else None, -1.0, 0.5),
-        excitation=_optional(item, "excitation_V", 1e-3, 1e3),
-        gain=item.number("gain", 1.0, 1e-6, 1e6),
-        scale=_optional(item, "scale_um_per_m_per_V", -1e9, 1e9),
-        sign=item.number("sign", 1.0, -1.0, 1.0),
-        zero=item.number(ZERO, 0.0, -inf, inf),
         compensation=_option(item, "temperature_compensation", COMPENSATIONS),
-        lead_resistance=item.number("lead_resistance_ohm", 0.0, 0.0, 1e4),
-        gauge_resistance=item.number("gauge_resistance_ohm", 0.0, 0.0, 1e6),
+        numbers={**dict.fromkeys(_NUMBERS), **numbers},
     )
     is_uniaxial = item.entries.pop("uniaxial_stress", False)
     _check(item, entry, stated=stated, is_uniaxial=is_uniaxial)
@@ -257,16 +243,17 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
 
 def _check(item: TomlTable, entry: ChannelEntry, stated: Collection[str], is_uniaxial: object) -> None:
     """Refuse entries that are against each other."""
-    if entry.sign not in (1.0, -1.0):
-        raise item.fault("sign", f"expected 1 or -1, got {entry.sign:g}")
+    numbers = entry.numbers
+    if numbers["sign"] not in (1.0, -1.0):
+        raise item.fault("sign", f"expected 1 or -1, got {numbers['sign']:g}")
     if entry.wires not in _WIRES[entry.bridge]:
         allowed = " or ".join(str(n) for n in _WIRES[entry.bridge])
         raise item.fault("wires", f"expected {allowed} with bridge '{entry.bridge}', got {entry.wires}")
-    if entry.lead_resistance > 0.0 and entry.gauge_resistance == 0.0:
+    if numbers["lead_resistance_ohm"] and not numbers["gauge_resistance_ohm"]:
         raise item.fault("gauge_resistance_ohm", "entry is missing, lead_resistance_ohm needs it")
     if not isinstance(is_uniaxial, bool):
         raise item.fault("uniaxial_stress", f"expected true or false, got {is_uniaxial!r}")
-    if entry.bridge in _POISSON and entry.bridge not in BENDING and not is_uniaxial:
+    if entry.bridge in _POISSON and not is_uniaxial:
         raise item.fault(
             "bridge",
             f"'{entry.bridge}' adds the strain across: expected uniaxial_stress = true where that is -nu times "
@@ -275,7 +262,7 @@ def _check(item: TomlTable, entry: ChannelEntry, stated: Collection[str], is_uni
     if entry.compensation == "bridge" and entry.bridge == "quarter":
         raise item.fault("temperature_compensation", "'bridge': expected a half or full bridge, got 'quarter'")
     if entry.unit in STRAIN_UNITS:
-        if "gauge_factor" in stated and entry.recorder_gauge_factor is None:
+        if "gauge_factor" in stated and numbers["recorder_gauge_factor"] is None:
             raise item.fault("recorder_gauge_factor", f"entry is missing, gauge_factor with {entry.unit} needs it")
         for key in ("excitation_V", "scale_um_per_m_per_V"):
             if key in stated:
@@ -354,32 +341,36 @@ def strain_conversion(path: Path, entry: ChannelEntry, unit: str) -> Callable[[F
     InputError
         An entry is missing that the unit needs; ``path`` is the file of the entries.
     """
-    factor = SIGNAL_UNITS[unit]
-    leads = 1.0
-    if entry.lead_resistance:
-        leads = lead_factor(entry.wires, entry.lead_resistance, entry.gauge_resistance)
+
+    def needed(key: str, by: str) -> float:
+        value = entry.numbers[key]
+        if value is None:
+            raise InputError(f"{where}.{key}: entry is missing, {by}, channel '{entry.name}'")
+        return value
+
+    def number(key: str) -> float:
+        return entry.numbers[key] or 0.0
+
+    where, factor, sign = f"{path}: {entry.where}", SIGNAL_UNITS[unit], number("sign")
+    zero, lead = number(ZERO), number("lead_resistance_ohm")
+    leads = lead_factor(entry.wires, lead, number("gauge_resistance_ohm")) if lead else 1.0
+    is_scaled = unit in VOLTAGE_UNITS and entry.numbers["scale_um_per_m_per_V"] is not None
+    if is_scaled and lead:
+        text = "lead_resistance_ohm: expected none with scale_um_per_m_per_V"
+        raise InputError(f"{where}.{text}, channel '{entry.name}'")
+    if is_scaled:
+        scale = sign * 1e-6 * number("scale_um_per_m_per_V")
+        return lambda values: scale * ((values - zero) * factor)
     if unit in STRAIN_UNITS:
-        ratio = _gauge_factor_ratio(path, entry)
-        return lambda values: entry.sign * ((values - entry.zero) * factor * ratio * leads)
-    if unit in VOLTAGE_UNITS and entry.scale is not None:
-        if entry.lead_resistance:
-            raise _missing(path, entry, "lead_resistance_ohm", "expected none with scale_um_per_m_per_V")
-        scale = entry.sign * 1e-6 * entry.scale
-        return lambda values: scale * ((values - entry.zero) * factor)
-    gauge_factor, excitation = entry.gauge_factor, 1.0
-    if gauge_factor is None:
-        raise _missing(path, entry, "gauge_factor", f"entry is missing, unit {unit} needs it")
+        recorder = entry.numbers["recorder_gauge_factor"]
+        ratio = 1.0 if recorder is None else recorder / needed("gauge_factor", "recorder_gauge_factor needs it")
+        return lambda values: sign * ((values - zero) * factor * ratio * leads)
+    gauge_factor, excitation = needed("gauge_factor", f"unit {unit} needs it"), 1.0
     if unit in VOLTAGE_UNITS:
-        if entry.excitation is None:
-            text = f"entry is missing, unit {unit} needs it or scale_um_per_m_per_V"
-            raise _missing(path, entry, "excitation_V", text)
-        excitation = entry.gain * entry.excitation
+        excitation = number("gain") * needed("excitation_V", f"unit {unit} needs it or scale_um_per_m_per_V")
+    nu = number("poisson_ratio")
     return lambda values: (
-        entry.sign
-        * leads
-        * bridge_strain(
-            (values - entry.zero) * factor / excitation, entry.bridge, gauge_factor, entry.poisson_ratio
-        )
+        sign * leads * bridge_strain((values - zero) * factor / excitation, entry.bridge, gauge_factor, nu)
     )
 
 
@@ -400,19 +391,6 @@ def lead_factor(wires: int, lead_resistance: float, gauge_resistance: float) -> 
     gauge_resistance : R_G [ohm].
     """
     return 1.0 + _LEADS[wires] * lead_resistance / gauge_resistance
-
-
-def _gauge_factor_ratio(path: Path, entry: ChannelEntry) -> float:
-    """Return what makes up for a recorder that was set to another gauge factor than the gauge's."""
-    if entry.recorder_gauge_factor is None:
-        return 1.0
-    if entry.gauge_factor is None:
-        raise _missing(path, entry, "gauge_factor", "entry is missing, recorder_gauge_factor needs it")
-    return entry.recorder_gauge_factor / entry.gauge_factor
-
-
-def _missing(path: Path, entry: ChannelEntry, key: str, text: str) -> InputError:
-    return InputError(f"{path}: {entry.where}.{key}: {text}, channel '{entry.name}'")
 
 
 def rosette_weights(rosette: Rosette) -> dict[str, FloatArray]:

@@ -18,7 +18,6 @@ from math import ceil, exp, inf, log
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.numerics.quantisation import LARGEST_RATIO, common_step, longest_repetition
 from strainfmu.recorded.names import some_of
 from strainfmu.recorded.samples import Samples
@@ -144,7 +143,7 @@ class DataChecks:
         """Number of strains without a value, by gauge, of those that are not left out."""
         return Counter({name: k for name, k in self._missing.items() if name not in self._selection.excluded})
 
-    def without_faults(self, blocks: Iterable[tuple[Samples, int]]) -> Iterator[tuple[Samples, int]]:
+    def without_faults(self, blocks: Iterable[Samples]) -> Iterator[Samples]:
         """Yield ``blocks`` with the faults of their rows; strains with one are NaN. Looks one block ahead.
 
         Raises
@@ -152,16 +151,16 @@ class DataChecks:
         InputError
             The level of the strains is far above the map's.
         """
-        before: tuple[Samples, int, BoolArray] | None = None
+        before: tuple[Samples, BoolArray] | None = None
         last = np.full(len(self._names), inf)
-        for block, position in blocks:
+        for block in blocks:
             same = repeated(block.strain, last)
             last = block.strain[-1]
             if before is not None:
-                yield self._checked(before[0], before[2], same), before[1]
-            before = block, position, same
+                yield self._checked(*before, same)
+            before = block, same
         if before is not None:
-            yield self._checked(before[0], before[2], before[2][:0]), before[1]
+            yield self._checked(*before, before[1][:0])
 
     def notes(self) -> list[str]:
         """Return what is to be said of the whole file.
@@ -227,7 +226,7 @@ class DataChecks:
         if not self._rows:  # nothing shows that the first row of the file is new
             row_same[0] = True
         held = row_same & ~zero & (runs >= _longest_of_all(longest[known.any(axis=0)]))
-        flown = flown_pressure(block.dynamic_pressure, block.flow)
+        flown = flown_pressure(block.flow)
         bearable = self._bearable(flown)
         alone, next_alone = same & known & ~of_rows[:, None], following & ~next_rows[:, None]
         railed = dead = np.zeros(same.shape, dtype=bool)
@@ -243,7 +242,7 @@ class DataChecks:
         self._rows += len(block.time)
         block = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
         self._level.add(block.strain - self._zero, flown)
-        for name, values in {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}.items():
+        for name, values in block.flow.items():
             self._known[name] += int(np.isfinite(values).sum())
         return block
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +32,7 @@ from strainfmu.estimator.air_inputs import (
     NAVIGATION_INPUTS,
     Q_SOURCE,
     STATIC_PRESSURE,
+    STD,
     QSource,
 )
 from strainfmu.estimator.alarm_limits import outside_score
@@ -39,7 +42,6 @@ from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_li
 from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inertia import LATERAL_FORCES, contradicted_forces
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
-from strainfmu.estimator.map.sensors import SensorRows
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
@@ -62,7 +64,7 @@ from strainfmu.interface.input_names import given_flow
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units
-from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES
+from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, temperature_quantities
 from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.strain_level import LevelReference
 
@@ -80,25 +82,33 @@ COEFFICIENT_COLUMNS: tuple[Column, ...] = (
     *((f"{SIGMA}{name}", "1") for name in COEFFICIENT_NAMES),
 )
 
-HEALTH_COLUMNS: tuple[Column, ...] = (
-    (CHI_SQUARE, "1"),
-    (STATE, "1"),
-    ("gauges_used", "1"),
-    (CHI_SQUARE_LIMIT, "1"),
-    ("health.degrees_of_freedom", "1"),
-    (SUSPECTS, "1"),
-    (ENVELOPE_SCORE, "1"),
-    ("health.envelope_score_limit", "1"),
-    (USABLE, "1"),
-)
-
 RESIDUAL_LIMIT, RESIDUAL = "health.residual_limit", "residual."
+ENVELOPE_SCORE_LIMIT = "health.envelope_score_limit"
+
+_HEALTH: dict[str, Callable[[Estimate], Any]] = {
+    CHI_SQUARE: lambda estimate: estimate.chi_square,
+    STATE: lambda estimate: estimate.health,
+    "gauges_used": lambda estimate: estimate.valid_gauges,
+    CHI_SQUARE_LIMIT: lambda estimate: estimate.chi_square_limit,
+    "health.degrees_of_freedom": lambda estimate: estimate.degrees_of_freedom,
+    SUSPECTS: lambda estimate: estimate.suspect_count,
+    ENVELOPE_SCORE: lambda estimate: estimate.envelope_score,
+    ENVELOPE_SCORE_LIMIT: lambda estimate: np.full(len(estimate), np.nan),
+    USABLE: lambda estimate: np.isin(estimate.health, USABLE_STATES),
+}
+HEALTH_COLUMNS: tuple[Column, ...] = tuple((name, "1") for name in _HEALTH)
+
 
 _USED_PREFIX = "navigation_used."
 """Of the columns that say whether a quantity of navigation is used."""
 
 _FMU_HEALTH = (CHI_SQUARE_LIMIT, VALID_GAUGES, SUSPECT_GAUGE, SUSPECTS, ENVELOPE_SCORE)
 """Outputs of an FMU that state health, in addition to state and chi-square."""
+
+
+_MISSING = (HealthState.DEGRADED, HealthState.UNIDENTIFIED, HealthState.INVALID)
+_MISFIT = (HealthState.INCONSISTENT, HealthState.SUSPECT)
+"""States by gauges that are missing, and by gauges that do not fit."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -109,26 +119,22 @@ class BlockEstimates:
     ----------
     values : (n,) of each column by name: loads, coefficients, health, and ``other_columns`` of the estimator. An
         FMU does not state degrees of freedom; health of a step that it refused is NaN.
-    valid : (n, n_d) gauges that gave a usable strain.
     suspects : n tuples of gauges, by index; of an ambiguous group an FMU names the first alone.
     worst, worst_residual : (n,) gauge with the largest |z| in samples whose health is not OK, and that |z|; -1 and
         NaN where that is not known.
-    estimates : n estimates by a map, for their pressure; None of an FMU.
-    contradicted : (n,) whether an input contradicts the loads, by its name; none of an FMU.
-    outside : (n,) whether a flow parameter leaves its range, by its name.
+    blamed : (n,) whether a gauge or an input is to blame for the health of a sample, by name.
+    estimates : n estimates by a map, for their pressure; None of an FMU, and of smoothed ones.
     """
 
     values: Mapping[str, FloatArray]
-    valid: BoolArray
     suspects: Sequence[tuple[int, ...]]
     worst: IntArray
     worst_residual: FloatArray
-    outside: Mapping[str, BoolArray] = field(default_factory=dict)
-    contradicted: Mapping[str, BoolArray] = field(default_factory=dict)
+    blamed: Mapping[str, BoolArray] = field(default_factory=dict)
     estimates: Estimate | None = None
 
 
-class BlockEstimator(Protocol):
+class BlockEstimator(ABC):
     """An estimator of blocks.
 
     Attributes
@@ -156,12 +162,62 @@ class BlockEstimator(Protocol):
     inputs: tuple[str, ...]
     reference: LevelReference
     zero: FloatArray
-    envelope_score_limit: float
-    inverse_map: InverseMap | None
-    attributes: Mapping[str, float]
+    envelope_score_limit = float("nan")
+    inverse_map: InverseMap | None = None
+    attributes: Mapping[str, float] = MappingProxyType({})
 
+    @abstractmethod
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
+
+    def estimated(self, blocks: Iterable[Samples]) -> Iterator[tuple[Samples, BlockEstimates]]:
+        """Yield each block with its estimates.
+
+        A block is estimated in another thread while the next one is read and the one before is written. Files are
+        read and written by this thread alone: a caller may hold the lock of h5py, as in a loop over the items of
+        a file.
+        """
+        last = float("nan")
+        before: tuple[Samples, Future[BlockEstimates]] | None = None
+        with ThreadPoolExecutor(1, "strainfmu-estimator") as worker:
+            for block in blocks:
+                current = block, worker.submit(self.estimate, block, last)
+                last = float(block.time[-1])
+                if before is not None:
+                    yield before[0], before[1].result()
+                before = current
+            if before is not None:
+                yield before[0], before[1].result()
+
+    def _blamed(
+        self, block: Samples, estimates: BlockEstimates, valid: BoolArray, **inputs: Any
+    ) -> BlockEstimates:
+        """Return ``estimates`` with what is to blame where health is not OK.
+
+        Gauges are to blame where they are missing, or do not fit: suspects, else that of the largest residual. An
+        input that contradicts the loads is where they are INCONSISTENT, a quantity of navigation that is left out
+        where they are DEGRADED, a flow parameter that leaves its range where they are OUTSIDE.
+
+        Parameters
+        ----------
+        valid : (n, n_d) gauges that gave a usable reading.
+        inputs : (n,) whether an input contradicts the loads, by its name.
+        """
+        health = estimates.values[STATE]
+        gauges = ~valid & np.isin(health, _MISSING)[:, None]
+        gauges[gauges.all(axis=1)] = False  # where all are missing, none of them is to blame
+        for row in np.flatnonzero(np.isin(health, _MISFIT)).tolist():
+            worst = int(estimates.worst[row])
+            gauges[row, list(estimates.suspects[row] or ((worst,) if worst >= 0 else ()))] = True
+        scores = {name: estimates.values[f"{OUTSIDE_PREFIX}{name}"] for name in self.parameter_names}
+        dropped = dropped_navigation(block, estimates.values)
+        blamed = {
+            **{name: of & (health == HealthState.INCONSISTENT) for name, of in inputs.items()},
+            **dict(zip(self.row_names, gauges.T, strict=True)),
+            **{name: of & (health == HealthState.DEGRADED) for name, of in dropped.items()},
+            **{name: (of > PARAMETER_TOLERANCE) & (health == HealthState.OUTSIDE) for name, of in scores.items()},
+        }
+        return replace(estimates, blamed={name: of for name, of in blamed.items() if of.any()})
 
 
 @contextmanager
@@ -192,9 +248,7 @@ def open_estimator(
         inverse_map = load_inverse_map(source)
         names = inverse_map.gauge_names[: inverse_map.n_strain_gauges]
         estimator = Estimator(inverse_map, zeros=None if zeros is None else load_zeros(zeros, names))
-        if time_constant is not None:
-            estimator = estimator.filter(time_constant)
-        yield SmoothedBlocks(estimator, residuals) if smooth else MapBlocks(estimator, residuals)
+        yield MapBlocks(estimator if time_constant is None else estimator.filter(time_constant), residuals, smooth)
         return
     for option, value in {"--filter": time_constant, "--residuals": residuals or None}.items():
         if value is not None:
@@ -209,14 +263,17 @@ def open_estimator(
         yield FmuBlocks(step, others)
 
 
-class MapBlocks:
-    """An inverse map: a linear one estimates each sample by itself, a nonlinear or filtered one along time."""
+class MapBlocks(BlockEstimator):
+    """An inverse map: a linear one estimates each sample by itself, a nonlinear or filtered one along time.
 
-    def __init__(self, estimator: Estimator, residuals: bool = False) -> None:
-        inverse_map, self.estimator = estimator.inverse_map, estimator
-        self.inverse_map: InverseMap | None = inverse_map
+    Smoothed estimates are filtered from both ends, one block ahead.
+    """
+
+    def __init__(self, estimator: Estimator, residuals: bool = False, smooth: bool = False) -> None:
+        self.estimator, self._map = estimator, estimator.inverse_map
+        self.inverse_map = inverse_map = self._map
         manifold = inverse_map.manifold
-        self.inputs: tuple[str, ...] = (
+        self.inputs = (
             *FLOW_NAMES[1:],
             *(NAVIGATION_INPUTS if estimator.is_nonlinear else ()),
             *(INERTIAL_NAMES if inverse_map.has_masses else ()),
@@ -226,65 +283,60 @@ class MapBlocks:
         )
         self.parameter_names = estimator.parameters.names
         sharpens = manifold is not None and manifold.parameters is not None
-        self.sharpening: tuple[str, ...] = self.parameter_names if sharpens else ()
-        self._series = _other_series(estimator, residuals)
-        self.other_columns = tuple(column for columns, _ in self._series for column in columns)
+        self.sharpening = self.parameter_names if sharpens else ()
+        others = _other_series(estimator, residuals)
+        self.other_columns = tuple(column for columns, _ in others for column in columns)
+        self._series = (*_LOAD_SERIES, *others)
         self.row_names = inverse_map.gauge_names
         self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
-        self.readings: Mapping[str, str] = recorded_readings(reading_units(inverse_map))
+        self.readings = recorded_readings(reading_units(inverse_map))
         self.sensor_names = inverse_map.thermal.sensor_names
         self.reference = _level_reference(inverse_map)
         self.zero = estimator.zeros.value
-        self.attributes: Mapping[str, float] = {}
         if estimator.filter_time_constant:
-            is_smoothed = isinstance(self, SmoothedBlocks)
-            self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": is_smoothed}
+            self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": smooth}
+        self._smoother = Smoother(estimator) if smooth else None
 
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
-        estimates = self.estimates(block)
-        unknown = np.full(len(block.time), np.nan)
+        return self._block_estimates(block, self.estimates(block))
+
+    def estimated(self, blocks: Iterable[Samples]) -> Iterator[tuple[Samples, BlockEstimates]]:
+        """Yield each block with its estimates, smoothed ones with loads and air data by those that follow too."""
+        smoother = self._smoother
+        if smoother is None:
+            yield from super().estimated(blocks)
+            return
+        before: tuple[Samples, SmoothedSamples] | None = None
+        for block in chain(blocks, [None]):
+            later = None if block is None else smoother.samples(self.estimates(block), block.time)
+            if before is not None:
+                smoothed = smoother.smoothed(before[1], later)
+                yield before[0], self._block_estimates(before[0], before[1].filtered, smoothed)
+            before = None if block is None or later is None else (block, later)
+
+    def _block_estimates(
+        self, block: Samples, estimate: Estimate, smoothed: Smoothed | None = None
+    ) -> BlockEstimates:
+        """Return the estimates of a block as such, loads and air data ``smoothed`` or as they are."""
+        n = len(estimate)
+        values = {name: np.asarray(of_health(estimate), dtype=float) for name, of_health in _HEALTH.items()}
+        values[ENVELOPE_SCORE_LIMIT] = np.full(n, self.envelope_score_limit)
+        for columns, values_of in self._series:
+            table = np.asarray(values_of(estimate, smoothed or estimate), dtype=float).reshape(n, -1)
+            values |= {name: of_column for (name, _), of_column in zip(columns, table.T, strict=True)}
+        valid, suspects, worst, size = self._questioned(estimate)
         contradicted = contradicted_forces(
-            self.estimator.inverse_map.inertia,
-            {name: block.flow.get(name, unknown) for name in LATERAL_FORCES},
-            estimates.loads,
-            estimates.loads_std,
+            self._map.inertia,
+            block.values([*LATERAL_FORCES]),
+            estimate.loads,
+            estimate.loads_std,
             self.estimator.settings.alarm_scale * chi_square_limit(1),
         )
-        return replace(self.block_estimates(estimates), contradicted=contradicted)
-
-    def block_estimates(self, estimate: Estimate, smoothed: Smoothed | None = None) -> BlockEstimates:
-        """Return the estimates of a block as such, loads and air data ``smoothed`` or as they are."""
-        health = estimate.health.astype(float)
-        of_health = {
-            CHI_SQUARE: estimate.chi_square,
-            STATE: health,
-            "gauges_used": estimate.valid_gauges,
-            CHI_SQUARE_LIMIT: estimate.chi_square_limit,
-            "health.degrees_of_freedom": estimate.degrees_of_freedom,
-            SUSPECTS: estimate.suspect_count,
-            ENVELOPE_SCORE: estimate.envelope_score,
-            "health.envelope_score_limit": np.full(len(estimate), self.envelope_score_limit),
-            USABLE: np.isin(health, USABLE_STATES),
-        }
-        valid, suspects, worst, worst_residual = self._questioned(estimate)
-        scores = dict(zip(self.parameter_names, estimate.parameter_score.T, strict=True))
-        return BlockEstimates(
-            values={
-                **_load_values(smoothed or estimate),
-                **{name: np.asarray(values, dtype=float) for name, values in of_health.items()},
-                **{
-                    name: np.asarray(values, dtype=float)
-                    for columns, values_of in self._series
-                    for (name, _), values in zip(columns, values_of(estimate, smoothed).T, strict=True)
-                },
-            },
-            valid=valid,
-            suspects=suspects,
-            worst=worst,
-            worst_residual=worst_residual,
-            outside=_outside(scores),
-            estimates=None if smoothed is not None else estimate,
+        estimates = None if smoothed is not None else estimate
+        made = BlockEstimates(
+            values=values, suspects=suspects, worst=worst, worst_residual=size, estimates=estimates
         )
+        return self._blamed(block, made, valid, **contradicted)
 
     def _questioned(self, estimate: Estimate) -> tuple[BoolArray, list[tuple[int, ...]], IntArray, FloatArray]:
         """Return valid gauges (n, n_d), n tuples of suspects, worst gauges (n,) and their |z| of a block.
@@ -309,56 +361,44 @@ class MapBlocks:
         return MapBlocks(self.estimator.filter(0.0)).estimates(block).standardised_residual
 
     def estimates(self, block: Samples) -> Estimate:
-        """Return the estimates of a block."""
-        readings = rows_of_map(block, self.estimator.inverse_map.sensors, self.readings)
+        """Return the estimates of a block; thrust that the recording does not hold is 0."""
+        flow, names = block.flow, self.parameter_names
+        thrust = flow.get(THRUST, np.zeros(len(block.time)))
+        readings = np.hstack([block.strain, _all_readings(block, self.readings)])
+        sharpening = {name: flow[f"{name}{STD}"] for name in self.sharpening if f"{name}{STD}" in flow}
         arguments: dict[str, Any] = {
             DYNAMIC_PRESSURE: block.dynamic_pressure,
-            TEMPERATURE: block.temperature,
-            "parameters": dict(block.parameters),
-            "parameters_std": given_flow(block.parameters_std) if self.sharpening else None,
-            **given_flow(block.flow),
+            TEMPERATURE: _temperature(block, self.sensor_names),
+            "parameters": {name: flow[name] for name in names if name in flow},
+            "parameters_std": given_flow(sharpening) if self.sharpening else None,
+            **given_flow({name: flow[name] for name in QUANTITIES[1:] if name in flow}),
         }
+        readings = self._map.sensors.without_thrust(readings, thrust)
         if self.estimator.filter_time_constant > 0.0:
             return self.estimator.track(readings, time=block.time, **arguments)
-        if self.estimator.is_nonlinear:
-            return self.estimator.track(readings, **arguments)
-        return self.estimator.estimate(readings, **arguments)
+        estimate = self.estimator.track if self.estimator.is_nonlinear else self.estimator.estimate
+        return estimate(readings, **arguments)
 
 
-class SmoothedBlocks(MapBlocks):
-    """A map that filters over time, smoothed: the filter goes over the samples from both ends, one block ahead."""
-
-    def __init__(self, estimator: Estimator, residuals: bool = False) -> None:
-        super().__init__(estimator, residuals)
-        self._smoother = Smoother(self.estimator)
-
-    def samples(self, block: Samples) -> SmoothedSamples:
-        """Return the samples of a block, filtered."""
-        return self._smoother.samples(self.estimates(block), block.time)
-
-    def smoothed(self, samples: SmoothedSamples, later: SmoothedSamples | None) -> BlockEstimates:
-        """Return the estimates of a block, by the ``later`` samples of the next too; all else is the filter's."""
-        return self.block_estimates(samples.filtered, self._smoother.smoothed(samples, later))
-
-
-class FmuBlocks:
+class FmuBlocks(BlockEstimator):
     """An estimator FMU, step by step."""
-
-    envelope_score_limit = float("nan")
-    inverse_map: InverseMap | None = None
-    attributes: Mapping[str, float] = MappingProxyType({})
 
     def __init__(self, step: FmuStep, others: Mapping[str, Column]) -> None:
         self._step, self._others = step, others
         self.other_columns = tuple(others.values())
         self.gauge_names, self.sensor_names = step.gauge_names, step.sensor_names
-        self.readings: Mapping[str, str] = recorded_readings(step.reading_units)
-        self._inputs = dict(zip(self.readings, step.reading_units, strict=True))
+        self.readings = recorded_readings(step.reading_units)
         self.row_names = (*step.gauge_names, *(name for name in self.readings if name != THRUST))
         self.inputs = step.other_inputs
         given = (name for name in step.other_inputs if name.startswith(PREFIX))
         self.parameter_names = tuple(name.removeprefix(PREFIX) for name in given)
         self.sharpening = tuple(name for name in self.parameter_names if f"{STD_PREFIX}{name}" in self.inputs)
+        self._columns = {
+            **{name: name for name in QUANTITIES[1:] if name in self.inputs},
+            **{f"{PREFIX}{name}": name for name in self.parameter_names},
+            **{f"{STD_PREFIX}{name}": f"{name}{STD}" for name in self.sharpening},
+            **dict(zip(step.reading_units, self.readings, strict=True)),
+        }
         self.reference = LevelReference(
             strain_range=step.strain_nominal,
             noise_std=np.zeros(step.n_gauges) if step.noise_std is None else step.noise_std,
@@ -372,8 +412,14 @@ class FmuBlocks:
         loads = tuple(name for name, _ in LOAD_COLUMNS)
         asked, n = (*loads, *_FMU_HEALTH, *self._others), len(block.time)
         table, unknown = np.full((n, len(own) + len(asked)), np.nan), np.full(n, np.nan)
-        given = self._given(block)
-        step_sizes = np.diff(block.time, prepend=last if np.isfinite(last) else block.time[0] - _first_step(block))
+        given = {
+            name: block.flow[column].tolist() for name, column in self._columns.items() if column in block.flow
+        }
+        if (temperature := _temperature(block, self.sensor_names)) is not None:
+            given |= {f"{TEMPERATURE}[{i}]": values.tolist() for i, values in enumerate(temperature.T, start=1)}
+        # The first sample has no predecessor.
+        first_step = float(block.time[1] - block.time[0]) if n > 1 else 1e-3
+        step_sizes = np.diff(block.time, prepend=last if np.isfinite(last) else block.time[0] - first_step)
         for i, step_size in enumerate(step_sizes.tolist()):
             inputs = {name: values[i] for name, values in given.items()}
             try:
@@ -386,37 +432,31 @@ class FmuBlocks:
         has_reading = np.isfinite(_all_readings(block, self.readings))
         valid = np.hstack([np.abs(block.strain) <= self.reference.sensor_range, has_reading])
         used, health = outputs[VALID_GAUGES], outputs[STATE]
-        scores = {name: outputs[f"{OUTSIDE_PREFIX}{name}"] for name in self.parameter_names}
-        return BlockEstimates(
-            values={
-                **{name: outputs[name] for name in (*loads, *own, CHI_SQUARE_LIMIT, SUSPECTS, ENVELOPE_SCORE)},
-                "gauges_used": np.where(np.isfinite(used), used, valid.sum(axis=1)),
-                "health.degrees_of_freedom": unknown,
-                "health.envelope_score_limit": unknown,
-                USABLE: np.where(np.isnan(health), np.nan, np.isin(health, USABLE_STATES)),
-                **{column: outputs[name] for name, (column, _) in self._others.items()},
-            },
-            valid=valid,
-            suspects=[(int(gauge) - 1,) if gauge >= 1 else () for gauge in outputs[SUSPECT_GAUGE]],
-            worst=np.full(n, -1),
-            worst_residual=unknown,
-            outside=_outside(scores),
-        )
-
-    def _given(self, block: Samples) -> dict[str, list[float]]:
-        """Return the inputs other than strain and q_inf by name."""
-        flow = {name: values for name, values in block.flow.items() if name in self.inputs}
-        flow |= {f"{PREFIX}{name}": values for name, values in block.parameters.items()}
-        flow |= {f"{STD_PREFIX}{name}": values for name, values in block.parameters_std.items()}
-        flow |= {self._inputs[name]: values for name, values in block.readings.items()}
-        if block.temperature is not None:
-            flow |= {f"{TEMPERATURE}[{i}]": values for i, values in enumerate(block.temperature.T, start=1)}
-        return {name: values.tolist() for name, values in flow.items()}
+        values = {
+            **{name: outputs[name] for name in (*loads, *own, CHI_SQUARE_LIMIT, SUSPECTS, ENVELOPE_SCORE)},
+            "gauges_used": np.where(np.isfinite(used), used, valid.sum(axis=1)),
+            "health.degrees_of_freedom": unknown,
+            ENVELOPE_SCORE_LIMIT: unknown,
+            USABLE: np.where(np.isnan(health), np.nan, np.isin(health, USABLE_STATES)),
+            **{column: outputs[name] for name, (column, _) in self._others.items()},
+        }
+        suspects = [(int(gauge) - 1,) if gauge >= 1 else () for gauge in outputs[SUSPECT_GAUGE]]
+        made = BlockEstimates(values=values, suspects=suspects, worst=np.full(n, -1), worst_residual=unknown)
+        return self._blamed(block, made, valid)
 
 
-def _first_step(block: Samples) -> float:
-    """Return a step size for the first sample [s], which has no predecessor."""
-    return float(block.time[1] - block.time[0]) if len(block.time) > 1 else 1e-3
+def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:
+    """Return (n, n_s) what the auxiliary sensors read, NaN of one that the recording does not hold."""
+    columns = [*block.values([name for name in readings if name != THRUST]).values()]
+    return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
+
+
+def _temperature(block: Samples, sensors: Sequence[str]) -> FloatArray | None:
+    """Return (n, n_t) what the temperature sensors read [K], NaN where one gives none; None without any."""
+    names = temperature_quantities(sensors)
+    if block.flow.keys().isdisjoint(names):
+        return None
+    return np.column_stack([*block.values(names).values()])
 
 
 # --- columns -----------------------------------------------------------------------------------------------------
@@ -447,8 +487,13 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
     return others
 
 
-Series = tuple[list[Column], Callable[[Estimate, Smoothed | None], FloatArray | BoolArray]]
-"""Columns, and what returns their values (n, k) of estimates, smoothed or not."""
+Series = tuple[Sequence[Column], Callable[[Estimate, Any], FloatArray | BoolArray]]
+"""Columns, and what returns their values (n, k) of estimates, and of the same or smoothed ones."""
+
+_LOAD_SERIES: tuple[Series, ...] = (
+    (LOAD_COLUMNS, lambda _, loads: np.hstack([loads.loads, loads.loads_std])),
+    (COEFFICIENT_COLUMNS, lambda _, loads: np.hstack([loads.coefficients, loads.coefficients_std])),
+)
 
 
 def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
@@ -460,21 +505,24 @@ def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
     if estimator.is_nonlinear:
         units = [*zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)]
         air = [
-            ([(f"air_data.{name}", unit) for name, unit in units], lambda e, s: s.air if s else e.air_data.value),
+            (
+                [(f"air_data.{name}", unit) for name, unit in units],
+                lambda e, s: s.air if s is not e else e.air_data.value,
+            ),
             (
                 [(f"{SIGMA}air_data.{name}", unit) for name, unit in units],
-                lambda e, s: s.air_std if s else e.air_data.std,
+                lambda e, s: s.air_std if s is not e else e.air_data.std,
             ),
             (
                 [(f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES],
                 lambda e, _: e.air_data.is_identified,
             ),
             ([(f"{_USED_PREFIX}{name}", "1") for name in NAVIGATION], lambda e, _: e.air_data_used),
-            ([("linear_loads", "1")], lambda e, _: e.is_linear[:, None]),
+            ([("linear_loads", "1")], lambda e, _: e.is_linear),
         ]
     arrays = load_arrays(inverse_map.load_groups) if inverse_map.has_other_loads else ()
     scores = [(f"{OUTSIDE_PREFIX}{name}", "1") for name in estimator.parameters.names]
-    series = [
+    series: list[Series] = [
         *air,
         *(_load_series(array) for array in arrays if not array.is_std),
         (scores, lambda e, _: e.parameter_score),
@@ -482,54 +530,21 @@ def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
     ]
     if residuals:
         of_gauges = [(f"{RESIDUAL}{name}", "1") for name in inverse_map.gauge_names]
-        series.append(([(RESIDUAL_LIMIT, "1")], lambda e, _: e.residual_limit[:, None]))
-        series.append((of_gauges, lambda e, _: e.standardised_residual))
+        series += [([(RESIDUAL_LIMIT, "1")], lambda e, _: e.residual_limit)]
+        series += [(of_gauges, lambda e, _: e.standardised_residual)]
     return series
 
 
 def _load_series(array: LoadArray) -> Series:
     """Return the columns of an array of loads behind the five."""
-
-    def values(estimate: Estimate, smoothed: Smoothed | None) -> FloatArray:
-        loads = smoothed or estimate
-        table = loads.other_coefficients_std if array.is_std else loads.other_coefficients
-        if not array.is_coefficient:
-            table = loads.other_loads_std if array.is_std else loads.other_loads
-        return table[..., array.group.rows]
-
-    return [(name, array.unit.replace(".", " ")) for name in array.columns], values
-
-
-def _load_values(estimate: Estimate | Smoothed) -> dict[str, FloatArray]:
-    """Return the values of loads and coefficients."""
-    table = np.hstack([estimate.loads, estimate.loads_std, estimate.coefficients, estimate.coefficients_std])
-    return dict(zip((name for name, _ in (*LOAD_COLUMNS, *COEFFICIENT_COLUMNS)), table.T, strict=True))
-
-
-def _outside(scores: Mapping[str, FloatArray]) -> dict[str, BoolArray]:
-    """Return (n,) whether each parameter leaves its range, by the ``scores``."""
-    return {name: score > PARAMETER_TOLERANCE for name, score in scores.items()}
+    name = f"other_{'coefficients' if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
+    columns = [(column, array.unit.replace(".", " ")) for column in array.columns]
+    return columns, lambda _, loads: getattr(loads, name)[..., array.group.rows]
 
 
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:
     """Return the units of auxiliary sensors and of thrust by the names of columns, inputs less the prefix."""
     return {name.removeprefix(SENSOR_PREFIX): unit for name, unit in units.items()}
-
-
-def _all_readings(block: Samples, readings: Mapping[str, str]) -> FloatArray:
-    """Return (n, n_s) what the auxiliary sensors read, NaN of one that the recording does not hold."""
-    nothing = np.full(len(block.time), np.nan)
-    columns = [block.readings.get(name, nothing) for name in readings if name != THRUST]
-    return np.column_stack(columns) if columns else np.empty((len(block.time), 0))
-
-
-def rows_of_map(block: Samples, sensors: SensorRows, readings: Mapping[str, str]) -> FloatArray:
-    """Return (n, n_d) readings of a map: strains, then auxiliary sensors less what thrust makes of them.
-
-    Thrust that the recording does not hold is 0.
-    """
-    thrust = block.readings.get(THRUST, np.zeros(len(block.time)))
-    return sensors.without_thrust(np.hstack([block.strain, _all_readings(block, readings)]), thrust)
 
 
 def _level_reference(inverse_map: InverseMap) -> LevelReference:
@@ -543,50 +558,7 @@ def _level_reference(inverse_map: InverseMap) -> LevelReference:
     )
 
 
-# --- along the blocks --------------------------------------------------------------------------------------------
-
-
-def estimated_blocks(
-    blocks: Iterable[tuple[Samples, int]], estimator: BlockEstimator
-) -> Iterator[tuple[Samples, int, BlockEstimates]]:
-    """Return each block with its position and its estimates.
-
-    A block is estimated in another thread while the next one is read and the one before is written. Files are read
-    and written by this thread alone: a caller may hold the lock of h5py, as in a loop over the items of a file.
-    """
-    if isinstance(estimator, SmoothedBlocks):
-        yield from _smoothed_blocks(blocks, estimator)
-        return
-    last = float("nan")
-    before: tuple[Samples, int, Future[BlockEstimates]] | None = None
-    with ThreadPoolExecutor(1, "strainfmu-estimator") as worker:
-        for block, position in blocks:
-            current = block, position, worker.submit(estimator.estimate, block, last)
-            last = float(block.time[-1])
-            if before is not None:
-                yield *before[:2], before[2].result()
-            before = current
-        if before is not None:
-            yield *before[:2], before[2].result()
-
-
-def _smoothed_blocks(
-    blocks: Iterable[tuple[Samples, int]], estimator: SmoothedBlocks
-) -> Iterator[tuple[Samples, int, BlockEstimates]]:
-    before: tuple[Samples, int, SmoothedSamples] | None = None
-    for block, position in blocks:
-        samples = estimator.samples(block)
-        if before is not None:
-            yield *before[:2], estimator.smoothed(before[2], samples)
-        before = block, position, samples
-    if before is not None:
-        yield *before[:2], estimator.smoothed(before[2], None)
-
-
 # --- account of health -------------------------------------------------------------------------------------------
-
-_MISSING = (HealthState.DEGRADED, HealthState.UNIDENTIFIED, HealthState.INVALID)
-_MISFIT = (HealthState.INCONSISTENT, HealthState.SUSPECT)
 
 
 @dataclass(kw_only=True)
@@ -607,31 +579,17 @@ class HealthAccount:
     blamed: dict[str, Counter[str]] = field(default_factory=dict)
     beyond: int | None = None
 
-    def add(self, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator) -> None:
-        """Count the samples of a block."""
-        health, limit = estimates.values[STATE], estimator.envelope_score_limit
+    def add(self, estimates: BlockEstimates, envelope_score_limit: float) -> None:
+        """Count the samples of a block; ``envelope_score_limit`` of their estimator."""
+        health = estimates.values[STATE]
         for state in np.unique(health[np.isfinite(health)]):
-            rows = np.flatnonzero(health == state)
-            name = health_name(int(state))
-            self.samples[name] += len(rows)
-            counts = np.zeros(len(estimator.row_names), dtype=int)
-            if state in _MISSING:
-                missing = ~estimates.valid[rows]
-                # Where all are missing, none of them is to blame.
-                counts += missing[~missing.all(axis=1)].sum(axis=0)
-            elif state in _MISFIT:
-                for row in rows.tolist():
-                    counts[list(_misfits(estimates, row))] += 1
-            elif state == HealthState.OUTSIDE and np.isfinite(limit):
-                self.beyond = int((estimates.values[ENVELOPE_SCORE][rows] > limit).sum()) + (self.beyond or 0)
-            blamed = {gauge: int(k) for gauge, k in zip(estimator.row_names, counts, strict=True) if k}
-            if state == HealthState.INCONSISTENT:
-                blamed = _counted(estimates.contradicted, rows) | blamed
-            if state == HealthState.DEGRADED:
-                blamed |= _counted(dropped_navigation(block, estimates), rows)
-            if state == HealthState.OUTSIDE:
-                blamed = _counted(estimates.outside, rows)
-            self.blamed.setdefault(name, Counter()).update(blamed)
+            rows, name = health == state, health_name(int(state))
+            self.samples[name] += int(rows.sum())
+            if state == HealthState.OUTSIDE and np.isfinite(envelope_score_limit):
+                beyond = estimates.values[ENVELOPE_SCORE][rows] > envelope_score_limit
+                self.beyond = int(beyond.sum()) + (self.beyond or 0)
+            counts = {of: int(k) for of, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
+            self.blamed.setdefault(name, Counter()).update(counts)
 
     def lines(self) -> list[str]:
         """Return a line for each state other than OK, the most frequent first."""
@@ -654,30 +612,18 @@ class HealthAccount:
         return lines
 
 
-def _counted(inputs: Mapping[str, BoolArray], rows: IntArray) -> dict[str, int]:
-    """Return in how many of the ``rows`` each input is to blame, where in any."""
-    return {name: int(k) for name, blamed in inputs.items() if (k := blamed[rows].sum())}
-
-
-def _misfits(estimates: BlockEstimates, row: int) -> tuple[int, ...]:
-    """Return the gauges that do not fit in a sample, by index; none if nothing shows them."""
-    worst = int(estimates.worst[row])
-    return estimates.suspects[row] or ((worst,) if worst >= 0 else ())
-
-
-def dropped_navigation(block: Samples, estimates: BlockEstimates) -> dict[str, BoolArray]:
+def dropped_navigation(block: Samples, values: Mapping[str, FloatArray]) -> dict[str, BoolArray]:
     """Return (n,) whether each quantity of navigation is given and not used, by its name; {} of a linear map.
 
-    A computed dynamic pressure is none.
+    A computed dynamic pressure is none. ``values`` are of :class:`BlockEstimates`.
     """
-    used = {name: estimates.values.get(f"{_USED_PREFIX}{name}") for name in NAVIGATION}
-    if used[NAVIGATION[0]] is None:
+    used = {name: values[of] for name in NAVIGATION if (of := f"{_USED_PREFIX}{name}") in values}
+    if NAVIGATION[0] not in used:
         return {}
-    unknown = np.full(len(block.time), np.nan)
-    flow = {DYNAMIC_PRESSURE: block.dynamic_pressure, **block.flow}
-    given = {name: ~np.isnan(flow.get(name, unknown)) for name in NAVIGATION}
-    given[STATIC_PRESSURE] |= ~np.isnan(flow.get(ALTITUDE, unknown))
-    source = np.nan_to_num(flow.get(Q_SOURCE, unknown))
+    flow = block.values((*NAVIGATION, ALTITUDE, Q_SOURCE))
+    given = {name: ~np.isnan(flow[name]) for name in NAVIGATION}
+    given[STATIC_PRESSURE] |= ~np.isnan(flow[ALTITUDE])
+    source = np.nan_to_num(flow[Q_SOURCE])
     is_measured = np.round(source) == QSource.INDEPENDENT
     given[DYNAMIC_PRESSURE] &= np.where(source < 0.5, ~given[MACH_NUMBER], is_measured)
-    return {name: given[name] & ~(values > 0.0) for name, values in used.items() if values is not None}
+    return {name: given[name] & ~(of > 0.0) for name, of in used.items()}

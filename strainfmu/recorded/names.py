@@ -116,9 +116,8 @@ class Wanted:
     gauge_names : n_d names, the order of the strains in the blocks.
     fixed_pressure : q_inf of the whole file [Pa], NaN where it is not known, None to take it from the file.
     flow : the quantities of ``QUANTITIES`` that are read, flow parameters and auxiliary sensors by name.
-    combined : gauges that are combinations of positions, which a bending bridge may feed.
+    navigates : whether q_inf may be missing and is not computed, as Mach number and p_inf are navigation.
     computes_pressure : whether a missing q_inf is computed from Mach number and p_inf or altitude.
-    navigates : whether these are navigation by themselves, so that q_inf may be missing and is not computed.
     needs_pressure : whether a file that neither holds q_inf nor allows computing it is refused.
     sensors : names of the n_t temperature sensors that are read.
     ignored : names of columns not to read; with ``*`` for any text, of columns that are not known otherwise.
@@ -136,7 +135,6 @@ class Wanted:
     reference: LevelReference | None = None
     computes_pressure: bool = False
     navigates: bool = False
-    combined: frozenset[str] = frozenset()
     needs_pressure: bool = True
     sensors: tuple[str, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)

@@ -8,7 +8,7 @@ the multiple of its column that takes most off the residuals.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +168,7 @@ class RecorderWatch:
         flagged = np.add.reduceat(health == HealthState.INCONSISTENT, np.arange(0, len(health), FLAGGED))
         if self._looked_at is None or flagged.max() > self._flagged:
             first, self._flagged = FLAGGED * int(np.argmax(flagged)), int(flagged.max())
-            self._looked_at = rows_of(block, slice(first, first + FLAGGED))
+            self._looked_at = block[first : first + FLAGGED]
 
     def notes(self) -> list[str]:
         """Return the lines on what disagrees with the vehicle file of the map; none of an FMU."""
@@ -184,15 +184,3 @@ class RecorderWatch:
     def _residuals(self, block: Samples) -> FloatArray:
         assert isinstance(self._estimator, MapBlocks)
         return self._estimator.residuals(block)
-
-
-def rows_of(block: Samples, rows: slice) -> Samples:
-    """Return some samples of a block."""
-    parts: dict[str, Any] = {
-        one.name: value[rows]
-        if isinstance(value, np.ndarray)
-        else {name: row[rows] for name, row in value.items()}
-        for one in fields(block)
-        if isinstance(value := getattr(block, one.name), np.ndarray | Mapping)
-    }
-    return replace(block, **parts, faults=block.faults[rows])

@@ -32,7 +32,6 @@ from strainfmu.recorded.estimators import (
     BlockEstimates,
     BlockEstimator,
     HealthAccount,
-    estimated_blocks,
     open_estimator,
 )
 from strainfmu.recorded.history import History
@@ -186,7 +185,7 @@ def estimate_file(
                 accepts_held=accept_held,
                 leaves_out_dead=AUTO in exclude,
             )
-            notes = [*recording.notes]
+            notes = list[str]()
             if missing := [name for name in selection.stated if name not in estimator.inputs]:
                 notes.append(f"{data}: {', '.join(missing)}: written but not used, {source} does not take them")
             if zeros is None and estimator.zero.any():
@@ -201,7 +200,7 @@ def estimate_file(
                     f"where it is measured, a column {Q_SOURCE} of {QSource.INDEPENDENT:d} makes sigma of the "
                     "coefficients smaller"
                 )
-            summary = EstimationSummary(unused=selection.unused, notes=notes, faults=checks, gaps=recording.gaps)
+            summary = EstimationSummary(unused=selection.unused, faults=checks, gaps=recording.gaps)
             names = outputs.output_columns(selection.stated, estimator.other_columns)
             is_plain, watch = columns == "plain", RecorderWatch(data, estimator)
             written = outputs.plain_columns(names) if is_plain else {name: (name, unit) for name, unit in names}
@@ -216,13 +215,8 @@ def estimate_file(
                     else field_series_writer(Path(field_output), estimator.inverse_map, field_every)
                 )
                 blocks = checks.without_faults(recording.blocks)
-                for block, position, estimates in estimated_blocks(blocks, estimator):
-                    values = {
-                        "time": block.time,
-                        DYNAMIC_PRESSURE: block.dynamic_pressure,
-                        **block.flow,
-                        **estimates.values,
-                    }
+                for block, estimates in estimator.estimated(blocks):
+                    values = {"time": block.time, **block.flow, **estimates.values}
                     rows = np.column_stack(
                         [
                             np.degrees(values[name]) if unit == "deg" else values[name]
@@ -236,9 +230,9 @@ def estimate_file(
                         series.write(block.time, estimates.estimates)
                         summary.fields = series.steps
                     if progress is not None:
-                        progress(position, recording.length)
+                        progress(block.position, recording.length)
                 summary.missing_strains = checks.missing
-                summary.notes += [*recording.remarks, *checks.notes(), *watch.notes()]
+                summary.notes += [*recording.notes, *notes, *checks.notes(), *watch.notes()]
     return summary
 
 
@@ -295,7 +289,7 @@ def _count(
     summary: EstimationSummary, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator
 ) -> None:
     """Add a block to the summary."""
-    summary.account.add(block, estimates, estimator)
+    summary.account.add(estimates, estimator.envelope_score_limit)
     summary.history.add(block, estimates, estimator.row_names)
     known = np.logical_or.reduce([np.isfinite(estimates.values[name]) for name in COEFFICIENT_NAMES])
     # The nonlinear estimator has coefficients without it.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,20 +18,19 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS, STATIC_PRESSURE, STD
-from strainfmu.recorded.channel_map import JOINS, Join, load_channels, rosette_weights
+from strainfmu.recorded.channel_map import JOINS, ChannelMap, Join, load_channels, rosette_weights
 from strainfmu.recorded.formats import open_table
 from strainfmu.recorded.names import (
     QUANTITIES,
     Wanted,
     endings,
-    is_temperature,
     plain_name,
     temperature_quantities,
     time_rank,
 )
 from strainfmu.recorded.selection import Selection, computed_pressure, select
 from strainfmu.recorded.strain_level import level_of, likely_units
-from strainfmu.recorded.table import Piece, Reading, Table
+from strainfmu.recorded.table import Reading, Table
 
 BLOCK_ROWS = 2000
 """Samples in one block."""
@@ -67,25 +66,33 @@ class Samples:
     ----------
     time : (n,) [s].
     strain : (n, n_d) [m/m], NaN where a gauge has no value.
-    dynamic_pressure : (n,) q_inf [Pa], NaN where it is not known.
-    flow : (n,) of each other quantity of ``QUANTITIES`` that is read [SI units], NaN where it is not known.
-    parameters, parameters_std : (n,) of each flow parameter that the file holds, as ``flow``, and
-        its standard deviation.
-    readings : (n,) of each auxiliary sensor, and thrust, that the file holds [SI unit], NaN where it has no value.
-    temperature : (n, n_t) of the map's sensors [K], NaN where one gives none; None if the file holds none.
+    flow : (n,) of each other quantity that is read, by its name [SI units], NaN where it is not known: q_inf
+        always, and what the file has of flow, motion, flow parameters, auxiliary sensors, and ``temperature[k]``.
+    position : that they reach in the file.
     faults : n texts on strains that were taken out, "" for none; see
         :class:`~strainfmu.recorded.checks.StrainFaults`.
     """
 
     time: FloatArray
     strain: FloatArray
-    dynamic_pressure: FloatArray
-    flow: Mapping[str, FloatArray] = field(default_factory=dict)
-    temperature: FloatArray | None = None
-    parameters: Mapping[str, FloatArray] = field(default_factory=dict)
-    parameters_std: Mapping[str, FloatArray] = field(default_factory=dict)
-    readings: Mapping[str, FloatArray] = field(default_factory=dict)
+    flow: Mapping[str, FloatArray]
+    position: int = 0
     faults: tuple[str, ...] = ()
+
+    def __getitem__(self, rows: slice) -> Samples:
+        """Return some of the samples."""
+        flow = {name: values[rows] for name, values in self.flow.items()}
+        return replace(self, time=self.time[rows], strain=self.strain[rows], flow=flow, faults=self.faults[rows])
+
+    @property
+    def dynamic_pressure(self) -> FloatArray:
+        """(n,) q_inf [Pa], NaN where it is not known."""
+        return self.flow[DYNAMIC_PRESSURE]
+
+    def values(self, names: Sequence[str]) -> dict[str, FloatArray]:
+        """Return (n,) each of some quantities of the flow, NaN of one that is not read."""
+        unknown = np.full(len(self.time), np.nan)
+        return {name: self.flow.get(name, unknown) for name in names}
 
 
 @dataclass
@@ -132,17 +139,15 @@ class Recording:
     Attributes
     ----------
     selection : what is read of it.
-    blocks : its samples, with the position that each block reaches.
+    blocks : its samples.
     length : position at the end.
-    notes : lines for the user.
-    remarks : further lines, complete when the blocks have been read; so are ``gaps``.
+    notes : lines for the user, complete when the blocks have been read; so are ``gaps``.
     """
 
     selection: Selection
-    blocks: Iterator[tuple[Samples, int]]
+    blocks: Iterator[Samples]
     length: int
-    notes: tuple[str, ...]
-    remarks: list[str]
+    notes: list[str]
     gaps: Gaps
 
 
@@ -159,147 +164,53 @@ def open_recording(path: Path, wanted: Wanted, channels: Path | None = None) -> 
         The reader of its kind is not installed.
     """
     channel_map = None if channels is None else load_channels(channels)
-    order, time = wanted.date_order, ""
-    is_known: Callable[[str], bool] = wanted.reads
-    if channel_map is not None:
-        if None not in (order, channel_map.date_order) and order != channel_map.date_order:
-            raise InputError(
-                f"--date-order {order}: expected as in {channels}, [time] date_order = '{channel_map.date_order}'"
-            )
-        order, time = channel_map.date_order or order, channel_map.time or ""
-        stated = [*(item.name for item in channel_map.channels), *(item.name for item in channel_map.flow)]
-        stated += [name for name in (channel_map.time, channel_map.raster) if name is not None]
-        is_known = _known_names(stated, wanted)
-    with open_table(path, Reading(is_known=is_known, date_order=order, time=time)) as table:
-        selection = select(table, wanted, channel_map)
-        yield _recording(table, selection)
+    order, stated = wanted.date_order, channel_map.date_order if channel_map else None
+    if None not in (order, stated) and order != stated:
+        raise InputError(f"--date-order {order}: expected as in {channels}, [time] date_order = '{stated}'")
+    reading = Reading(
+        is_known=wanted.reads if channel_map is None else _known_names(channel_map, wanted),
+        date_order=stated or order,
+        time=(channel_map.time if channel_map else None) or "",
+    )
+    with open_table(path, reading) as table:
+        yield _recording(table, select(table, wanted, channel_map))
 
 
-def _known_names(stated: Sequence[str], wanted: Wanted) -> Callable[[str], bool]:
+def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], bool]:
     """Return whether a name is stated in a channel file, or is a quantity's own, behind an instance's or not."""
+    stated = [*(item.name for item in channel_map.channels), *(item.name for item in channel_map.flow)]
+    stated += [name for name in (channel_map.time, channel_map.raster) if name is not None]
     own = (*temperature_quantities(wanted.sensors), *wanted.sensors, *wanted.parameters, *QUANTITIES)
     known = {plain_name(name) for name in own}.union(*map(endings, stated))
     return lambda name: not known.isdisjoint(endings(name)) or time_rank(name) is not None
 
 
 def _recording(table: Table, selection: Selection) -> Recording:
-    base, others = _tracks(table, selection)
-    join, gaps, frame = selection.join or Join(), Gaps(), table.frames[base.reader.number]
-    notes = (*table.remarks, *selection.notes, *_join_notes(table.path, base, others, join))
-    table.remarks.clear()  # what follows is known when the samples have been read
-    keys = (*base.keys, *(key for track in others for key in track.keys))
+    base, tracks = _tracks(table, selection)
+    join, gaps, frame = selection.join or Join(), Gaps(), table.frames[base.frame]
+    notes = [*table.remarks, *selection.notes, *_join_notes(table.path, base, tracks, join)]
+    keys = (*base.keys, *(key for track in tracks for key in track.keys))
 
-    def blocks() -> Iterator[tuple[Samples, int]]:
-        while rows := base.next_rows():
-            time, places, values = rows
-            parts = [values, *(_at(track, time, join) for track in others)]
-            block = _Block(selection, dict(zip(keys, np.hstack(parts).T, strict=True)), frame.counted, places)
-            gaps.add(time, places)
-            yield block.samples(time), base.position
+    def blocks() -> Iterator[Samples]:
+        while len((rows := base.next_rows()).time):
+            parts = [rows.values, *(track.at(rows.time, join) for track in tracks)]
+            gaps.add(rows.time, rows.places)
+            values = dict(zip(keys, np.hstack(parts).T, strict=True))
+            yield _samples(selection, values, rows, frame.counted)
         if not base.position:
             raise InputError(f"{table.path}: no samples found")
+        notes.extend(remark for remark in table.remarks if remark not in notes)
         if gaps.number:
             many = f"{gaps.number} gaps, the longest of" if gaps.number > 1 else "a gap of"
-            table.remarks.append(
-                f"{table.path}: column '{base.reader.time_name}': {many} {gaps.longest:.6g} s behind "
+            notes.append(
+                f"{table.path}: column '{base.time_name}': {many} {gaps.longest:.6g} s behind "
                 f"{frame.counted} {gaps.behind}; samples are {gaps.period:.6g} s apart"
             )
-        table.remarks[:] = [remark for remark in table.remarks if remark not in notes]
 
-    return Recording(
-        selection=selection,
-        blocks=blocks(),
-        length=frame.length,
-        notes=notes,
-        remarks=table.remarks,
-        gaps=gaps,
-    )
+    return Recording(selection=selection, blocks=blocks(), length=frame.length, notes=notes, gaps=gaps)
 
 
 # --- rows of frames as tracks, each with times of its own ------------------------------------------------------
-
-
-class _Reader:
-    """Reads a frame piece by piece, and hands its rows, in SI units, to its tracks."""
-
-    def __init__(self, table: Table, selection: Selection, number: int) -> None:
-        self.number, self._path, self._frame = number, table.path, table.frames[number]
-        sources = {**selection.strain, **selection.flow}
-        self.sources = {key: source for key, source in sources.items() if source.frame == number}
-        self._factor, self.tracks = selection.times[number][1], list[_Track]()
-        column, columns = selection.times[number][0], [source.column for source in self.sources.values()]
-        self.names = [self._frame.columns[i].full for i in columns]
-        self._has_times = column is not None
-        self.time_name = "time" if column is None else self._frame.columns[column].name
-        self._pieces = self._frame.pieces(columns if column is None else [column, *columns])
-        self._rows, self.reach, self.is_done = 0, -np.inf, False
-
-    def advance(self) -> None:
-        """Read the next piece."""
-        if (rows := self.read()) is not None:
-            for track in self.tracks:
-                track.take(rows)
-
-    def read(self) -> _Rows | None:
-        """Return times (n,) [s], rows or lines, values (n, n_c) of the next piece; None at the end."""
-        piece = next(self._pieces, None)
-        if piece is None:
-            self.is_done, self.reach = True, np.inf
-            return None
-        n, values = len(piece.places), piece.values
-        time = np.arange(self._rows, self._rows + n) / self._factor
-        if self._has_times:
-            stated, values = values[0], values[1:]
-            time = stated * self._factor
-            self._check_time(stated, time, piece)
-        for name, column in zip(self.names, values, strict=True):
-            if np.isinf(column).any():  # NaN stands for "no value" in a file, an overflow does not
-                row = int(np.argmax(np.isinf(column)))
-                raise InputError(
-                    f"{self._path}: column '{name}', {self._frame.counted} {piece.places[row]}: "
-                    f"expected a finite number or NaN, got {column[row]:g}"
-                )
-        self._rows += n
-        if n:
-            self.reach = float(time[-1])
-        sources = zip(self.sources.values(), values, strict=True)
-        return _Rows(time, piece.places, np.column_stack([one.convert(of) for one, of in sources]), piece.position)
-
-    def _check_time(self, stated: FloatArray, time: FloatArray, piece: Piece) -> None:
-        """Refuse times that are none, or not later than those before."""
-        where = f"{self._path}: column '{self.time_name}', {self._frame.counted}"
-        wrong = np.flatnonzero(~np.isfinite(time))
-        if len(wrong):
-            number = stated[wrong[0]]
-            what = "no number found" if np.isnan(number) else f"expected a finite number or NaN, got {number:g}"
-            raise InputError(f"{where} {piece.places[wrong[0]]}: {what}")
-        before = np.append(self.reach, time[:-1])
-        back = np.flatnonzero(~(time > before))
-        if len(back):
-            raise InputError(
-                f"{where} {piece.places[back[0]]}: expected increasing times, got {time[back[0]]:.9g} s after "
-                f"{before[back[0]]:.9g} s"
-            )
-
-    def open(self, looks_for_sparse: bool, looks_ahead: bool) -> list[_Track]:
-        """Return the tracks: one of the frame's raster, and one of each column that is mostly empty."""
-        ahead = list[_Rows]()
-        while looks_ahead and not self.is_done and sum(len(rows.time) for rows in ahead) < LOOK_ROWS:
-            if (rows := self.read()) is not None:
-                ahead.append(rows)
-        every = range(len(self.sources))
-        sparse = list[int]()
-        if looks_for_sparse and ahead:
-            start = np.vstack([rows.values for rows in ahead])[:LOOK_ROWS]
-            known = np.isfinite(start).sum(axis=0)
-            sparse = [i for i in every if known[i] < (1.0 - SPARSE) * len(start)]
-        columns = [[i for i in every if i not in sparse], *([i] for i in sparse)]
-        self.tracks = [_Track(self, of, is_sparse=number > 0) for number, of in enumerate(columns)]
-        for track in self.tracks:
-            for rows in ahead:
-                track.take(rows)
-            track.look()
-        return self.tracks
 
 
 class _Rows(NamedTuple):
@@ -311,44 +222,120 @@ class _Rows(NamedTuple):
     position: int
 
 
+def _time_name(table: Table, selection: Selection, number: int) -> str:
+    column = selection.times[number][0]
+    return "time" if column is None else table.frames[number].columns[column].name
+
+
+def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Rows]:
+    """Yield the rows of a frame, in SI units, piece by piece.
+
+    Raises
+    ------
+    InputError
+        A time is none or not later than the one before, or a value is infinite.
+    """
+    frame, (time_column, factor) = table.frames[number], selection.times[number]
+    sources = [*selection.of_frame(number).values()]
+    columns = [source.column for source in sources]
+    read, last = 0, -np.inf
+    for piece in frame.pieces(columns if time_column is None else [time_column, *columns]):
+        n, values = len(piece.places), piece.values
+        time = np.arange(read, read + n) / factor
+        if time_column is not None:
+            stated, values = values[0], values[1:]
+            time = stated * factor
+            where = f"{table.path}: column '{_time_name(table, selection, number)}', {frame.counted}"
+            _check_time(where, stated, time, piece.places, last)
+        for column, of_column in zip(columns, values, strict=True):
+            if np.isinf(of_column).any():  # NaN stands for "no value" in a file, an overflow does not
+                row = int(np.argmax(np.isinf(of_column)))
+                raise InputError(
+                    f"{table.path}: column '{frame.columns[column].full}', {frame.counted} {piece.places[row]}: "
+                    f"expected a finite number or NaN, got {of_column[row]:g}"
+                )
+        read, last = read + n, float(time[-1]) if n else last
+        in_units = [source.convert(of) for source, of in zip(sources, values, strict=True)]
+        yield _Rows(time, piece.places, np.column_stack(in_units), piece.position)
+
+
+def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArray, last: float) -> None:
+    """Refuse times (n,) that are none, or not later than those before, the first than ``last``."""
+    wrong = np.flatnonzero(~np.isfinite(time))
+    if len(wrong):
+        number = stated[wrong[0]]
+        what = "no number found" if np.isnan(number) else f"expected a finite number or NaN, got {number:g}"
+        raise InputError(f"{where} {places[wrong[0]]}: {what}")
+    before = np.append(last, time[:-1])
+    back = np.flatnonzero(~(time > before))
+    if len(back):
+        raise InputError(
+            f"{where} {places[back[0]]}: expected increasing times, got {time[back[0]]:.9g} s after "
+            f"{before[back[0]]:.9g} s"
+        )
+
+
 class _Track:
     """Columns with times of their own: rows that have been read and not yet used.
 
+    The tracks of a frame are read together.
+
     Attributes
     ----------
-    keys : names of the quantities, in the order of the columns of ``values`` (k, n_c).
+    frame, time_name : number of the frame, and the name of its times.
+    keys, names : quantities, and names of the columns, in the order of the columns of ``values`` (k, n_c).
     time, places : (k,) [s], rows or lines of the file.
+    position, reach : position and time [s] that have been read.
     period : median time between rows [s], NaN of fewer than two.
     is_sparse : whether rows without a value are left out.
+    is_done : whether all has been read.
     """
 
-    def __init__(self, reader: _Reader, columns: Sequence[int], is_sparse: bool) -> None:
-        keys = list(reader.sources)
-        self.reader, self._columns, self.is_sparse = reader, list(columns), is_sparse
-        self.keys, self.names = [keys[i] for i in columns], [reader.names[i] for i in columns]
+    def __init__(
+        self, table: Table, selection: Selection, number: int, columns: Sequence[int], is_sparse: bool
+    ) -> None:
+        sources = selection.of_frame(number)
+        self.frame, self.time_name = number, _time_name(table, selection, number)
+        self.keys = [[*sources][i] for i in columns]
+        self.names = [selection.column(sources[key]).full for key in self.keys]
         self.time, self.places = np.empty(0), np.empty(0, dtype=np.int64)
         self.values = np.empty((0, len(columns)))
-        self.position, self.period = 0, float("nan")
+        self.position, self.reach, self.period = 0, -np.inf, float("nan")
+        self.is_sparse, self.is_done = is_sparse, False
+        self._tracks, self._rows = [self], iter(())
+        self._columns = None if len(columns) == len(sources) else columns
 
-    def take(self, rows: _Rows) -> None:
-        """Take rows of the frame."""
-        whole = len(self._columns) == rows.values.shape[1]
-        time, places, values = rows.time, rows.places, rows.values if whole else rows.values[:, self._columns]
+    def read_with(self, tracks: list[_Track], rows: Iterator[_Rows]) -> None:
+        """Read the ``rows`` of the frame together with all its ``tracks``."""
+        self._tracks, self._rows = tracks, rows
+
+    def advance(self) -> None:
+        """Read the next rows of the frame."""
+        rows = next(self._rows, None)
+        for track in self._tracks:
+            track.take(rows)
+
+    def take(self, rows: _Rows | None) -> None:
+        """Take rows of the frame, None at its end."""
+        if rows is None:
+            self.is_done, self.reach = True, np.inf
+            return
+        time, places, values, self.position = rows
+        self.reach = float(time[-1]) if len(time) else self.reach
+        values = values if self._columns is None else values[:, self._columns]
         if self.is_sparse:
             has_value = np.isfinite(values[:, 0])
             time, places, values = time[has_value], places[has_value], values[has_value]
         self.time, self.places = np.append(self.time, time), np.append(self.places, places)
         self.values = np.vstack([self.values, values]) if len(self.values) else values
-        self.position = rows.position
 
-    def next_rows(self) -> tuple[FloatArray, IntArray, FloatArray] | None:
-        """Return times, places and values of the next block of rows and forget them; None at the end."""
-        while len(self.time) < BLOCK_ROWS and not self.reader.is_done:
-            self.reader.advance()
-        if not len(self.time):
-            return None
-        rows = self.time[:BLOCK_ROWS], self.places[:BLOCK_ROWS], self.values[:BLOCK_ROWS]
-        self.drop(len(rows[0]))
+    def next_rows(self) -> _Rows:
+        """Return the next block of rows and forget them; none at the end."""
+        while len(self.time) < BLOCK_ROWS and not self.is_done:
+            self.advance()
+        n = BLOCK_ROWS
+        rows = _Rows(self.time[:n], self.places[:n], self.values[:n], self.position)
+        self._drop(n)
         return rows
 
     def look(self) -> None:
@@ -359,14 +346,87 @@ class _Track:
     def is_like(self, other: _Track) -> bool:
         """Return whether the times at the start equal another track's, but for rounding."""
         n = min(len(self.time), len(other.time), LOOK_ROWS)
-        ends = self.reader.is_done and other.reader.is_done and len(self.time) != len(other.time)
+        ends = self.is_done and other.is_done and len(self.time) != len(other.time)
         period = self.period if np.isfinite(self.period) else other.period
         apart = np.abs(self.time[:n] - other.time[:n])
         return bool(n and not ends and (not apart.any() or (apart <= _SAME * period).all()))
 
-    def drop(self, rows: int) -> None:
-        """Forget the first rows."""
+    def at(self, at: FloatArray, join: Join) -> FloatArray:
+        """Return the values (m, n_c) at times (m,) [s]; forget rows that are not needed again.
+
+        Ahead of the first row and in gaps longer than the limit of ``join`` they are NaN, and behind the last
+        unless that is held: a gap remains a gap.
+        """
+        while not self.is_done and not (len(self.time) > 1 and self.time[-1] > at[-1] + _SAME * self.period):
+            if self.is_sparse and self.reach > at[-1] + 2.0 * np.nan_to_num(self._limit(join)):
+                break
+            self.advance()
+        if not len(self.time):
+            return np.full((len(at), len(self.keys)), np.nan)
+        limit = self._limit(join)
+        values = self._interpolated(at, limit) if join.rule == "linear" else self._taken(at, join, limit)
+        self._drop(max(int(np.searchsorted(self.time, at[-1], side="right")) - 2, 0))
+        return values
+
+    def _drop(self, rows: int) -> None:
         self.time, self.places, self.values = self.time[rows:], self.places[rows:], self.values[rows:]
+
+    def _limit(self, join: Join) -> float:
+        if np.isnan(self.period):
+            self.look()
+        periods = FARTHEST if join.rule == "nearest" else LONGEST_GAP
+        return periods * self.period if join.limit is None else join.limit
+
+    def _taken(self, at: FloatArray, join: Join, limit: float) -> FloatArray:
+        """Return (m, n_c) values of the last row before the (m,) times [s], or of the nearest; NaN too far off."""
+        time, same = self.time, np.nan_to_num(_SAME * self.period)
+        last = np.searchsorted(time, at + same, side="right") - 1
+        taken = np.maximum(last, 0)
+        if join.rule == "nearest":
+            following = np.minimum(last + 1, len(time) - 1)
+            taken = np.where(np.abs(time[following] - at) < np.abs(at - time[taken]), following, taken)
+            last = taken
+        is_near = (last >= 0) & (np.abs(at - time[taken]) <= np.nan_to_num(limit) + same)
+        return np.where(is_near[:, None], self.values[taken], np.nan)
+
+    def _interpolated(self, at: FloatArray, limit: float) -> FloatArray:
+        """Return (m, n_c) values at the (m,) times [s]; NaN where neighbours are more than ``limit`` [s] apart."""
+        time, values = self.time, self.values
+        if len(time) == 1:
+            return np.where((at == time[0])[:, None], values[0], np.nan)
+        row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+        gap = time[row + 1] - time[row]
+        weight = ((at - time[row]) / gap)[:, None]
+        near = (_SAME * self.period / gap)[:, None]
+        between = (1.0 - weight) * values[row] + weight * values[row + 1]
+        is_inside = (weight > 0.0) & (weight < 1.0) & (gap <= limit)[:, None]
+        joined = np.where(is_inside, between, np.nan)
+        joined = np.where(np.abs(weight) <= near, values[row], joined)
+        return np.where(np.abs(weight - 1.0) <= near, values[row + 1], joined)
+
+
+def _frame_tracks(table: Table, selection: Selection, number: int, looks_ahead: bool) -> list[_Track]:
+    """Return the tracks of a frame: one of its raster, and with a channel file one of each mostly empty column."""
+    frame_rows, ahead, is_done = _frame_rows(table, selection, number), list[_Rows](), False
+    while looks_ahead and not is_done and sum(len(rows.time) for rows in ahead) < LOOK_ROWS:
+        rows = next(frame_rows, None)
+        is_done = rows is None
+        ahead += [] if rows is None else [rows]
+    every, sparse = range(len(selection.of_frame(number))), list[int]()
+    if selection.join is not None and ahead:
+        start = np.vstack([rows.values for rows in ahead])[:LOOK_ROWS]
+        known = np.isfinite(start).sum(axis=0)
+        sparse = [i for i in every if known[i] < (1.0 - SPARSE) * len(start)]
+    columns = [[i for i in every if i not in sparse], *([i] for i in sparse)]
+    tracks = list[_Track]()
+    for of in filter(None, columns):
+        tracks.append(_Track(table, selection, number, of, is_sparse=of[0] in sparse))
+    for track in tracks:
+        track.read_with(tracks, frame_rows)
+        for rows_ahead in (*ahead, *([None] if is_done else ())):
+            track.take(rows_ahead)
+        track.look()
+    return tracks
 
 
 def _tracks(table: Table, selection: Selection) -> tuple[_Track, list[_Track]]:
@@ -375,17 +435,15 @@ def _tracks(table: Table, selection: Selection) -> tuple[_Track, list[_Track]]:
     The former has the raster that is stated, or of most gauges, of two the slower.
     """
     looks_ahead = selection.join is not None or len(selection.times) > 1
-    readers = [_Reader(table, selection, number) for number in selection.times]
-    tracks = [track for one in readers for track in one.open(selection.join is not None, looks_ahead)]
-    tracks = [track for track in tracks if track.keys]
-    if selection.raster is not None:
-        base = next(
-            track for track in tracks for key in track.keys if track.reader.sources[key] is selection.raster
-        )
+    tracks = [
+        track for number in selection.times for track in _frame_tracks(table, selection, number, looks_ahead)
+    ]
+    if selection.raster:
+        base = next(track for track in tracks if selection.raster in track.keys)
     else:
         gauges = [len(selection.strain.keys() & set(track.keys)) for track in tracks]
         counts = [
-            sum(n for one, n in zip(tracks, gauges, strict=True) if one is track or one.is_like(track))
+            sum(n for like, n in zip(tracks, gauges, strict=True) if like is track or like.is_like(track))
             if n_own
             else 0
             for track, n_own in zip(tracks, gauges, strict=True)
@@ -402,158 +460,81 @@ def _tracks(table: Table, selection: Selection) -> tuple[_Track, list[_Track]]:
 
 def _join_notes(path: Path, base: _Track, tracks: Sequence[_Track], join: Join) -> list[str]:
     """Return a line on each raster whose columns are joined with the samples."""
-    others: dict[float, list[str]] = {}
+    rasters: dict[float, list[str]] = {}
     for track in tracks:
         if len(track.time) > 1 and not track.is_like(base):
-            others.setdefault(round(track.period, 9), []).extend(track.names)
+            rasters.setdefault(round(track.period, 9), []).extend(track.names)
     at = f"at the samples of '{base.names[0]}', every {1e3 * base.period:.6g} ms"
     return [
         f"{path}: {len(names)} columns of {1e3 * period:.6g} ms ('{names[0]}'{', ..' if names[1:] else ''}) "
         f"{JOINS[join.rule]} {at}"
-        for period, names in others.items()
+        for period, names in rasters.items()
     ]
-
-
-def _at(track: _Track, at: FloatArray, join: Join) -> FloatArray:
-    """Return the values (m, n_c) of a track at times (m,) [s]; forget rows that are not needed again.
-
-    Ahead of the first row and in gaps longer than the limit of ``join`` they are NaN, and behind the last unless
-    that is held: a gap remains a gap.
-    """
-    while not track.reader.is_done and not (
-        len(track.time) > 1 and track.time[-1] > at[-1] + _SAME * track.period
-    ):
-        if track.is_sparse and track.reader.reach > at[-1] + 2.0 * np.nan_to_num(_limit(track, join)):
-            break
-        track.reader.advance()
-    if not len(track.time):
-        return np.full((len(at), len(track.keys)), np.nan)
-    rule = _interpolated if join.rule == "linear" else _taken
-    values = rule(track, at, join, _limit(track, join))
-    track.drop(max(int(np.searchsorted(track.time, at[-1], side="right")) - 2, 0))
-    return values
-
-
-def _limit(track: _Track, join: Join) -> float:
-    if np.isnan(track.period):
-        track.look()
-    periods = FARTHEST if join.rule == "nearest" else LONGEST_GAP
-    return periods * track.period if join.limit is None else join.limit
-
-
-def _taken(track: _Track, at: FloatArray, join: Join, limit: float) -> FloatArray:
-    """Return (m, n_c) values of the last row before the (m,) times [s], or of the nearest; NaN of one too far."""
-    time, same = track.time, np.nan_to_num(_SAME * track.period)
-    last = np.searchsorted(time, at + same, side="right") - 1
-    taken = np.maximum(last, 0)
-    if join.rule == "nearest":
-        following = np.minimum(last + 1, len(time) - 1)
-        taken = np.where(np.abs(time[following] - at) < np.abs(at - time[taken]), following, taken)
-        last = taken
-    is_near = (last >= 0) & (np.abs(at - time[taken]) <= np.nan_to_num(limit) + same)
-    return np.where(is_near[:, None], track.values[taken], np.nan)
-
-
-def _interpolated(track: _Track, at: FloatArray, join: Join, limit: float) -> FloatArray:
-    """Return (m, n_c) values at the (m,) times [s]; NaN where the neighbours are more than ``limit`` [s] apart."""
-    time, values = track.time, track.values
-    if len(time) == 1:
-        return np.where((at == time[0])[:, None], values[0], np.nan)
-    row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    gap = time[row + 1] - time[row]
-    weight = ((at - time[row]) / gap)[:, None]
-    near = (_SAME * track.period / gap)[:, None]
-    between = (1.0 - weight) * values[row] + weight * values[row + 1]
-    is_inside = (weight > 0.0) & (weight < 1.0) & (gap <= limit)[:, None]
-    joined = np.where(is_inside, between, np.nan)
-    joined = np.where(np.abs(weight) <= near, values[row], joined)
-    return np.where(np.abs(weight - 1.0) <= near, values[row + 1], joined)
 
 
 # --- samples of the signal table -------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Rows on one raster: values (n,) in SI units by gauge, leg or quantity, and where they stand in the file."""
+def _samples(selection: Selection, values: Mapping[str, FloatArray], rows: _Rows, counted: str) -> Samples:
+    """Return the samples of rows whose ``values`` (n,) in SI units are known by gauge, leg or quantity.
 
-    selection: Selection
-    values: Mapping[str, FloatArray]
-    counted: str
-    places: IntArray
+    Raises
+    ------
+    InputError
+        A quantity is negative that cannot be, or strains are in another unit than stated.
+    """
 
-    def samples(self, time: FloatArray) -> Samples:
-        """Return the samples at ``time`` (n,) [s].
+    def where(column: str, row: int) -> str:
+        return f"{selection.path}: column '{column}', {counted} {rows.places[row]}"
 
-        Raises
-        ------
-        InputError
-            A quantity is negative that cannot be, or strains are in another unit than stated.
-        """
-        selection, wanted, unknown = self.selection, self.selection.wanted, np.full(len(time), np.nan)
-        strain, flow = self._strains(), {name: self.values[name] for name in selection.flow}
-        self._check_signs(flow)
-        self._check_unit(strain)
-        if selection.computed_from:
-            flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
-        if not wanted.navigates:
-            flow.pop(STATIC_PRESSURE, None)
-        fixed = float("nan") if wanted.fixed_pressure is None else wanted.fixed_pressure
-        pressure = flow.pop(DYNAMIC_PRESSURE, np.full(len(time), fixed))
-        warm = {name: flow.pop(name) for name in tuple(flow) if is_temperature(name)}
-        sensors = [warm.get(name, unknown) for name in temperature_quantities(wanted.sensors)]
-        readings = {name: flow.pop(name) for name in wanted.readings if name in flow}
-        parameters = {name: flow.pop(name) for name in tuple(flow) if name not in QUANTITIES}
-        stated = [name for name in parameters if name.endswith(STD) and name.removesuffix(STD) in parameters]
-        return Samples(
-            time,
-            strain,
-            pressure,
-            flow,
-            temperature=np.column_stack(sensors) if warm else None,
-            parameters_std={name.removesuffix(STD): parameters.pop(name) for name in stated},
-            parameters=parameters,
-            readings=readings,
-        )
+    n, wanted = len(rows.time), selection.wanted
+    strain, flow = _strains(selection, values, n), {name: values[name] for name in selection.flow}
+    _check_signs(selection, flow, where)
+    _check_unit(selection, strain, where)
+    if selection.computed_from:
+        flow[DYNAMIC_PRESSURE] = computed_pressure(flow)
+    if not wanted.navigates:
+        flow.pop(STATIC_PRESSURE, None)
+    fixed = float("nan") if wanted.fixed_pressure is None else wanted.fixed_pressure
+    return Samples(rows.time, strain, {DYNAMIC_PRESSURE: np.full(n, fixed), **flow}, rows.position)
 
-    def _strains(self) -> FloatArray:
-        """Return (n, n_d) strains of the map's gauges; gauges of rosettes follow from the legs."""
-        gauges, unknown = self.selection.wanted.gauge_names, np.full(len(self.places), np.nan)
-        values = {name: self.values.get(name, unknown) for name in gauges}
-        names = {plain_name(gauge): gauge for gauge in gauges}
-        for rosette in self.selection.rosettes:
-            legs = [self.values.get(plain_name(leg), unknown) for leg in rosette.legs]
-            for name, weights in rosette_weights(rosette).items():
-                if plain_name(name) in names:
-                    # A leg without weight has no say, also where it has no value.
-                    parts = [w * leg for w, leg in zip(weights, legs, strict=True) if w]
-                    values[names[plain_name(name)]] = np.sum(parts, axis=0)
-        return np.ascontiguousarray(np.array([*values.values()]).T)
 
-    def _where(self, column: str, row: int) -> str:
-        return f"{self.selection.path}: column '{column}', {self.counted} {self.places[row]}"
+def _strains(selection: Selection, values: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Return (n, n_d) strains of the map's gauges; gauges of rosettes follow from the legs."""
+    gauges, unknown = selection.wanted.gauge_names, np.full(n, np.nan)
+    strain = {name: values.get(name, unknown) for name in gauges}
+    names = {plain_name(gauge): gauge for gauge in gauges}
+    for rosette in selection.rosettes:
+        legs = [values.get(plain_name(leg), unknown) for leg in rosette.legs]
+        for name, weights in rosette_weights(rosette).items():
+            if plain_name(name) in names:
+                # A leg without weight has no say, also where it has no value.
+                parts = [w * leg for w, leg in zip(weights, legs, strict=True) if w]
+                strain[names[plain_name(name)]] = np.sum(parts, axis=0)
+    return np.ascontiguousarray(np.array([*strain.values()]).T)
 
-    def _check_signs(self, flow: Mapping[str, FloatArray]) -> None:
-        for name in dict.fromkeys((*_NOT_NEGATIVE, *(f"{name}{STD}" for name in flow))):
-            negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
-            if len(negative):
-                row = int(negative[0])
-                where = self._where(self.selection.column(self.selection.flow[name]).name, row)
-                raise InputError(f"{where}: expected at least 0, got {flow[name][row]:g}")
 
-    def _check_unit(self, strain: FloatArray) -> None:
-        """Refuse strains that no gauge bears, if their median is so: single values are faults."""
-        large: BoolArray = np.abs(strain) > LARGEST_STRAIN
-        if not large.any() or not float(np.median(np.abs(strain[np.isfinite(strain)]))) > LARGEST_STRAIN:
-            return
-        selection, reference, units = self.selection, self.selection.wanted.reference, tuple[str, ...]()
-        row, gauge = divmod(int(np.argmax(large)), strain.shape[1])
-        name = selection.wanted.gauge_names[gauge]
-        column = selection.column(selection.strain[name]).name if name in selection.strain else name
-        if reference is not None:
-            units = likely_units(reference.ratio(level_of(strain)), selection.strain_factor)
-        likely = f"likely in {' or '.join(units)}, by the map's strains; " if units else ""
-        raise InputError(
-            f"{self._where(column, row)}: expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; "
-            f"{likely}state the unit, as in 'name [{units[0] if units else 'um/m'}]'"
-        )
+def _check_signs(selection: Selection, flow: Mapping[str, FloatArray], where: Callable[[str, int], str]) -> None:
+    for name in dict.fromkeys((*_NOT_NEGATIVE, *(f"{name}{STD}" for name in flow))):
+        negative = np.flatnonzero(flow.get(name, np.empty(0)) < 0.0)
+        if len(negative):
+            row, column = int(negative[0]), selection.column(selection.flow[name]).name
+            raise InputError(f"{where(column, row)}: expected at least 0, got {flow[name][row]:g}")
+
+
+def _check_unit(selection: Selection, strain: FloatArray, where: Callable[[str, int], str]) -> None:
+    """Refuse strains that no gauge bears, if their median is so: single values are faults."""
+    large: BoolArray = np.abs(strain) > LARGEST_STRAIN
+    if not large.any() or not float(np.median(np.abs(strain[np.isfinite(strain)]))) > LARGEST_STRAIN:
+        return
+    reference, units = selection.wanted.reference, tuple[str, ...]()
+    row, gauge = divmod(int(np.argmax(large)), strain.shape[1])
+    name = selection.wanted.gauge_names[gauge]
+    column = selection.column(selection.strain[name]).name if name in selection.strain else name
+    if reference is not None:
+        units = likely_units(reference.ratio(level_of(strain)), selection.strain_factor)
+    likely = f"likely in {' or '.join(units)}, by the map's strains; " if units else ""
+    raise InputError(
+        f"{where(column, row)}: expected at most {LARGEST_STRAIN:g} m/m, got {strain[row, gauge]:g}; "
+        f"{likely}state the unit, as in 'name [{units[0] if units else 'um/m'}]'"
+    )

@@ -32,7 +32,6 @@ from strainfmu.interface.parameter_variables import PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.channel_map import (
-    BENDING,
     COMPENSATIONS,
     ChannelMap,
     FlowEntry,
@@ -99,7 +98,8 @@ class Selection:
     notes : lines for the user.
     strain_factor : of the unit of most strains, to m/m.
     pressure_factor : of the unit of the pressure that q_inf comes from, to Pa.
-    rosettes, join, raster : of the channel file; ``join`` None without one, ``raster`` None where none is stated.
+    rosettes, join : of the channel file; ``join`` None without one.
+    raster : gauge, leg or quantity whose samples are used for the estimates, "" where none is stated.
     """
 
     table: Table
@@ -114,12 +114,17 @@ class Selection:
     pressure_factor: float = 1.0
     rosettes: tuple[Rosette, ...] = ()
     join: Join | None = None
-    raster: Source | None = None
+    raster: str = ""
 
     @property
     def path(self) -> Path:
         """The recording."""
         return self.table.path
+
+    def of_frame(self, number: int) -> dict[str, Source]:
+        """Return the sources in a frame by gauge, leg or quantity."""
+        sources = {**self.strain, **self.flow}
+        return {key: source for key, source in sources.items() if source.frame == number}
 
     def column(self, source: Source) -> Column:
         """Return the column of a source."""
@@ -370,7 +375,8 @@ def _by_channels(selection: Selection, channel_map: ChannelMap) -> None:
     selection.join, selection.rosettes = channel_map.join, channel_map.rosettes
     _select_strains(selection, channel_map, gauges)
     _select_stated_flow(selection, channel_map)
-    used = {selection.column(one).full: one for one in (*selection.strain.values(), *selection.flow.values())}
+    sources = {**selection.strain, **selection.flow}
+    used = {selection.column(source).full: key for key, source in sources.items()}
     if channel_map.raster is not None:
         name = matched(table.path, "raster", channel_map.raster, [*used])
         if name is None:
@@ -407,12 +413,6 @@ def _gauges(channel_map: ChannelMap, wanted: Wanted) -> dict[str, str]:
         seen[gauge], gauges[name] = where, gauge
     for missing in sorted(legs - seen.keys()):
         raise InputError(f"{path}: rosette: no channel whose gauge is its leg '{missing}'")
-    for entry in channel_map.channels:
-        if entry.bridge in BENDING and gauges[entry.gauge] not in wanted.combined:
-            raise InputError(
-                f"{path}: {entry.where}.bridge: '{entry.bridge}' gives half the difference of the strains at two "
-                f"positions, and gauge '{entry.gauge}' of the map is at one: expected a channel for each"
-            )
     return gauges
 
 
@@ -544,8 +544,9 @@ def computed_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
     return np.asarray(np.where(mach == 0.0, 0.0, 0.5 * HEAT_CAPACITY_RATIO * static * given(mach) ** 2))
 
 
-def flown_pressure(dynamic_pressure: FloatArray, flow: Mapping[str, FloatArray]) -> FloatArray:
-    """Return (n,) ``dynamic_pressure`` [Pa], where it is not known by the Mach number; NaN where neither is."""
+def flown_pressure(flow: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) q_inf of ``flow`` [Pa], where it is not known by the Mach number; NaN where neither is."""
+    dynamic_pressure = flow[DYNAMIC_PRESSURE]
     unknown = np.isnan(dynamic_pressure)
     if not pressure_sources(flow) or not unknown.any():
         return dynamic_pressure

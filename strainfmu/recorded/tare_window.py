@@ -149,7 +149,7 @@ def _read(
     )
     strains, pressures, times = [np.empty((0, n))], [np.empty(0)], [np.empty(0)]
     with open_recording(path, wanted, channels) as recording:
-        for block, _ in recording.blocks:
+        for block in recording.blocks:
             times.append(block.time)
             inside = (block.time >= window.begin) & (block.time <= window.end)
             strains.append(block.strain[inside])

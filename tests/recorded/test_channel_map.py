@@ -28,9 +28,6 @@ ARMS = {
     # Strains in the arms 1, 2, 3, 4; the output is that of the divider 1-2 less that of 4-3.
     "quarter": (1.0, 0.0, 0.0, 0.0),
     "half-poisson": (1.0, -NU, 0.0, 0.0),
-    "half-bending": (1.0, -1.0, 0.0, 0.0),
-    "full-bending": (1.0, -1.0, 1.0, -1.0),
-    "full-bending-poisson": (1.0, -1.0, NU, -NU),
     "full-poisson": (1.0, -NU, 1.0, -NU),
 }
 
@@ -58,16 +55,14 @@ def test_leads_of_a_full_bridge_lower_its_excitation() -> None:
     assert lead_factor(6, 3.5, 350.0) == 1.0
 
 
-def read(
-    folder: Path, csv: str, toml: str, *gauges: str, combined: frozenset[str] = frozenset()
-) -> tuple[Samples, tuple[str, ...]]:
+def read(folder: Path, csv: str, toml: str, *gauges: str) -> tuple[Samples, list[str]]:
     """Return the samples and the notes of a recording."""
     data, channels = folder / "d.csv", folder / "channels.toml"
     data.write_text(csv, encoding="utf-8")
     channels.write_text(toml, encoding="utf-8")
-    wanted = Wanted(gauge_names=gauges, fixed_pressure=9e4, combined=combined)
+    wanted = Wanted(gauge_names=gauges, fixed_pressure=9e4)
     with open_recording(data, wanted, channels) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     return block, opened.notes
 
 
@@ -116,10 +111,10 @@ def test_the_unit_that_is_used_against_the_recordings_is_said(tmp_path: Path) ->
 def test_temperature_compensation_is_said(tmp_path: Path) -> None:
     toml = entry("a", "A", "unit = 'um/m'\ntemperature_compensation = 'none'") + entry("b", "B")
     _, notes = read(tmp_path, "time,a,b\n0,1,1\n", toml, "A", "B")
-    assert notes == (
+    assert notes == [
         f"{tmp_path / 'channels.toml'}: temperature compensation of the channels: none 1, not stated 1; "
         "nothing else is taken off",
-    )
+    ]
 
 
 def test_a_rosette_gives_the_strain_at_the_angle_of_a_gauge(tmp_path: Path) -> None:
@@ -137,12 +132,6 @@ def test_a_rosette_gives_the_strain_at_the_angle_of_a_gauge(tmp_path: Path) -> N
     block, _ = read(tmp_path, csv, toml, "axial", "hoop", "leg")
     np.testing.assert_allclose(block.strain[0], 1e-6 * np.array([e_x, e_y, at(10.0)]), rtol=1e-9)
     np.testing.assert_allclose(block.strain[1], [np.nan, np.nan, 1e-6 * at(10.0)], rtol=1e-9)
-
-
-def test_a_bending_pair_feeds_a_gauge_that_is_a_combination(tmp_path: Path) -> None:
-    more = "unit = 'mV/V'\nbridge = 'half-bending'\ngauge_factor = 2.0"
-    block, _ = read(tmp_path, "time,a\n0,1\n", entry("a", "A", more), "A", combined=frozenset({"A"}))
-    np.testing.assert_allclose(block.strain, [[1e-3]])
 
 
 def test_a_poisson_bridge_under_uniaxial_stress(tmp_path: Path) -> None:
@@ -181,7 +170,7 @@ def test_groups_of_a_tdms_file_have_times_of_their_own(tmp_path: Path) -> None:
             writer.write_segment([nptdms.ChannelObject(*one) for one in objects])
         channels.write_text(unit + entry("a", "A") + entry("b", "B"), encoding="utf-8")
         with open_recording(data, Wanted(gauge_names=("A", "B"), fixed_pressure=9e4), channels) as opened:
-            ((block, _),) = opened.blocks
+            (block,) = opened.blocks
         np.testing.assert_allclose(block.time, time, rtol=1e-12)
         np.testing.assert_allclose(block.strain[:, 1], 1e-6 * expected, rtol=1e-12)
 

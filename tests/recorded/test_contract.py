@@ -55,9 +55,9 @@ def toml(folder: Path, names: dict[str, str], head: str = "", unit: str = "") ->
 def read(path: Path, channels: Path | None = None, wanted: Wanted = WANTED) -> tuple[Samples, list[str]]:
     """Return all samples, and all lines for the user."""
     with open_recording(path, wanted, channels) as opened:
-        blocks = [block for block, _ in opened.blocks]
+        blocks = [*opened.blocks]
         assert len(blocks) == 1
-        return blocks[0], [*opened.notes, *opened.remarks]
+        return blocks[0], opened.notes
 
 
 OWN = {**{gauge: gauge for gauge in GAUGES}, "q": "Pdyn"}

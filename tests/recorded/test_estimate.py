@@ -173,7 +173,7 @@ def test_what_spreadsheets_leave_in_cells_is_taken(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     path.write_text("time,G0,G1,G2,dynamic_pressure\n 0 ,+1.e-6,.5E-6,NaN,9e4,, \n1,-1e-6,,0,90000\n")
     with open_recording(path, THREE) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     np.testing.assert_array_equal(block.strain, [[1e-6, 0.5e-6, np.nan], [-1e-6, np.nan, 0.0]])
     np.testing.assert_array_equal(block.dynamic_pressure, [9e4, 9e4])
 
@@ -182,7 +182,7 @@ def test_units_behind_an_index(tmp_path: Path) -> None:
     path = tmp_path / "d.csv"
     path.write_text("t [ms],strain[1],x.strain[2] [ue],dynamic_pressure [psi]\n0,1e-6,2,10\n5,3e-6,4,11\n")
     with open_recording(path, Wanted(gauge_names=("a", "b"))) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     np.testing.assert_allclose(block.time, [0.0, 5e-3])
     np.testing.assert_allclose(block.strain, [[1e-6, 2e-6], [3e-6, 4e-6]])
     np.testing.assert_allclose(block.dynamic_pressure, [68947.57, 75842.33], rtol=1e-6)  # 1 psi = 6894.757 Pa

@@ -39,11 +39,11 @@ def outcome(data: Path, toml: Path) -> tuple[np.ndarray, list[str]] | str:
     """Return times, strains and q_inf with all lines for the user, or the refusal."""
     try:
         with open_recording(data, Wanted(gauge_names=("A", "B", "C")), toml) as opened:
-            blocks = [block for block, _ in opened.blocks]
+            blocks = [*opened.blocks]
     except InputError as error:
         return str(error)
     table = [np.column_stack([one.time, one.strain, one.dynamic_pressure]) for one in blocks]
-    return np.concatenate(table), [*opened.notes, *opened.remarks]
+    return np.concatenate(table), opened.notes
 
 
 TIME = 0.01 * np.arange(N)

@@ -46,7 +46,7 @@ def joined(
     toml.write_text(join + "\n" + "".join(entries))
     wanted = Wanted(gauge_names=gauges, fixed_pressure=9e4)
     with open_recording(path, wanted, toml) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     values = dict(zip(gauges, block.strain.T, strict=True))
     values |= {name: block.flow["mach_number"] for name in channels if name not in gauges}
     return block, values, opened.notes
@@ -62,9 +62,9 @@ def test_a_straight_line_is_exact_on_any_raster(tmp_path: Path) -> None:
     inside = (FAST >= 0.003) & (late[-1] >= FAST)
     np.testing.assert_allclose(values["q"][inside], ramp(FAST)[inside], rtol=1e-12)
     assert np.isnan(values["q"][~inside]).all()
-    assert notes == (
-        f"{tmp_path / 'd.h5'}: 1 columns of 50 ms ('gq/q') interpolated at the samples of 'ga/a', every 10 ms",
-    )
+    assert notes == [
+        f"{tmp_path / 'd.h5'}: 1 columns of 50 ms ('gq/q') interpolated at the samples of 'ga/a', every 10 ms"
+    ]
 
 
 def test_the_raster_is_that_of_most_gauges_then_the_slower_one(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_the_raster_is_that_of_most_gauges_then_the_slower_one(tmp_path: Path) -
     assert len(joined(tmp_path, channels, gauges=("a", "b", "c"))[0].time) == len(SLOW)
     assert len(joined(tmp_path, {"a": fast, "b": slow}, gauges=("a", "b"))[0].time) == len(SLOW)
     assert len(joined(tmp_path, {"a": fast, "c": slow})[0].time) == len(FAST)
-    assert joined(tmp_path, {"a": fast, "d": fast}, gauges=("a", "d"))[2] == ()
+    assert joined(tmp_path, {"a": fast, "d": fast}, gauges=("a", "d"))[2] == []
 
 
 def test_samples_that_fall_together_are_taken_and_gaps_are_not_bridged(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_samples_that_fall_together_are_taken_and_gaps_are_not_bridged(tmp_path:
 def test_rounding_makes_no_other_raster(tmp_path: Path) -> None:
     other = FAST + 1e-6 * (np.arange(len(FAST)) % 2)
     _, values, notes = joined(tmp_path, {"a": (FAST, SMALL * FAST), "b": (other, FAST)})
-    assert notes == ()
+    assert notes == []
     np.testing.assert_array_equal(values["b"], FAST)
 
 

@@ -86,6 +86,6 @@ def test_residuals_of_a_scanner_and_of_a_gradient(inverse_map: InverseMap, kind:
         strain = strain + 1e-3 * np.arange(n_d) * np.gradient(exact, TIME, axis=0)
     if kind == "warm":
         strain = strain + 10.0 * std * x
-    block = Samples(time=TIME[rows], strain=strain[rows], dynamic_pressure=np.ones(256))
+    block = Samples(time=TIME[rows], strain=strain[rows], flow={"dynamic_pressure": np.ones(256)})
     lines = late_or_warm(block, placed, lambda one: (one.strain - exact[rows]) / std)
     assert [named in line for line in lines] == ([True] if named else [])

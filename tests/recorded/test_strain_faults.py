@@ -130,11 +130,9 @@ def found_faults(
     selection = Selection(table=Table(Path("d.csv"), ()), wanted=Wanted(gauge_names=("a", "b", "c", "d")))
     faults = DataChecks(selection, reference(noise), accepts_level=True)
     time = 1e-2 * np.arange(len(strain))
-    blocks = [
-        (Samples(time[i : i + rows], strain[i : i + rows], np.full(len(strain), q)[i : i + rows]), i)
-        for i in range(0, len(strain), rows)
-    ]
-    return [fault for block, _ in faults.without_faults(blocks) for fault in block.faults], faults
+    whole = Samples(time, strain, {"dynamic_pressure": np.full(len(strain), q)})
+    blocks = [whole[i : i + rows] for i in range(0, len(strain), rows)]
+    return [fault for block in faults.without_faults(blocks) for fault in block.faults], faults
 
 
 @pytest.mark.parametrize("rows", [30, 100, BLOCK_ROWS])

@@ -115,7 +115,7 @@ def test_air_data_of_an_estimator_are_not_what_flew(tmp_path: Path) -> None:
     with open_recording(data, Wanted(gauge_names=tuple(NAMES))) as opened:
         assert {*opened.selection.unused} == {*names}
         assert opened.selection.stated == ("mach_number", "altitude")
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
         assert np.all(block.flow["mach_number"] == 6.0)
 
 
@@ -145,7 +145,7 @@ def test_unknown_data_sets_are_refused(tmp_path: Path) -> None:
             wanted = Wanted(gauge_names=names, ignored=ignored)
             if ignored:
                 with open_recording(path, wanted) as opened:
-                    ((block, _),) = opened.blocks
+                    (block,) = opened.blocks
                 assert opened.selection.unused == ("mach_nr",)
                 np.testing.assert_array_equal(block.strain, strain)
                 continue

@@ -306,8 +306,8 @@ def _samples(
     # Columns of load cells and the like are not read; a gauge's that is misspelt is missed, and said.
     wanted = Wanted(gauge_names=gauge_names, fixed_pressure=0.0, ignored=("*",))
     with open_recording(recording, wanted, channels) as opened:
-        blocks = [block for block, _ in opened.blocks]
-        notes += [*opened.notes, *opened.remarks]
+        blocks = [*opened.blocks]
+        notes += opened.notes
     return np.concatenate([one.time for one in blocks]), np.concatenate([one.strain for one in blocks])
 
 

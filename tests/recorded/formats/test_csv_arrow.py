@@ -39,7 +39,7 @@ def outcome(path: Path) -> tuple[list[list[float]], list[int]] | str:
     """Return the numbers and the counts of rows of all blocks, or the refusal."""
     try:
         with open_recording(path, WANTED) as opened:
-            blocks = [block for block, _ in opened.blocks]
+            blocks = [*opened.blocks]
     except InputError as error:
         return str(error)
     table = np.concatenate([np.column_stack([one.time, one.strain]) for one in blocks])
@@ -83,7 +83,7 @@ def test_memory_does_not_grow_with_the_file(
         path.write_text("time,G0,G1\n" + "".join(f"{k},{1e-3:.40f},{2e-3:.40f}\n" for k in range(n)))
         tracemalloc.start()
         with open_recording(path, WANTED) as opened:
-            assert sum(len(block.time) for block, _ in opened.blocks) == n
+            assert sum(len(block.time) for block in opened.blocks) == n
         most.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert most[1] < 1.2 * most[0], "of files of 0.3 and 0.7 MB"

@@ -29,7 +29,7 @@ def read(path: Path, content: str | bytes, encoding: str = "utf-8") -> tuple[Sam
     """Return the samples of a file with this content, and the notes."""
     path.write_bytes(content if isinstance(content, bytes) else content.encode(encoding))
     with open_recording(path, TWO) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     return block, opened.notes
 
 
@@ -118,16 +118,16 @@ def test_a_measured_static_pressure_comes_before_the_atmosphere(tmp_path: Path) 
         block.dynamic_pressure, [0.7 * 36.0 * 444.82216152605 / 0.3048**2, np.nan], rtol=1e-14
     )
     assert "mach_number and static_pressure" in notes[0]
-    assert set(block.flow) == {"mach_number", "altitude"}
+    assert set(block.flow) == {"dynamic_pressure", "mach_number", "altitude"}
 
 
 def test_a_recorded_dynamic_pressure_is_taken_as_it_is(tmp_path: Path) -> None:
     path = write_flight(tmp_path / "d.csv", mach_number=6.0, static_pressure=1.0, altitude=2e4)
     wanted = Wanted(gauge_names=tuple(NAMES), flow=TWO.flow, computes_pressure=True)
     with open_recording(path, wanted) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     np.testing.assert_allclose(block.dynamic_pressure, samples(20)[2], rtol=1e-12)
-    assert opened.notes == ()
+    assert opened.notes == []
     assert opened.selection.unused == ("static_pressure",)
 
 

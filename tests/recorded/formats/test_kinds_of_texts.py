@@ -40,8 +40,8 @@ def read(path: Path, content: str, channels: str = "") -> tuple[Samples, list[st
     toml.write_text(channels)
     wanted = Wanted(gauge_names=NAMES[1:4])
     with open_recording(path, wanted, toml if channels else None) as opened:
-        (block,) = (block for block, _ in opened.blocks)
-        return block, [line.removeprefix(f"{path}: ") for line in (*opened.notes, *opened.remarks)]
+        (block,) = opened.blocks
+        return block, [line.removeprefix(f"{path}: ") for line in opened.notes]
 
 
 def check(block: Samples, n: int = N) -> None:

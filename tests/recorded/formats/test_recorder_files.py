@@ -24,7 +24,7 @@ INTERPOLATED = (
 
 def read(path: Path, *ignored: str) -> tuple[Samples, tuple[str, ...]]:
     with open_recording(path, Wanted(gauge_names=("G0", "G1"), ignored=ignored)) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     return block, opened.notes
 
 
@@ -116,7 +116,7 @@ def test_lvm_with_one_column_of_times_and_one_heading(tmp_path: Path) -> None:
     np.testing.assert_allclose(block.time, FAST, atol=1e-12)
     np.testing.assert_allclose(block.strain, 1e-6 * STRAIN, atol=1e-15)
     np.testing.assert_allclose(block.dynamic_pressure, 9e4 + 1e3 * FAST, rtol=1e-9)
-    assert notes == ()
+    assert notes == []
 
 
 LVM = lvm_text("Multi")

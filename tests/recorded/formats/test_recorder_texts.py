@@ -30,8 +30,8 @@ def read(
     with open_recording(
         path, Wanted(gauge_names=("G0", "G1"), fixed_pressure=9e4, date_order=order), toml
     ) as opened:
-        ((block, _),) = opened.blocks
-    return block, [*opened.notes, *opened.remarks]
+        (block,) = opened.blocks
+    return block, opened.notes
 
 
 CATMAN = "\r\n".join(
@@ -93,7 +93,7 @@ def test_units_in_brackets_or_a_row(name: str, tmp_path: Path) -> None:
     wanted = Wanted(gauge_names=("G0", "G1"), fixed_pressure=9e4, ignored=("Channel",) if lead else ())
     (tmp_path / "d.csv").write_text(f"{UNITS[name]}{lead}0,1,2\n{lead}10,3,4\n", encoding="utf-8")
     with open_recording(tmp_path / "d.csv", wanted) as opened:
-        ((block, _),) = opened.blocks
+        (block,) = opened.blocks
     np.testing.assert_allclose(block.time, [0.0, 0.01])
     np.testing.assert_allclose(block.strain, 1e-6 * np.array([[1, 2], [3, 4]]))
 
