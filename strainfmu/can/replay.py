@@ -337,7 +337,7 @@ class _Rows:
 
     def flush(self) -> None:
         if self._rows:
-            self._writer.write(np.array(self._rows))
+            self._writer.write(np.array(self._rows).T)
             self._rows.clear()
 
 

@@ -217,8 +217,8 @@ def _channel(item: TomlTable, defaults: TomlTable) -> ChannelEntry:
     if bridge in _BENDING:
         raise item.fault(
             "bridge",
-            f"'{bridge}' gives half the difference of the strains at two positions, and a gauge of the map is at "
-            "one: expected a channel for each",
+            f"'{bridge}' gives half the difference of the strains at two positions, and gauge "
+            f"'{item.text('gauge')}' of the map is at one: expected a channel for each",
         )
     numbers = {
         key: item.number(key, None if key == "poisson_ratio" and bridge in _POISSON else default, low, high)

@@ -10,7 +10,6 @@ while others change, stands still; it is named, and on demand taken out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum, auto
 from math import ceil, exp, inf, log
@@ -134,6 +133,7 @@ class DataChecks:
         self._of_gauges, self._of_rows = RunLengths(len(self._names)), RunLengths(1)
         self._held, self._zeros = FaultRows(), FaultRows()
         self.railed, self.dead = dict[str, FaultRows](), dict[str, FaultRows]()
+        self._same: BoolArray | None = None
         self._rows, self._missing, self._known = 0, Counter[str](), Counter[str]()
         factor, pressure = selection.strain_factor, selection.pressure_name
         self._level = LevelCheck(selection.path, reference, factor, not accepts_level, pressure)
@@ -142,25 +142,6 @@ class DataChecks:
     def missing(self) -> Counter[str]:
         """Number of strains without a value, by gauge, of those that are not left out."""
         return Counter({name: k for name, k in self._missing.items() if name not in self._selection.excluded})
-
-    def without_faults(self, blocks: Iterable[Samples]) -> Iterator[Samples]:
-        """Yield ``blocks`` with the faults of their rows; strains with one are NaN. Looks one block ahead.
-
-        Raises
-        ------
-        InputError
-            The level of the strains is far above the map's.
-        """
-        before: tuple[Samples, BoolArray] | None = None
-        last = np.full(len(self._names), inf)
-        for block in blocks:
-            same = repeated(block.strain, last)
-            last = block.strain[-1]
-            if before is not None:
-                yield self._checked(*before, same)
-            before = block, same
-        if before is not None:
-            yield self._checked(*before, before[1][:0])
 
     def notes(self) -> list[str]:
         """Return what is to be said of the whole file.
@@ -211,7 +192,19 @@ class DataChecks:
             )
         return [*ahead, *(f"{path}: {note}" for note in notes)]
 
-    def _checked(self, block: Samples, same: BoolArray, following: BoolArray) -> Samples:
+    def checked(self, block: Samples, following: Samples | None) -> Samples:
+        """Return a block with the faults of its rows; strains with one are NaN. Blocks come in order.
+
+        Raises
+        ------
+        InputError
+            The level of the strains is far above the map's.
+        """
+        same = repeated(block.strain, np.full(len(self._names), inf)) if self._same is None else self._same
+        self._same = same[:0] if following is None else repeated(following.strain, block.strain[-1])
+        return self._without_faults(block, same, self._same)
+
+    def _without_faults(self, block: Samples, same: BoolArray, following: BoolArray) -> Samples:
         """Return ``block`` with its faults; ``same`` of its rows, and of those ``following``, as of RunLengths."""
         strain, known = block.strain, np.isfinite(block.strain)
         if not known.all():
@@ -232,19 +225,23 @@ class DataChecks:
         railed = dead = np.zeros(same.shape, dtype=bool)
         limit = np.maximum(SHORTEST_RAILED, -log(_RARE) * longest)
         may_stand_still = np.any(np.count_nonzero(alone, axis=0) + self._of_gauges.carried >= 0.5 * limit)
-        if may_stand_still or not self._is_bearable(strain, bearable):
+        size = np.abs(strain - self._zero)
+        is_bearable = not (
+            np.any(size > bearable[:, None]) or np.any(np.abs(strain) > self._reference.sensor_range)
+        )
+        if may_stand_still or not is_bearable:
             is_sound = ~(zero | held)[:, None]
             stands_still = self._of_gauges.take(alone, next_alone) >= limit
-            railed = self._is_railed(strain, bearable, stands_still) & is_sound
+            railed = self._is_railed(strain, size, bearable, stands_still) & is_sound
             dead = stands_still & known & ~railed & is_sound
         else:
             self._of_gauges.skip(alone)
         self._rows += len(block.time)
-        block = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
-        self._level.add(block.strain - self._zero, flown)
+        marked = self._marked(block, held=held, zero=zero, railed=railed, dead=dead)
+        self._level.add(size if marked.strain is strain else np.abs(marked.strain - self._zero), flown)
         for name, values in block.flow.items():
             self._known[name] += int(np.isfinite(values).sum())
-        return block
+        return marked
 
     def _marked(
         self, block: Samples, *, held: BoolArray, zero: BoolArray, railed: BoolArray, dead: BoolArray
@@ -289,18 +286,15 @@ class DataChecks:
         over = np.clip(np.where(np.isfinite(nominal), nominal, _LARGEST_OVER), 1.0, _LARGEST_OVER)
         return np.asarray((float(reference.strain_range.max()) or inf) * over)
 
-    def _is_bearable(self, strain: FloatArray, bearable: FloatArray) -> bool:
-        """Return whether no reading (n, n_d) is beyond what a gauge bears, or beyond ``bearable`` (n,) [m/m]."""
-        beyond = np.abs(strain - self._zero) > bearable[:, None]
-        return not (beyond.any() or np.any(np.abs(strain) > self._reference.sensor_range))
-
-    def _is_railed(self, strain: FloatArray, bearable: FloatArray, stands_still: BoolArray) -> BoolArray:
+    def _is_railed(
+        self, strain: FloatArray, size: FloatArray, bearable: FloatArray, stands_still: BoolArray
+    ) -> BoolArray:
         """Return (n, n_d) which readings are beyond what a gauge bears, or any flow of the map gives.
 
         The latter: far beyond ``bearable`` (n,) [m/m], or beyond it and without change. Where most gauges are
         beyond, another flow or unit it is, and their median takes the place of the map's strains.
         """
-        level = np.abs(strain - self._zero) / bearable[:, None]
+        level = size / bearable[:, None]
         has_values = np.asarray(np.isfinite(strain).any(axis=1))
         usual = np.nanmedian(np.where(has_values[:, None], level, 0.0), axis=1)
         level /= np.maximum(usual, 1.0)[:, None]

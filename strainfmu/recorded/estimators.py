@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from math import isfinite
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -45,7 +44,6 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, l
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
-from strainfmu.estimator.smoothing import Samples as SmoothedSamples
 from strainfmu.estimator.smoothing import Smoothed, Smoother
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
@@ -134,6 +132,23 @@ class BlockEstimates:
     estimates: Estimate | None = None
 
 
+Check = Callable[[Samples, Samples | None], Samples]
+"""Returns a block without its faults, by the one that follows; blocks come in order."""
+
+Item = TypeVar("Item")
+
+
+def _with_next(items: Iterable[Item]) -> Iterator[tuple[Item, Item | None]]:
+    """Yield each item with the one that follows, None behind the last."""
+    before: Item | None = None
+    for item in items:
+        if before is not None:
+            yield before, item
+        before = item
+    if before is not None:
+        yield before, None
+
+
 class BlockEstimator(ABC):
     """An estimator of blocks.
 
@@ -170,24 +185,26 @@ class BlockEstimator(ABC):
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
         """Return the estimates of a block; ``last`` is the time before its first sample [s], NaN at the start."""
 
-    def estimated(self, blocks: Iterable[Samples]) -> Iterator[tuple[Samples, BlockEstimates]]:
-        """Yield each block with its estimates.
+    def estimated(self, blocks: Iterable[Samples], check: Check) -> Iterator[tuple[Samples, BlockEstimates]]:
+        """Yield each block as ``check`` returns it, with its estimates.
 
-        A block is estimated in another thread while the next one is read and the one before is written. Files are
-        read and written by this thread alone: a caller may hold the lock of h5py, as in a loop over the items of
-        a file.
+        A block is checked and estimated in another thread while the next one is read and the one before is
+        written. Files are read and written by this thread alone: a caller may hold the lock of h5py, as in a loop
+        over the items of a file.
         """
-        last = float("nan")
-        before: tuple[Samples, Future[BlockEstimates]] | None = None
+        last, before = float("nan"), deque[Future[tuple[Samples, BlockEstimates]]]()
+
+        def work(block: Samples, following: Samples | None, last: float) -> tuple[Samples, BlockEstimates]:
+            checked = check(block, following)
+            return checked, self.estimate(checked, last)
+
         with ThreadPoolExecutor(1, "strainfmu-estimator") as worker:
-            for block in blocks:
-                current = block, worker.submit(self.estimate, block, last)
+            for block, following in _with_next(blocks):
+                before.append(worker.submit(work, block, following, last))
                 last = float(block.time[-1])
-                if before is not None:
-                    yield before[0], before[1].result()
-                before = current
-            if before is not None:
-                yield before[0], before[1].result()
+                if len(before) > 1:
+                    yield before.popleft().result()
+            yield from (future.result() for future in before)
 
     def _blamed(
         self, block: Samples, estimates: BlockEstimates, valid: BoolArray, **inputs: Any
@@ -204,6 +221,8 @@ class BlockEstimator(ABC):
         inputs : (n,) whether an input contradicts the loads, by its name.
         """
         health = estimates.values[STATE]
+        if (health == HealthState.OK).all():
+            return estimates
         gauges = ~valid & np.isin(health, _MISSING)[:, None]
         gauges[gauges.all(axis=1)] = False  # where all are missing, none of them is to blame
         for row in np.flatnonzero(np.isin(health, _MISFIT)).tolist():
@@ -300,19 +319,17 @@ class MapBlocks(BlockEstimator):
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
         return self._block_estimates(block, self.estimates(block))
 
-    def estimated(self, blocks: Iterable[Samples]) -> Iterator[tuple[Samples, BlockEstimates]]:
+    def estimated(self, blocks: Iterable[Samples], check: Check) -> Iterator[tuple[Samples, BlockEstimates]]:
         """Yield each block with its estimates, smoothed ones with loads and air data by those that follow too."""
         smoother = self._smoother
         if smoother is None:
-            yield from super().estimated(blocks)
+            yield from super().estimated(blocks, check)
             return
-        before: tuple[Samples, SmoothedSamples] | None = None
-        for block in chain(blocks, [None]):
-            later = None if block is None else smoother.samples(self.estimates(block), block.time)
-            if before is not None:
-                smoothed = smoother.smoothed(before[1], later)
-                yield before[0], self._block_estimates(before[0], before[1].filtered, smoothed)
-            before = None if block is None or later is None else (block, later)
+        checked = (check(block, following) for block, following in _with_next(blocks))
+        filtered = ((block, smoother.samples(self.estimates(block), block.time)) for block in checked)
+        for (block, samples), following in _with_next(filtered):
+            smoothed = smoother.smoothed(samples, None if following is None else following[1])
+            yield block, self._block_estimates(block, samples.filtered, smoothed)
 
     def _block_estimates(
         self, block: Samples, estimate: Estimate, smoothed: Smoothed | None = None
@@ -364,7 +381,9 @@ class MapBlocks(BlockEstimator):
         """Return the estimates of a block; thrust that the recording does not hold is 0."""
         flow, names = block.flow, self.parameter_names
         thrust = flow.get(THRUST, np.zeros(len(block.time)))
-        readings = np.hstack([block.strain, _all_readings(block, self.readings)])
+        readings = block.strain
+        if len(self.row_names) > len(self.gauge_names):
+            readings = np.hstack([block.strain, _all_readings(block, self.readings)])
         sharpening = {name: flow[f"{name}{STD}"] for name in self.sharpening if f"{name}{STD}" in flow}
         arguments: dict[str, Any] = {
             DYNAMIC_PRESSURE: block.dynamic_pressure,

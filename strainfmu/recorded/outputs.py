@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import chain
@@ -119,30 +119,30 @@ class EstimateWriter(ABC):
     ) -> None:
         self.path, self.columns, self.text_columns = path, tuple(columns), tuple(text_columns)
         self.rows = 0
-        self._collected: list[tuple[FloatArray, list[Sequence[str]]]] = []
+        self._collected: list[list[Sequence[Any] | FloatArray]] = []
         self._open(temporary, {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **attributes})
 
-    def write(self, rows: FloatArray, texts: Mapping[str, Sequence[str]] | None = None) -> None:
-        """Append ``rows`` (n, n_c), n_c columns in their units, and n texts of each text column.
+    def write(self, columns: Iterable[FloatArray], texts: Mapping[str, Sequence[str]] | None = None) -> None:
+        """Append n rows: the ``columns`` (n,) in their units, and n texts of each text column.
 
         Raises
         ------
         StrainfmuError
             The file cannot be written.
         """
-        self._collected.append((np.atleast_2d(rows), [(texts or {})[name] for name in self.text_columns]))
-        if sum(len(part) for part, _ in self._collected) >= self.least:
+        self._collected.append([*columns, *((texts or {})[name] for name in self.text_columns)])
+        if sum(len(part[0]) for part in self._collected) >= self.least:
             with writing(self.path):
                 self._flush()
 
     def _flush(self) -> None:
         """Write the rows that are collected."""
         if self._collected:
-            rows, texts = zip(*self._collected, strict=True)
-            self._collected = []
-            whole = np.concatenate(rows)
-            self._append(whole, [[*chain(*of_column)] for of_column in zip(*texts, strict=True)])
-            self.rows += len(whole)
+            parts = [*zip(*self._collected, strict=True)]
+            self._collected, n = [], len(self.columns)
+            values = [np.concatenate(of_column) for of_column in parts[:n]]
+            self._append(values, [[*chain(*of_column)] for of_column in parts[n:]])
+            self.rows += len(values[0])
 
     def finish(self) -> None:
         """Write what is missing and bring all to the disk; raises OSError if it cannot."""
@@ -154,8 +154,8 @@ class EstimateWriter(ABC):
         """Begin the file."""
 
     @abstractmethod
-    def _append(self, rows: FloatArray, texts: list[list[str]]) -> None:
-        """Append ``rows`` (n, n_c) behind :attr:`rows` others, and the texts of each text column."""
+    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
+        """Append the values of each column behind :attr:`rows` rows, and the texts of each text column."""
 
     @abstractmethod
     def _finish(self) -> None:
@@ -188,11 +188,8 @@ class _CsvWriter(_StreamWriter):
         self._writer = csv.writer(self._stream, lineterminator="\n")
         self._writer.writerow([*(f"{name} [{unit}]" for name, unit in self.columns), *self.text_columns])
 
-    def _append(self, rows: FloatArray, texts: list[list[str]]) -> None:
-        if texts:
-            self._writer.writerows([*row, *of_row] for row, *of_row in zip(rows.tolist(), *texts, strict=True))
-        else:
-            self._writer.writerows(rows.tolist())
+    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
+        self._writer.writerows(zip(*(column.tolist() for column in values), *texts, strict=True))
 
 
 class _ParquetWriter(_StreamWriter):
@@ -207,8 +204,8 @@ class _ParquetWriter(_StreamWriter):
         self._stream = temporary.open("wb")
         self._writer = parquet.ParquetWriter(self._stream, schema)
 
-    def _append(self, rows: FloatArray, texts: list[list[str]]) -> None:
-        self._writer.write_table(self._table([*np.ascontiguousarray(rows.T), *texts]))
+    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
+        self._writer.write_table(self._table([*values, *texts]))
 
     def _finish(self) -> None:
         self._writer.close()
@@ -231,13 +228,13 @@ class _Hdf5Writer(EstimateWriter):
             name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(_CHUNK_ROWS,)
         )
 
-    def _append(self, rows: FloatArray, texts: list[list[str]]) -> None:
+    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
         """Append rows; a text that was never written reads as an empty one."""
-        end = self.rows + len(rows)
-        for item, values in zip(self._sets, (*np.ascontiguousarray(rows.T), *texts), strict=True):
+        end = self.rows + len(values[0])
+        for item, of_column in zip(self._sets, (*values, *texts), strict=True):
             item.resize((end,))
-            if not isinstance(values, list) or any(values):
-                item[self.rows :] = values
+            if not isinstance(of_column, list) or any(of_column):
+                item[self.rows :] = of_column
         self._guarded.raise_error()
 
     def _finish(self) -> None:
@@ -259,16 +256,15 @@ class _Mf4Writer(EstimateWriter):
         self._file = asammdf.MDF(version="4.10")
         self._file.header.comment = "; ".join(f"{name} = {value}" for name, value in attributes.items())
 
-    def _append(self, rows: FloatArray, texts: list[list[str]]) -> None:
-        time, *values = np.ascontiguousarray(rows.T)
-        values += [_fixed(of_column) for of_column in texts]
+    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
+        columns = [*values, *(_fixed(of_column) for of_column in texts)]
         if self.rows:
-            self._file.extend(0, [(column, None) for column in (time, *values)])
+            self._file.extend(0, [(column, None) for column in columns])
             return
         names = [*self.columns[1:], *((name, "") for name in self.text_columns)]
         signals = [
-            self._signal(column, time, name=name, unit=unit, encoding="utf-8")
-            for column, (name, unit) in zip(values, names, strict=True)
+            self._signal(column, values[0], name=name, unit=unit, encoding="utf-8")
+            for column, (name, unit) in zip(columns[1:], names, strict=True)
         ]
         self._file.append(signals, comment="strainfmu", common_timebase=True)
 

@@ -214,16 +214,13 @@ def estimate_file(
                     if field_output is None or estimator.inverse_map is None
                     else field_series_writer(Path(field_output), estimator.inverse_map, field_every)
                 )
-                blocks = checks.without_faults(recording.blocks)
-                for block, estimates in estimator.estimated(blocks):
+                for block, estimates in estimator.estimated(recording.blocks, checks.checked):
                     values = {"time": block.time, **block.flow, **estimates.values}
-                    rows = np.column_stack(
-                        [
-                            np.degrees(values[name]) if unit == "deg" else values[name]
-                            for name, (_, unit) in written.items()
-                        ]
-                    )
-                    writer.write(rows, _texts(block, estimates, estimator, is_plain))
+                    shown = [
+                        np.degrees(values[name]) if unit == "deg" else values[name]
+                        for name, (_, unit) in written.items()
+                    ]
+                    writer.write(shown, _texts(block, estimates, estimator, is_plain))
                     _count(summary, block, estimates, estimator)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:

@@ -195,8 +195,8 @@ def _recording(table: Table, selection: Selection) -> Recording:
         while len((rows := base.next_rows()).time):
             parts = [rows.values, *(track.at(rows.time, join) for track in tracks)]
             gaps.add(rows.time, rows.places)
-            values = dict(zip(keys, np.hstack(parts).T, strict=True))
-            yield _samples(selection, values, rows, frame.counted)
+            values = np.hstack(parts) if tracks else rows.values
+            yield _samples(selection, keys, rows._replace(values=values), frame.counted)
         if not base.position:
             raise InputError(f"{table.path}: no samples found")
         notes.extend(remark for remark in table.remarks if remark not in notes)
@@ -238,6 +238,8 @@ def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Ro
     frame, (time_column, factor) = table.frames[number], selection.times[number]
     sources = [*selection.of_frame(number).values()]
     columns = [source.column for source in sources]
+    factors = np.array([source.factor for source in sources])
+    conversions = [(i, source.convert) for i, source in enumerate(sources) if source.convert is not None]
     read, last = 0, -np.inf
     for piece in frame.pieces(columns if time_column is None else [time_column, *columns]):
         n, values = len(piece.places), piece.values
@@ -247,16 +249,18 @@ def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Ro
             time = stated * factor
             where = f"{table.path}: column '{_time_name(table, selection, number)}', {frame.counted}"
             _check_time(where, stated, time, piece.places, last)
-        for column, of_column in zip(columns, values, strict=True):
-            if np.isinf(of_column).any():  # NaN stands for "no value" in a file, an overflow does not
-                row = int(np.argmax(np.isinf(of_column)))
-                raise InputError(
-                    f"{table.path}: column '{frame.columns[column].full}', {frame.counted} {piece.places[row]}: "
-                    f"expected a finite number or NaN, got {of_column[row]:g}"
-                )
+        table_rows = np.column_stack(values)
+        if np.isinf(table_rows).any():  # NaN stands for "no value" in a file, an overflow does not
+            of, row = divmod(int(np.argmax(np.isinf(table_rows.T))), n)
+            raise InputError(
+                f"{table.path}: column '{frame.columns[columns[of]].full}', {frame.counted} {piece.places[row]}: "
+                f"expected a finite number or NaN, got {table_rows[row, of]:g}"
+            )
         read, last = read + n, float(time[-1]) if n else last
-        in_units = [source.convert(of) for source, of in zip(sources, values, strict=True)]
-        yield _Rows(time, piece.places, np.column_stack(in_units), piece.position)
+        in_units = table_rows * factors if (factors != 1.0).any() else table_rows
+        for of, convert in conversions:
+            in_units[:, of] = convert(values[of])
+        yield _Rows(time, piece.places, in_units, piece.position)
 
 
 def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArray, last: float) -> None:
@@ -302,7 +306,8 @@ class _Track:
         self.values = np.empty((0, len(columns)))
         self.position, self.reach, self.period = 0, -np.inf, float("nan")
         self.is_sparse, self.is_done = is_sparse, False
-        self._tracks, self._rows = [self], iter(())
+        self._tracks: list[_Track] = [self]
+        self._rows: Iterator[_Rows] = iter(())
         self._columns = None if len(columns) == len(sources) else columns
 
     def read_with(self, tracks: list[_Track], rows: Iterator[_Rows]) -> None:
@@ -475,8 +480,8 @@ def _join_notes(path: Path, base: _Track, tracks: Sequence[_Track], join: Join) 
 # --- samples of the signal table -------------------------------------------------------------------------------
 
 
-def _samples(selection: Selection, values: Mapping[str, FloatArray], rows: _Rows, counted: str) -> Samples:
-    """Return the samples of rows whose ``values`` (n,) in SI units are known by gauge, leg or quantity.
+def _samples(selection: Selection, keys: Sequence[str], rows: _Rows, counted: str) -> Samples:
+    """Return the samples of rows, whose columns are gauges, legs or quantities by the ``keys``.
 
     Raises
     ------
@@ -488,7 +493,8 @@ def _samples(selection: Selection, values: Mapping[str, FloatArray], rows: _Rows
         return f"{selection.path}: column '{column}', {counted} {rows.places[row]}"
 
     n, wanted = len(rows.time), selection.wanted
-    strain, flow = _strains(selection, values, n), {name: values[name] for name in selection.flow}
+    strain = _strains(selection, keys, rows.values)
+    flow = {name: np.ascontiguousarray(rows.values[:, keys.index(name)]) for name in selection.flow}
     _check_signs(selection, flow, where)
     _check_unit(selection, strain, where)
     if selection.computed_from:
@@ -499,19 +505,24 @@ def _samples(selection: Selection, values: Mapping[str, FloatArray], rows: _Rows
     return Samples(rows.time, strain, {DYNAMIC_PRESSURE: np.full(n, fixed), **flow}, rows.position)
 
 
-def _strains(selection: Selection, values: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Return (n, n_d) strains of the map's gauges; gauges of rosettes follow from the legs."""
-    gauges, unknown = selection.wanted.gauge_names, np.full(n, np.nan)
-    strain = {name: values.get(name, unknown) for name in gauges}
-    names = {plain_name(gauge): gauge for gauge in gauges}
+def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> FloatArray:
+    """Return (n, n_d) strains of the map's gauges by columns of ``values``; of rosettes they follow from legs."""
+    gauges, unknown = selection.wanted.gauge_names, np.full(len(values), np.nan)
+    known = [i for i, gauge in enumerate(gauges) if gauge in selection.strain]
+    columns = [keys.index(gauges[i]) for i in known]
+    strain = values[:, columns] if len(known) == len(gauges) else np.full((len(values), len(gauges)), np.nan)
+    if len(known) < len(gauges):
+        strain[:, known] = values[:, columns]
+    names = {plain_name(gauge): i for i, gauge in enumerate(gauges)}
     for rosette in selection.rosettes:
-        legs = [values.get(plain_name(leg), unknown) for leg in rosette.legs]
+        named = [plain_name(leg) for leg in rosette.legs]
+        legs = [values[:, keys.index(leg)] if leg in selection.strain else unknown for leg in named]
         for name, weights in rosette_weights(rosette).items():
             if plain_name(name) in names:
                 # A leg without weight has no say, also where it has no value.
                 parts = [w * leg for w, leg in zip(weights, legs, strict=True) if w]
-                strain[names[plain_name(name)]] = np.sum(parts, axis=0)
-    return np.ascontiguousarray(np.array([*strain.values()]).T)
+                strain[:, names[plain_name(name)]] = np.sum(parts, axis=0)
+    return strain
 
 
 def _check_signs(selection: Selection, flow: Mapping[str, FloatArray], where: Callable[[str, int], str]) -> None:

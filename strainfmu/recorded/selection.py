@@ -73,11 +73,15 @@ _NUMBERED_TIME = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """Where values come from: number of the frame, of its column, and what makes SI units of them."""
+    """Where values come from: number of the frame, of its column; and what makes SI units of them.
+
+    That is a factor, or ``convert``, where it is more.
+    """
 
     frame: int
     column: int
-    convert: Conversion
+    factor: float = 1.0
+    convert: Conversion | None = None
 
 
 Times = tuple[int | None, float]
@@ -298,8 +302,8 @@ def _by_names(selection: Selection) -> None:
                 f"{CHANNEL_FILE_HINT}"
             )
         place = _only(selection, places[gauge], gauge)
-        factor, _ = scale = scale_of(path, table.places[place].heading, STRAIN, table.places[place].unit)
-        selection.strain[gauge] = Source(*place, _conversion(*scale))
+        factor, _ = scale_of(path, table.places[place].heading, STRAIN, table.places[place].unit)
+        selection.strain[gauge] = Source(*place, factor)
         factors.append(factor)
     selection.strain_factor = float(np.median(factors))
     lacks = f"no column '{DYNAMIC_PRESSURE}' found, it holds {some_of(names)}; or state {wanted.pressure_option}"
@@ -331,10 +335,10 @@ def _select_flow(
         sensor = sensor_of(name, wanted.sensors) if is_temperature(name) else None
         place = _only(selection, places[name], name if sensor is None else f"sensor {wanted.sensors[sensor]}")
         column = selection.table.places[place]
-        scale = scale_of(path, column.heading, name, units.get(name, column.unit), wanted.readings)
-        selection.flow[name] = Source(*place, _conversion(*scale))
+        factor, offset = scale_of(path, column.heading, name, units.get(name, column.unit), wanted.readings)
+        selection.flow[name] = Source(*place, factor, _conversion(factor, offset) if offset else None)
         if name in (DYNAMIC_PRESSURE, STATIC_PRESSURE):
-            selection.pressure_factor = scale[0]
+            selection.pressure_factor = factor
     is_computed = wanted.computes_pressure and bool(pressure_sources(selection.flow))
     if wanted.needs_pressure and not (is_fixed or DYNAMIC_PRESSURE in selection.flow or is_computed):
         raise InputError(f"{path}: {lacks}")
@@ -352,7 +356,7 @@ def _only(selection: Selection, places: Sequence[Place], what: str) -> Place:
 
 
 def _conversion(factor: float, offset: float) -> Conversion:
-    return lambda values: values * factor + offset if offset else values * factor
+    return lambda values: values * factor + offset
 
 
 # --- columns that a channel file names --------------------------------------------------------------------------
@@ -439,7 +443,7 @@ def _select_strains(selection: Selection, channel_map: ChannelMap, gauges: Mappi
         if differs(units[-1], recorded):
             other_units.append(f"'{name}' {units[-1]}, not {recorded}")
         convert = strain_conversion(stated_in, entry, units[-1])
-        selection.strain[gauges[entry.gauge]] = Source(*place, convert)
+        selection.strain[gauges[entry.gauge]] = Source(*place, convert=convert)
     if not selection.strain:
         holds = some_of(table.names) or "none"
         raise InputError(f"{path}: none of the channels of {stated_in} found, the recording holds {holds}")

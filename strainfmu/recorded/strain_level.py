@@ -79,24 +79,26 @@ def likely_units(ratio: float, factor: float) -> tuple[str, ...]:
 
 def level_of(strain: FloatArray) -> FloatArray:
     """Return (n_d,) the level of each gauge in ``strain`` (n, n_d) [m/m], NaN where it has no value."""
-    return _raised_level(np.full(strain.shape[1], np.nan), strain)
+    return _raised_level(np.full(strain.shape[1], np.nan), np.abs(strain))
 
 
-def _raised_level(level: FloatArray, strain: FloatArray) -> FloatArray:
-    """Return (n_d,) the larger of ``level`` and the level in ``strain`` (n, n_d) [m/m], NaN where both are none.
+def _raised_level(level: FloatArray, size: FloatArray) -> FloatArray:
+    """Return (n_d,) the larger of ``level`` and the level of |strain| (n, n_d) [m/m], NaN where both are none.
 
     The level in a block is made for those gauges alone of which enough strains are above ``level``.
     """
-    size, found = np.abs(strain), level.copy()
-    known, higher = np.isfinite(size), size > np.where(np.isnan(level), -1.0, level)
-    if known.all() and np.count_nonzero(higher) + 1 <= (1.0 - _QUANTILE) * len(size):
-        return found  # of no gauge enough, as of all together not
+    higher = size > np.where(np.isnan(level), -1.0, level)
+    few = np.count_nonzero(higher) + 1 <= (1.0 - _QUANTILE) * len(size)
+    known = np.isfinite(size)
+    if few and known.all():
+        return level  # of no gauge enough, as of all together not
+    raised = level.copy()
     count, above = np.count_nonzero(known, axis=0), np.count_nonzero(higher, axis=0)
     some = np.flatnonzero((count > 0) & (above + 1 > (1.0 - _QUANTILE) * count))
     if len(some):
         quantile = np.quantile if count.min() == len(size) else np.nanquantile
-        found[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
-    return found
+        raised[some] = np.fmax(level[some], quantile(size[:, some], _QUANTILE, axis=0))
+    return raised
 
 
 class LevelCheck:
@@ -122,15 +124,15 @@ class LevelCheck:
         self._level = np.full(len(reference.strain_range), np.nan)
         self._pressure = float("nan")
 
-    def add(self, strain: FloatArray, dynamic_pressure: FloatArray) -> None:
-        """Add a block: strains (n, n_d) [m/m], q_inf (n,) [Pa].
+    def add(self, size: FloatArray, dynamic_pressure: FloatArray) -> None:
+        """Add a block: |strain| (n, n_d) [m/m], q_inf (n,) [Pa].
 
         Raises
         ------
         InputError
             The level is far above the level of the map.
         """
-        self._level = _raised_level(self._level, strain)
+        self._level = _raised_level(self._level, size)
         with np.errstate(invalid="ignore"):
             self._pressure = float(np.fmax(self._pressure, np.fmax.reduce(dynamic_pressure)))
         if self._refuses and self._above() > TOO_HIGH:
