@@ -69,7 +69,7 @@ _NUMBERS: dict[str, tuple[float | None, float, float]] = {
     "lead_resistance_ohm": (0.0, 0.0, 1e4),
     "gauge_resistance_ohm": (0.0, 0.0, 1e6),
 }
-"""Numbers of a channel: the default, None for no value, the least and the largest."""
+"""Numbers of a channel: the default, None for no value, the smallest and the largest value."""
 
 _INHERITED = ("unit", "bridge", "wires", "temperature_compensation", "uniaxial_stress", *_NUMBERS)
 """Entries that ``[defaults]`` may state for all channels."""

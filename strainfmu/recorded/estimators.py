@@ -211,9 +211,9 @@ class BlockEstimator(ABC):
     ) -> BlockEstimates:
         """Return ``estimates`` with what is to blame where health is not OK.
 
-        Gauges are to blame where they are missing, or do not fit: suspects, else that of the largest residual. An
-        input that contradicts the loads is where they are INCONSISTENT, a quantity of navigation that is left out
-        where they are DEGRADED, a flow parameter that leaves its range where they are OUTSIDE.
+        Gauges are to blame where they are missing, or do not fit: suspects, else the one of the largest residual.
+        So is an input that contradicts the loads of INCONSISTENT samples, a quantity of navigation that is left
+        out of DEGRADED ones, and a flow parameter that leaves its range of those OUTSIDE.
 
         Parameters
         ----------

@@ -404,8 +404,7 @@ def excluded_gauges(path: Path, wanted: Wanted, channels: Mapping[str, str] | No
     known = {**numbered, **(channels or {}), **dict(zip(gauges, gauges, strict=True))}
     for name in wanted.excluded:
         if name not in known:
-            near, some = nearest(name, [*gauges, *(channels or ())]), some_of([*(channels or ())] or gauges)
-            hint = f"there are {some}" if near is None else f"did you mean '{near}'"
+            hint = suggestion(name, [*(channels or ()), *gauges])
             raise InputError(f"{path}: --exclude: no gauge '{name}' found, {hint}")
     excluded = frozenset(known[name] for name in wanted.excluded)
     if excluded >= set(gauges):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from strainfmu.errors import InputError
@@ -18,37 +17,21 @@ from strainfmu.recorded.formats.text import text_table
 from strainfmu.recorded.formats.uff import uff_table
 from strainfmu.recorded.table import Reading, Table
 
+Opener = Callable[[Path, Reading], AbstractContextManager[Table]]
 
-@dataclass(frozen=True, kw_only=True)
-class RecorderFormat:
-    """A format of recordings.
-
-    Attributes
-    ----------
-    suffixes : of its files, in small letters, where their first bytes are of no format.
-    magic : what its files begin with, one of these.
-    open : opens a file as a table.
-    """
-
-    suffixes: tuple[str, ...]
-    magic: tuple[bytes, ...] = ()
-    open: Callable[[Path, Reading], AbstractContextManager[Table]]
-
-
-TEXT = RecorderFormat(suffixes=(".csv", ".txt", ".dat", ".tsv"), open=text_table)
-
-FORMATS = (
-    RecorderFormat(suffixes=(".mf4", ".mdf"), magic=MAGIC, open=mdf_table),
-    TEXT,
-    RecorderFormat(suffixes=(".mat",), magic=(b"MATLAB ",), open=mat_table),
-    RecorderFormat(suffixes=(".h5", ".hdf5"), magic=(b"\x89HDF\r\n\x1a\n",), open=hdf5_table),
-    RecorderFormat(suffixes=(".lvm",), magic=(BEGIN.encode(),), open=lvm_table),
-    RecorderFormat(suffixes=(".parquet",), magic=(b"PAR1",), open=parquet_table),
-    RecorderFormat(suffixes=(".tdms",), magic=(b"TDSm",), open=tdms_table),
-    RecorderFormat(suffixes=(".uff", ".unv", ".uf58"), magic=(b"    -1\n", b"    -1\r\n"), open=uff_table),
+FORMATS: tuple[tuple[Opener, tuple[str, ...], tuple[bytes, ...]], ...] = (
+    (mdf_table, (".mf4", ".mdf"), MAGIC),
+    (text_table, (".csv", ".txt", ".dat", ".tsv"), ()),
+    (mat_table, (".mat",), (b"MATLAB ",)),
+    (hdf5_table, (".h5", ".hdf5"), (b"\x89HDF\r\n\x1a\n",)),
+    (lvm_table, (".lvm",), (BEGIN.encode(),)),
+    (parquet_table, (".parquet",), (b"PAR1",)),
+    (tdms_table, (".tdms",), (b"TDSm",)),
+    (uff_table, (".uff", ".unv", ".uf58"), (b"    -1\n", b"    -1\r\n")),
 )
+"""Of each format what opens its files, their suffixes in small letters, and their first bytes, one of these."""
 
-SUFFIXES = tuple(dict.fromkeys(suffix for one in FORMATS for suffix in one.suffixes))
+SUFFIXES = tuple(suffix for _, suffixes, _ in FORMATS for suffix in suffixes)
 """Of all formats."""
 
 _HEAD = 4096
@@ -72,10 +55,10 @@ def open_table(path: Path, reading: Reading) -> Iterator[Table]:
             head = stream.read(_HEAD)
     elif suffix in SUFFIXES:
         raise InputError(f"{path}: no such file")
-    by_magic = [one for one in FORMATS if one.magic and head.startswith(one.magic)]
-    by_suffix = [one for one in FORMATS if suffix in one.suffixes]
-    chosen = [*by_magic, *by_suffix, *([TEXT] if head and b"\x00" not in head else [])]
+    chosen = [opens for opens, _, magic in FORMATS if magic and head.startswith(magic)]
+    chosen += [opens for opens, suffixes, _ in FORMATS if suffix in suffixes]
+    chosen += [text_table] if head and b"\x00" not in head else []
     if not chosen:
         raise InputError(f"{path}: expected one of {', '.join(SUFFIXES)}, got '{path.suffix}'")
-    with chosen[0].open(path, reading) as table:
+    with chosen[0](path, reading) as table:
         yield table

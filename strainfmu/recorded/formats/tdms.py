@@ -32,7 +32,7 @@ def tdms_table(path: Path, reading: Reading) -> Iterator[Table]:
                 has_times = (channel.group_name, len(channel)) in timed
                 clock = None if has_times else _waveform(channel, min(starts, default=None))
                 stored.append(
-                    Stored(column=_column(channel), rows=len(channel), read=_reader(channel), clock=clock)
+                    Stored(column=_column(channel), rows=len(channel), read=channel.__getitem__, clock=clock)
                 )
         yield table_of(path, stored, reading)
 
@@ -47,10 +47,6 @@ def _column(channel: Any) -> Column:
         group=(channel.group_name,),
         dated=as_seconds(name) if is_dated else "",
     )
-
-
-def _reader(channel: Any) -> Any:
-    return lambda rows: channel[rows]
 
 
 def _waveform(channel: Any, first: Any) -> tuple[Hashable, Any] | None:
