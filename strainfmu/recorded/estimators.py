@@ -556,9 +556,13 @@ def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
 
 def _load_series(array: LoadArray) -> Series:
     """Return the columns of an array of loads behind the five."""
-    name = f"other_{'coefficients' if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
     columns = [(column, array.unit.replace(".", " ")) for column in array.columns]
-    return columns, lambda _, loads: getattr(loads, name)[..., array.group.rows]
+
+    def values(_: Estimate, loads: Any) -> FloatArray:
+        tables = loads.other_loads, loads.other_loads_std, loads.other_coefficients, loads.other_coefficients_std
+        return tables[array.value][..., array.group.rows]
+
+    return columns, values
 
 
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:
