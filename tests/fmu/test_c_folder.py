@@ -273,10 +273,8 @@ def test_the_page_states_what_measure_prints(built: Path, ic3x_demo: Path, tmp_p
     (blocks,) = re.findall(r"bytes in (\d+) blocks", printed)
     page = (ROOT / "docs" / "howto" / "run_without_fmi.md").read_text(encoding="utf-8")
     assert f"| map, constant | {size['map_data.c'] / 1e6:.2f} MB |" in page
-    assert (
-        f"| a handle | {size['a handle'] / 1e6:.1f} MB in {blocks} blocks, {size['a handle of sl_open_in'] / 1e6:.1f} MB in a buffer of `sl_open_in` |"
-        in page
-    )
+    heap, buffer = (size[name] / 1e6 for name in ("a handle", "a handle of sl_open_in"))
+    assert f"| a handle | {heap:.1f} MB in {blocks} blocks, {buffer:.1f} MB in a buffer of `sl_open_in` |" in page
     assert f"| a sample and its results | {size['records']} bytes |" in page
     (most,) = re.findall(r"\| stack of .* \| ([\d,]+) bytes at most \|", page)
     assert max(size["stack of sl_open"], size["stack of a step"]) < int(most.replace(",", ""))
