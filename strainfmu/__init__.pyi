@@ -28,6 +28,7 @@ from strainfmu.estimator.zeros.tare import TareLimits as TareLimits
 from strainfmu.cosim.estimators.zeros_file import load_zeros as load_zeros
 
 # Recordings
+from strainfmu.can.estimates import estimate as estimate
 from strainfmu.recorded.channel_draft import channels as channels
 from strainfmu.recorded.tare_window import tare as tare
 from strainfmu.recorded.run import estimate_file as estimate_file
@@ -49,6 +50,12 @@ from strainfmu.cosim.systems.recording import Recording as Recording
 from strainfmu.cosim.systems.recording import load_recording as load_recording
 
 # Bus
+from strainfmu.can.commands import bridge as bridge
+from strainfmu.can.commands import dbc as dbc
+from strainfmu.can.commands import dbc_template as dbc_template
+from strainfmu.can.commands import send as send
+from strainfmu.can.estimates import replay as replay
+from strainfmu.monitor.server import serve_monitor as serve_monitor
 from strainfmu.can.load_listener import LoadListener as LoadListener
 from strainfmu.can.profiles import profile_layout as profile_layout
 from strainfmu.can.encoder import StrainEncoder as StrainEncoder

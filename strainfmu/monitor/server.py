@@ -13,8 +13,12 @@ from contextlib import suppress
 from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
+from strainfmu.can.bus_file import read_bus
+from strainfmu.can.publisher import parsed_address
 from strainfmu.errors import StrainfmuError
 from strainfmu.monitor.message import LARGEST_DATAGRAM
 from strainfmu.monitor.state import MonitorState, Seen
@@ -27,6 +31,28 @@ REQUEST_TIME = 5.0
 
 _HEARTBEAT = 1.0
 _HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::\d*)?")
+
+
+def serve_monitor(
+    listen: str | None = None, http: str | None = None, bus: str | PathLike[str] | None = None
+) -> Monitor:
+    """Begin to show live strains, coefficients, health and the frame account in a browser.
+
+    Parameters
+    ----------
+    listen, http : "host:port" to which the bridge publishes, and of the page; None for the bus file's, else
+        127.0.0.1:9870 and 127.0.0.1:8780.
+    bus : bus file; addresses and token are entries of its table page.
+
+    Raises
+    ------
+    StrainfmuError
+        As :class:`Monitor`, whose ``close()`` ends it.
+    """
+    described = read_bus(None if bus is None else Path(bus))
+    listen_at = parsed_address(listen or described.publish or "127.0.0.1:9870", "--listen")
+    page_at = parsed_address(http or described.http or "127.0.0.1:8780", "--http")
+    return Monitor(listen_at, page_at, token=described.publish_token)
 
 
 class Monitor:

@@ -13,9 +13,10 @@ import pytest
 from typer.main import get_command
 
 from strainfmu.can.bus_file import TABLES, read_bus
+from strainfmu.can.interface_options import check_bus_options, known_bus_options
 from strainfmu.can.options import BridgeSettings
 from strainfmu.cli.commands import program
-from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES, check_bus_options, known_bus_options
+from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

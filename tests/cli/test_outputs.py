@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from strainfmu.cli.commands import program
-from strainfmu.cli.commands.outputs import WRITTEN
+from strainfmu.written_files import WRITTEN
 
 pytestmark = pytest.mark.fast
 

@@ -18,9 +18,6 @@ pytestmark = pytest.mark.fast
 ONLY_PRINTED = {"verbose"}
 """Options of what is printed."""
 
-OPEN = {"bridge", "dbc", "estimate", "monitor", "replay", "send"}
-"""Commands without a function as yet."""
-
 CHOOSE_A_FUNCTION = {
     "bench": {"worst"},
     "fly": {"figures"},
@@ -62,7 +59,7 @@ def same(of_option: Any, of_function: Any) -> bool:
     return of_option == of_function or not (of_option or of_function)
 
 
-@pytest.mark.parametrize("name", sorted(MODULES.keys() - OPEN))
+@pytest.mark.parametrize("name", sorted(MODULES))
 def test_options_of_a_command_are_keywords_with_the_same_defaults(name: str) -> None:
     found = functions(name)
     keywords = {n: p for function in reversed(found) for n, p in inspect.signature(function).parameters.items()}

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from strainfmu.cli.commands.bus_options import check_bus_options
+import strainfmu
 from strainfmu.cli.commands.number_ranges import DURATION_S, within
-from strainfmu.cli.commands.outputs import check_outputs
-from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from strainfmu.can.bridge import Bridge
-    from strainfmu.can.bus_file import BusDescription
 
 BusOption = Annotated[
     Path | None, typer.Option("--bus", metavar="TOML", help="Bus file: interface, frames, clock, trust, record ..")
@@ -78,44 +75,16 @@ def bridge(
 
         strainfmu bridge estimator.fmu --bus bus.toml --set trust.max_age_cycles=10 --record run.blf
     """
+    given, console = dict(locals()), Console()
+    given |= {"settings": settings or (), "option": option or ()}
     from strainfmu.can.bridge import summary_table
-    from strainfmu.can.observed import observed_bridge
-    from strainfmu.can.setup import bus_settings
-
-    given = {"record.file": record}
-    described = described_bus(
-        bus, settings, given=given, interface=interface, channel=channel, option=option, profile=profile
-    )
-    options = described.options()
-    check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
-    check_bus_options(options.interface, bus_settings(options).options)
-    console = Console()
 
     def say(line: str) -> None:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
-    with observed_bridge(
-        fmu,
-        options,
-        record=described.record,
-        publish=described.publish,
-        publish_rate=described.publish_rate,
-        publish_field=described.publish_field,
-        publish_token=described.publish_token,
-    ) as observed:
-        running = observed.ready
-        at = f"{options.interface}:{options.channel}"
-        say(f"{fmu}: {running.n_gauges} gauges, {running.layout_name}; {at}; stop with Ctrl-C")
-        lines = list(running.start_lines)
-        if running.freshness is not None and running.freshness.first_run_text:
-            lines.append(running.freshness.first_run_text)
-        for line in lines:
-            say(line)
-        running.bridge.say = say
-        with _stopped_by_signals(running.bridge):
-            summary = running.bridge.run(duration)
-    console.print(summary_table(summary))
-    for note in observed.notes():
+    found = strainfmu.bridge(**given, say=say, running=lambda one: _stopped_by_signals(one.ready.bridge))
+    console.print(summary_table(found.summary))
+    for note in found.notes:
         say(note)
 
 
@@ -140,47 +109,13 @@ def dbc(
 
         strainfmu dbc results/map.h5 --template bus.toml
     """
-    console = Console()
     if template is not None:
-        from strainfmu.can.bus_file import bus_template
-        from strainfmu.can.setup import map_gauge_names
-        from strainfmu.files import write_bytes_atomically
-
-        if template.exists():
-            raise InputError(f"{template}: expected a new file, got one that exists")
-        write_bytes_atomically(template, bus_template(map_gauge_names(source)).encode())
-        console.print(f"{template}: written", highlight=False, markup=False, soft_wrap=True)
-        return
-    from strainfmu.can.bus_file import read_bus
-    from strainfmu.can.options import BridgeOptions
-    from strainfmu.can.setup import write_dbc
-
-    described = read_bus(bus, settings or (), {"input.profile": profile})
-    options = described.options(BridgeOptions(interface="", channel=""))
-    n_frames = write_dbc(source, output, options)
-    console.print(f"{output}: written, {n_frames} frames", highlight=False, markup=False, soft_wrap=True)
-
-
-def described_bus(
-    bus: Path | None,
-    settings: list[str] | None,
-    *,
-    interface: str | None,
-    channel: str | None,
-    option: list[str] | None,
-    profile: str | None,
-    given: Mapping[str, Any],
-) -> BusDescription:
-    """Return the bus that a bus file and the options of a command state."""
-    from strainfmu.can.bus_file import read_bus
-
-    of_options = {
-        "bus.interface": interface,
-        "bus.channel": channel,
-        "bus.options": tuple(option) if option else None,
-        "input.profile": profile,
-    }
-    return read_bus(bus, settings or (), {**of_options, **given})
+        strainfmu.dbc_template(source, template)
+        text = f"{template}: written"
+    else:
+        n_frames = strainfmu.dbc(source, output, bus=bus, settings=settings or (), profile=profile)
+        text = f"{output}: written, {n_frames} frames"
+    Console().print(text, highlight=False, markup=False, soft_wrap=True)
 
 
 @contextmanager

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from math import isnan
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+import builder
 import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
 from strainfmu.cli.commands.can_bus import BusOption, ProfileOption, SetOption
@@ -19,7 +20,7 @@ from strainfmu.cli.commands.taring import DateOrderOption
 from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
-    from strainfmu.can.bus_file import BusDescription
+    from strainfmu.can.replay import ReplaySummary
     from strainfmu.recorded.run import EstimationSummary
 
 
@@ -51,10 +52,13 @@ def replay(
 
         strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
     """
-    from strainfmu.can.bus_file import read_bus
-
-    described = read_bus(bus, settings or (), {"input.profile": profile})
-    _replay(Console(), log, fmu, output, described)
+    console = Console()
+    with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
+        begin = perf_counter()
+        summary = strainfmu.replay(
+            log, fmu, output, bus=bus, settings=settings or (), profile=profile, progress=progress
+        )
+    _show_replay(console, log, output, summary, perf_counter() - begin)
 
 
 def channels(
@@ -193,61 +197,23 @@ def estimate(
 
         strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
     """
-    from strainfmu.can.bus_file import read_bus
-    from strainfmu.can.log_frames import is_bus_log
-    from strainfmu.recorded.run import estimate_file
-
-    console = Console()
-    if is_bus_log(data):
-        if channels is not None or filter_seconds is not None:
-            option = "--channels" if channels is not None else "--filter"
-            raise InputError(f"{data}: {option}: expected none with a CAN log")
-        refused = {
-            "--columns": columns,
-            "--residuals": residuals,
-            "--ignore-columns": ignore_columns,
-            "--accept-strain-level": accept_strain_level,
-            "--accept-held": accept_held,
-            "--exclude": exclude,
-            "--report": report,
-            "--date-order": date_order,
-            "--field": field,
-        }
-        for option, value in refused.items():
-            if value:
-                raise InputError(f"{data}: {option}: expected none with a CAN log")
-        if dynamic_pressure is not None and isnan(dynamic_pressure):
-            raise InputError(f"{data}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
-        given = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros}
-        _replay(console, data, source, output, read_bus(bus, (), given))
-        return
-    if bus is not None:
-        raise InputError(f"{data}: --bus: expected with a CAN log, got it with columns")
+    given, console = dict(locals()), Console()
+    given |= {"ignore_columns": _names(ignore_columns), "exclude": _names(exclude)}
+    del given["report"]
     if report is not None:
-        from builder.reports.flight_page import check_report, write_flight_page
+        from builder.reports.flight_page import check_report
+        from strainfmu.can.log_frames import is_bus_log
 
+        if is_bus_log(data):
+            raise InputError(f"{data}: --report: expected none with a CAN log")
         check_report(report)
+    begin = perf_counter()
     with ConsoleReporter(console).stage(f"Estimate: {data.name}") as progress:
-        summary = estimate_file(
-            source,
-            data,
-            output=output,
-            dynamic_pressure=dynamic_pressure,
-            progress=progress,
-            residuals=residuals,
-            ignore_columns=_names(ignore_columns),
-            check_level=not accept_strain_level,
-            field_output=field,
-            field_every=field_every or 1,
-            channels=channels,
-            time_constant=filter_seconds,
-            smooth=smooth,
-            zeros=zeros,
-            accept_held=accept_held,
-            exclude=_names(exclude),
-            columns=columns or ("plain" if output.suffix.lower() == ".csv" else "all"),
-            date_order=date_order,
-        )
+        summary = strainfmu.estimate(**given, progress=progress)
+    from strainfmu.can.replay import ReplaySummary
+
+    if isinstance(summary, ReplaySummary):
+        return _show_replay(console, data, output, summary, perf_counter() - begin)
     for line in _estimate_lines(summary, data):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     console.print(f"{output}: written, {summary.samples} samples", highlight=False, markup=False, soft_wrap=True)
@@ -255,7 +221,9 @@ def estimate(
         console.print(f"{field}: written, {summary.fields} fields", highlight=False, markup=False, soft_wrap=True)
     if report is not None:
         read = {"recording": data, "estimator": source, "channels": channels, "zero offsets": zeros}
-        write_flight_page(summary, report, {content: path for content, path in read.items() if path is not None})
+        builder.write_flight_page(
+            summary, report, {content: path for content, path in read.items() if path is not None}
+        )
         console.print(f"{report}: written", highlight=False, markup=False, soft_wrap=True)
     if not summary.results:
         states = ", ".join(f"{name} {number}" for name, number in summary.health.most_common())
@@ -290,23 +258,11 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
     return lines
 
 
-def _replay(console: Console, log: Path, fmu: Path, output: Path, described: BusDescription) -> None:
-    """Replay a log and print the result; what ``described`` does not state is as in the recorded run."""
-    from time import perf_counter
-
+def _show_replay(console: Console, log: Path, output: Path, summary: ReplaySummary, took: float) -> None:
+    """Print what a replay gave, in ``took`` [s]."""
     from strainfmu.can.bridge import health_rows
-    from strainfmu.can.options import BridgeOptions
     from strainfmu.can.quality import FrameClass
-    from strainfmu.can.replay import estimate_log
 
-    def options(recorded: BridgeOptions | None) -> BridgeOptions:
-        return described.options(recorded or BridgeOptions(interface="replay", channel=log.name))
-
-    zeros = described.stated.get("zeros")
-    begin = perf_counter()
-    with ConsoleReporter(console).stage(f"Replay: {log.name}") as progress:
-        summary = estimate_log(fmu, log, output=output, options=options, progress=progress, zeros=zeros)
-    took = perf_counter() - begin
     table = Table(title="Replay", show_header=False)
     table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")
     for quality, number in sorted(summary.qualities.items()):
@@ -359,17 +315,11 @@ def monitor(
     """
     from time import sleep
 
-    from strainfmu.can.bus_file import read_bus
-    from strainfmu.can.publisher import parsed_address
-    from strainfmu.monitor.server import Monitor, shown_address
+    from strainfmu.monitor.server import shown_address
 
-    described = read_bus(bus)
-    listen_at = listen or described.publish or "127.0.0.1:9870"
-    page_at = http or described.http or "127.0.0.1:8780"
     console = Console()
     with stop_request() as stopped:
-        addresses = parsed_address(listen_at, "--listen"), parsed_address(page_at, "--http")
-        running = Monitor(*addresses, token=described.publish_token)
+        running = strainfmu.serve_monitor(listen, http, bus)
         try:
             address = shown_address(running.listens_at)
             line = f"{running.url}: open it in a browser; it listens for datagrams at {address}; stop with Ctrl-C"

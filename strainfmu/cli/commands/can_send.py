@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import signal
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict, replace
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from strainfmu.cli.commands.bus_options import check_bus_options
+import strainfmu
 from strainfmu.cli.commands.can_bus import (
     BusOption,
     BusOptionsOption,
@@ -22,15 +20,12 @@ from strainfmu.cli.commands.can_bus import (
     InterfaceOption,
     ProfileOption,
     SetOption,
-    described_bus,
 )
 from strainfmu.cli.commands.number_ranges import DURATION_S, within
-from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
     from strainfmu.can.sender import Score, SentFlight
-    from strainfmu.can.strain_sources import FlownSample
 
 
 def send(
@@ -81,125 +76,19 @@ def send(
 
         strainfmu send ic3x_flight.toml --map demo/map.h5 --interface socketcan --channel vcan0
     """
-    from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT
-    from strainfmu.can.setup import bus_settings, map_input_layout
+    given, console = dict(locals()), Console()
+    given |= {"settings": settings or (), "option": option or ()}
 
-    if (plant is None) == (data is None):
-        raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
-    described = described_bus(
-        bus,
-        settings,
-        given={"input.gauges": gauges},
-        interface=interface,
-        channel=channel,
-        option=option,
-        profile=profile,
-    )
-    options, source = described.options(), described.gauges
-    if source is None:
-        raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
-    if described.tare_at is not None and options.tare is None:
-        options = replace(options, tare=source)
-    check_bus_options(options.interface, bus_settings(options).options)
-    layout, names, readings = map_input_layout(options, source)
-    if not layout.cycle_time <= duration:
-        raise InputError(
-            f"--duration: expected at least the period of {1e3 * layout.cycle_time:g} ms, got {duration:g} s"
-        )
-    samples = _samples(
-        names,
-        readings,
-        source=source,
-        plant=plant,
-        data=data,
-        dynamic_pressure=options.dynamic_pressure,
-        cycle_time=layout.cycle_time,
-        duration=duration,
-    )
-    console = Console()
-    if options.interface == VIRTUAL:
-        console.print(VIRTUAL_TEXT, highlight=False, markup=False, soft_wrap=True)
-    with samples as opened:
-        sent, score = _send(options, layout, opened, duration, described.tare_at)
-    console.print(_sent_table(sent))
-    if score is not None and score.has_errors:
-        console.print(score_table(score, "Results heard on the bus against truth"))
-    elif score is not None:
-        console.print(f"results heard on the bus: {_score_caption(score)}", highlight=False, soft_wrap=True)
-    if report is not None:
-        from strainfmu.files import write_bytes_atomically
+    def say(line: str) -> None:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
-        if score is None or (score.published and not score.has_errors):
-            raise InputError("--report: no results with a known truth, nothing to report")
-        write_bytes_atomically(report, json.dumps(asdict(score), indent=1).encode())
-
-
-def _samples(
-    names: tuple[str, ...],
-    readings: dict[str, str],
-    *,
-    source: Path,
-    plant: Path | None,
-    data: Path | None,
-    dynamic_pressure: float | None,
-    cycle_time: float,
-    duration: float,
-) -> AbstractContextManager[Iterator[FlownSample]]:
-    """Return the source that the options name; files of a scenario are next to the map ``source``."""
-    from strainfmu.can.strain_sources import plant_samples, recorded_samples, scenario_samples
-
-    if plant is not None:
-        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
-    assert data is not None
-    if data.suffix.lower() == ".toml":
-        return scenario_samples(data, source.parent, cycle_time)
-    return recorded_samples(data, names, dynamic_pressure, readings)
-
-
-def _send(
-    options: Any,
-    layout: Any,
-    samples: Iterator[FlownSample],
-    duration: float,
-    tare_at: float | None,
-) -> tuple[SentFlight, Score | None]:
-    """Open the bus twice, to send and to listen; return what was sent, and what came back."""
-    from itertools import islice
-    from time import sleep
-
-    from strainfmu.can.opening import open_bus, shut_down
-    from strainfmu.can.result_layouts import result_layouts
-    from strainfmu.can.sender import Answers, Sender, score_answers, send_flight
-    from strainfmu.can.setup import bus_settings, result_form
-
-    settings = bus_settings(options)
-    sender = Sender(layout, _first_trip(options, layout))
-    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
-    named = layout.trailer or layout.first_of_cycle
-    modulus = 0 if named.layout.protection is None else named.layout.protection.counter_modulus
-    bus = open_bus(settings)
-    heard = open_bus(settings)
-    try:
-        answers = Answers(heard, results, sender.hear)
-        with stop_request() as stopped:
-            limited = islice(samples, round(duration / layout.cycle_time))
-            sent = send_flight(bus, layout, samples=limited, stopped=stopped, tare_at=tare_at, sender=sender)
-        sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
-        received = answers.finish()
-        is_heard = bool(sent.truth) and bool(received)
-        return sent, score_answers(received, sent.truth, modulus) if is_heard else None
-    finally:
-        shut_down(bus)
-        shut_down(heard)
-
-
-def _first_trip(options: Any, layout: Any) -> int:
-    """Return the trip counter of authenticated frames."""
-    from strainfmu.can.authentic import FIRST_TRIP, freshness_file, next_trip
-
-    if layout.key is None:
-        return FIRST_TRIP
-    return next_trip(options.freshness_file or freshness_file(options.key_file, "sender"), layout.key)
+    with stop_request() as stopped:
+        found = strainfmu.send(**given, say=say, stopped=stopped)
+    console.print(_sent_table(found.sent))
+    if found.score is not None and found.score.has_errors:
+        console.print(score_table(found.score, "Results heard on the bus against truth"))
+    elif found.score is not None:
+        say(f"results heard on the bus: {_score_caption(found.score)}")
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from typer.core import TyperCommand, TyperGroup
 
 from strainfmu.cli.commands.bus_options import refuse_old_options
 from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OLD_VALUES, OPTIONS
-from strainfmu.cli.commands.outputs import check_outputs
 from strainfmu.errors import InputError
+from strainfmu.written_files import check_outputs
 
 PAGES = {name: page for commands in COMMANDS.values() for name, page in commands.items()}
 

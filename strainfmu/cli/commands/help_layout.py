@@ -54,8 +54,11 @@ COMMANDS: dict[str, dict[str, str]] = {
 
 FUNCTIONS: dict[str, tuple[str, ...]] = {
     "bench": ("strainfmu.bench", "strainfmu.bench_worst", "builder.bench_meshes", "builder.bench_structure"),
+    "dbc": ("strainfmu.dbc", "strainfmu.dbc_template"),
+    "estimate": ("strainfmu.estimate", "builder.write_flight_page"),
     "fly": ("strainfmu.fly", "builder.flight_figures"),
     "loadtest": ("builder.loadtest", "builder.loadtest_template"),
+    "monitor": ("strainfmu.serve_monitor",),
     "reproduce": ("builder.reproduce_paper",),
     "structure": ("builder.run_structure", "builder.export_loads", "builder.export_influence"),
     "study": ("builder.run_study",),

@@ -1,0 +1,283 @@
+"""Commands of the bus as functions: ``bridge``, ``dbc`` and ``send``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, replace
+from itertools import islice
+from os import PathLike
+from pathlib import Path
+from time import sleep
+from typing import Any
+
+from strainfmu.can.authentic import FIRST_TRIP, freshness_file, next_trip
+from strainfmu.can.bridge import BridgeSummary
+from strainfmu.can.bus_file import BusDescription, bus_template, read_bus
+from strainfmu.can.interface_options import check_bus_options
+from strainfmu.can.observed import ObservedBridge, observed_bridge
+from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, open_bus, shut_down
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.sender import Answers, Score, Sender, SentFlight, score_answers, send_flight
+from strainfmu.can.setup import bus_settings, map_gauge_names, map_input_layout, result_form, write_dbc
+from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
+from strainfmu.errors import InputError
+from strainfmu.files import write_bytes_atomically
+from strainfmu.written_files import check_outputs
+
+File = str | PathLike[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BridgeRun:
+    """The summary of a bridge, and lines on recording, freshness value, zero offsets and datagrams."""
+
+    summary: BridgeSummary
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SentStrains:
+    """What was sent, and the errors of the bridge's results; None where the truth or the results are unknown."""
+
+    sent: SentFlight
+    score: Score | None
+
+
+def bridge(
+    fmu: File,
+    *,
+    bus: File | None = None,
+    settings: Sequence[str] = (),
+    interface: str | None = None,
+    channel: str | None = None,
+    option: Sequence[str] = (),
+    profile: str | None = None,
+    record: File | None = None,
+    duration: float | None = None,
+    say: Callable[[str], None] | None = None,
+    running: Callable[[ObservedBridge], AbstractContextManager[Any]] = nullcontext,
+) -> BridgeRun:
+    """Estimate loads from strain frames on a CAN bus, and send them back as frames, until ``duration`` is over.
+
+    Parameters
+    ----------
+    fmu : estimator FMU.
+    bus : bus file; the other arguments replace its entries.
+    settings : entries of the bus file as "table.entry=value".
+    interface, channel, option : of python-can; options as "key=value".
+    profile : "fd64", "classic-le" or "fd64-sec".
+    record : recording of the bus, .blf, .asc or .log.
+    duration : [s]; None until something stops the bridge.
+    say : takes lines on the bridge as it begins.
+    running : returns a context around the run of a bridge, as for signals that stop it.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file or an entry is wrong, the interface cannot be opened, or the bridge fails.
+    """
+    described = _described(bus, settings, interface, channel, option, profile, {"record.file": record})
+    options, say = described.options(), say or (lambda line: None)
+    check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
+    check_bus_options(options.interface, bus_settings(options).options)
+    with observed_bridge(
+        Path(fmu),
+        options,
+        record=described.record,
+        publish=described.publish,
+        publish_rate=described.publish_rate,
+        publish_field=described.publish_field,
+        publish_token=described.publish_token,
+    ) as observed:
+        ready, at = observed.ready, f"{options.interface}:{options.channel}"
+        say(f"{fmu}: {ready.n_gauges} gauges, {ready.layout_name}; {at}; stop with Ctrl-C")
+        for line in ready.start_lines:
+            say(line)
+        if ready.freshness is not None and ready.freshness.first_run_text:
+            say(ready.freshness.first_run_text)
+        ready.bridge.say = say
+        with running(observed):
+            summary = ready.bridge.run(duration)
+    return BridgeRun(summary=summary, notes=tuple(observed.notes()))
+
+
+def dbc(
+    source: File,
+    output: File = "strainfmu.dbc",
+    *,
+    bus: File | None = None,
+    settings: Sequence[str] = (),
+    profile: str | None = None,
+) -> int:
+    """Write the DBC file of the bridge's frames, of the results alone with ``input.dbc``; return their number.
+
+    ``source`` is a map or an FMU; other arguments are as :func:`bridge` takes them.
+    """
+    described = read_bus(_path(bus), settings, {"input.profile": profile})
+    return write_dbc(Path(source), Path(output), described.options(BridgeOptions(interface="", channel="")))
+
+
+def dbc_template(source: File, template: File) -> None:
+    """Write a bus file with every entry, to fill in, for the gauges of a map or an FMU.
+
+    Raises
+    ------
+    InputError
+        There is such a file, or the map is wrong.
+    """
+    path = Path(template)
+    if path.exists():
+        raise InputError(f"{path}: expected a new file, got one that exists")
+    write_bytes_atomically(path, bus_template(map_gauge_names(Path(source))).encode())
+
+
+def send(
+    data: File | None = None,
+    *,
+    bus: File | None = None,
+    settings: Sequence[str] = (),
+    interface: str | None = None,
+    channel: str | None = None,
+    option: Sequence[str] = (),
+    profile: str | None = None,
+    plant: File | None = None,
+    gauges: File | None = None,
+    duration: float = 20.0,
+    report: File | None = None,
+    say: Callable[[str], None] | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> SentStrains:
+    """Send strains on a CAN bus as a vehicle would, and compare the results with the truth where it is known.
+
+    Parameters
+    ----------
+    data : recorded strains, a row per cycle, or a scenario (TOML), flown in closed loop.
+    bus, settings, interface, channel, option, profile : as :func:`bridge` takes them.
+    plant : plant FMU whose strains are sent, instead of ``data``.
+    gauges : map or FMU whose gauges the frames hold.
+    duration : longest duration [s].
+    report : file of the errors to write (JSON).
+    say : takes lines on the bus as it is opened.
+    stopped : asked before each cycle whether to end.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file or an entry is wrong, the interface cannot be opened, or there is nothing to report.
+    """
+    if (plant is None) == (data is None):
+        raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
+    described = _described(bus, settings, interface, channel, option, profile, {"input.gauges": _path(gauges)})
+    options, source = described.options(), described.gauges
+    if source is None:
+        raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
+    if described.tare_at is not None and options.tare is None:
+        options = replace(options, tare=source)
+    check_bus_options(options.interface, bus_settings(options).options)
+    layout, names, readings = map_input_layout(options, source)
+    if not layout.cycle_time <= duration:
+        raise InputError(
+            f"--duration: expected at least the period of {1e3 * layout.cycle_time:g} ms, got {duration:g} s"
+        )
+    samples = _samples(
+        names,
+        readings,
+        source=source,
+        plant=_path(plant),
+        data=_path(data),
+        dynamic_pressure=options.dynamic_pressure,
+        cycle_time=layout.cycle_time,
+        duration=duration,
+    )
+    if options.interface == VIRTUAL and say is not None:
+        say(VIRTUAL_TEXT)
+    with samples as opened:
+        found = _send(options, layout, opened, duration, described.tare_at, stopped)
+    if report is not None:
+        score = found.score
+        if score is None or (score.published and not score.has_errors):
+            raise InputError("--report: no results with a known truth, nothing to report")
+        write_bytes_atomically(Path(report), json.dumps(asdict(score), indent=1).encode())
+    return found
+
+
+def _samples(
+    names: tuple[str, ...],
+    readings: dict[str, str],
+    *,
+    source: Path,
+    plant: Path | None,
+    data: Path | None,
+    dynamic_pressure: float | None,
+    cycle_time: float,
+    duration: float,
+) -> AbstractContextManager[Iterator[FlownSample]]:
+    """Return the source that the options name; files of a scenario are next to the map ``source``."""
+    if plant is not None:
+        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
+    assert data is not None
+    if data.suffix.lower() == ".toml":
+        return scenario_samples(data, source.parent, cycle_time)
+    return recorded_samples(data, names, dynamic_pressure, readings)
+
+
+def _send(
+    options: Any,
+    layout: Any,
+    samples: Iterator[FlownSample],
+    duration: float,
+    tare_at: float | None,
+    stopped: Callable[[], bool],
+) -> SentStrains:
+    """Open the bus twice, to send and to listen; return what was sent, and what came back."""
+    settings = bus_settings(options)
+    sender = Sender(layout, _first_trip(options, layout))
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
+    named = layout.trailer or layout.first_of_cycle
+    modulus = 0 if named.layout.protection is None else named.layout.protection.counter_modulus
+    bus = open_bus(settings)
+    heard = open_bus(settings)
+    try:
+        answers = Answers(heard, results, sender.hear)
+        limited = islice(samples, round(duration / layout.cycle_time))
+        sent = send_flight(bus, layout, samples=limited, stopped=stopped, tare_at=tare_at, sender=sender)
+        sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
+        received = answers.finish()
+        is_heard = bool(sent.truth) and bool(received)
+        return SentStrains(sent=sent, score=score_answers(received, sent.truth, modulus) if is_heard else None)
+    finally:
+        shut_down(bus)
+        shut_down(heard)
+
+
+def _first_trip(options: Any, layout: Any) -> int:
+    """Return the trip counter of authenticated frames."""
+    if layout.key is None:
+        return FIRST_TRIP
+    return next_trip(options.freshness_file or freshness_file(options.key_file, "sender"), layout.key)
+
+
+def _path(file: File | None) -> Path | None:
+    return None if file is None else Path(file)
+
+
+def _described(
+    bus: File | None,
+    settings: Sequence[str],
+    interface: str | None,
+    channel: str | None,
+    option: Sequence[str],
+    profile: str | None,
+    given: Mapping[str, Any],
+) -> BusDescription:
+    """Return the bus that a bus file and other arguments state."""
+    stated = {
+        "bus.interface": interface,
+        "bus.channel": channel,
+        "bus.options": tuple(option) if option else None,
+        "input.profile": profile,
+    }
+    return read_bus(_path(bus), settings, {**stated, **given})
