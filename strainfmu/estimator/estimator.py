@@ -353,8 +353,8 @@ class Estimator:
         parameters : flow parameters by the names of the map, one value for all samples or (k,), in the units of
             the vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
-        start : (k, 4) flight states (M, u, w, ln p_inf) of k samples, from each of which a nonlinear estimate
-            starts; None searches the tables, which takes about ten times as long.
+        start : (4,) or (k, 4) flight states (M, u, w, ln p_inf), from each of which a nonlinear estimate starts;
+            None searches the tables, which takes about ten times as long.
         with_residuals : whether residuals and suspects of k samples are found at once. By default a linear map
             estimates the samples again when these are first read, and takes a quarter of the memory until then.
         inertial : what an inertial unit measures, of a map with masses: ``specific_force_x``, ``_y``, ``_z``
@@ -374,7 +374,9 @@ class Estimator:
         if TOTAL_TEMPERATURE in known:
             _refuse_without_altitude(known[TOTAL_TEMPERATURE], known.get(ALTITUDE, nan))
         if not is_series(strain):
-            return self._one(strain, valid, air, more, core=self.core, how=_EACH)
+            if start is None:
+                return self._one(strain, valid, air, more, core=self.core, how=_EACH)
+            return self.estimate(np.atleast_2d(strain), dynamic_pressure, start=[start], **inputs)[0]
         samples = self._samples(strain, valid, air, more)
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))

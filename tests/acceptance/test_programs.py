@@ -181,6 +181,10 @@ def test_nonlinear_estimator_over_a_manoeuvre_with_a_figure(ic3x_demo: Path, tmp
     strain = np.transpose([flown[f"plant.strain[{i}]"] for i in range(1, len(estimator.gauge_names) + 1)])
     result = estimator.track(strain, flown["plant.dynamic_pressure"], q_source="independent")
     assert result.air_data.mach_number.shape == flown.time.shape
+    middle = {"strain": strain[500], "dynamic_pressure": flown["plant.dynamic_pressure"][500]}
+    start = result[499].state[:4]
+    again = estimator.estimate(strain[500:501], middle["dynamic_pressure"], start=[start])
+    assert estimator.estimate(**middle, start=start).C_N == again.C_N[0]
     figure, (loads, mach) = plt.subplots(2, sharex=True)
     loads.plot(flown.time, flown["plant.C_N"], "k")
     loads.plot(flown.time, result.C_N)
