@@ -79,7 +79,15 @@ def bridge(
     InputError, StrainfmuError
         A file or an entry is wrong, the interface cannot be opened, or the bridge fails.
     """
-    described = _described(bus, settings, interface, channel, option, profile, {"record.file": record})
+    described = _described(
+        bus,
+        settings,
+        {"record.file": record},
+        interface=interface,
+        channel=channel,
+        option=option,
+        profile=profile,
+    )
     options, say = described.options(), say or (lambda line: None)
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
     check_bus_options(options.interface, bus_settings(options).options)
@@ -170,7 +178,15 @@ def send(
     """
     if (plant is None) == (data is None):
         raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
-    described = _described(bus, settings, interface, channel, option, profile, {"input.gauges": _path(gauges)})
+    described = _described(
+        bus,
+        settings,
+        {"input.gauges": _path(gauges)},
+        interface=interface,
+        channel=channel,
+        option=option,
+        profile=profile,
+    )
     options, source = described.options(), described.gauges
     if source is None:
         raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
@@ -267,11 +283,12 @@ def _path(file: File | None) -> Path | None:
 def _described(
     bus: File | None,
     settings: Sequence[str],
+    given: Mapping[str, Any],
+    *,
     interface: str | None,
     channel: str | None,
     option: Sequence[str],
     profile: str | None,
-    given: Mapping[str, Any],
 ) -> BusDescription:
     """Return the bus that a bus file and other arguments state."""
     stated = {

@@ -376,7 +376,7 @@ class Estimator:
         if not is_series(strain):
             if start is None:
                 return self._one(strain, valid, air, more, core=self.core, how=_EACH)
-            return self.estimate(np.atleast_2d(strain), dynamic_pressure, start=[start], **inputs)[0]
+            return self.estimate(np.atleast_2d(strain), dynamic_pressure, start=np.atleast_2d(start), **inputs)[0]
         samples = self._samples(strain, valid, air, more)
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
