@@ -19,7 +19,7 @@ def reference_page(package: str) -> str:
     blocks = ["```{eval-rst}", f".. automodule:: {package}", "   :no-members:", "```"]
     for entry in ENTRY.finditer(Path(str(module.__file__)).with_suffix(".pyi").read_text("utf-8")):
         if entry["title"]:
-            blocks += ["", f"### {package}: {entry['title'].lower()}", ""]
+            blocks += ["", f"### {package}: {entry['title']}", ""]
             continue
         if entry["name"].startswith("__"):
             continue
