@@ -174,7 +174,8 @@ def calibrate(
     with reporter.stage("Report"):
         made, written, without = write_calibration(made, parts, file, files, output)
         write_zeros_of(made.estimate, zeros, output.name)
-    said = (*without, *step_remarks(readings))
+    since = [f"gauge '{name}': {change} after the test: as before it" for name, change in readings.changed.items()]
+    said = (*without, *step_remarks(readings), *since)
     return replace(
         made,
         files=(output, *written, zeros),
@@ -223,14 +224,15 @@ def zeros_beside(output: Path) -> Path:
 
 def with_zeros(inverse_map: InverseMap, found: Estimate) -> InverseMap:
     """Return ``inverse_map`` with the zero offsets that a test found; their covariance is part of its noise."""
-    zero = np.zeros(inverse_map.n_gauges)
-    zero[: found.parameters.n_gauges] = found.parameters.zero
+    zero, after = np.zeros(inverse_map.n_gauges), remaining_after(found).parameters
+    zero[: after.n_gauges] = after.zero
     return replace(inverse_map, zero_offset=zero)
 
 
 def write_zeros_of(found: Estimate, path: Path, map_name: str) -> None:
     """Write the zeros that a test found, as zeros.toml; their covariance stands in the map, and is 0 here."""
-    zeros = GaugeZeros(value=found.parameters.zero, std=np.zeros(found.parameters.n_gauges))
+    after = remaining_after(found).parameters
+    zeros = GaugeZeros(value=after.zero, std=np.zeros(after.n_gauges))
     write_zeros(path, found.model.structure.gauges.names, zeros, {"calibration": map_name})
 
 
@@ -397,6 +399,7 @@ def _facts(found: Estimate, faults: tuple[Fault, ...], outside: OutsideModel, te
         "faults": [one.line for one in faults],
         "outside_the_model": list(outside.lines),
         "remarks": list(remarks(found)),
+        "changed_since": dict(found.model.test.changed),
         "mass_percent": round(100.0 * float(part.mass[0]), 4),
         "load_cell_percent": (100.0 * found.vector[found.model.cell_entries][: len(found.model.cells)])
         .round(4)

@@ -24,7 +24,7 @@ angle, each joint, or each load."""
 Role = Literal["estimated", "considered", "split"]
 """What the gain of a map may do about an error, see :mod:`builder.inverse.noise.error_list`."""
 
-UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0}
+UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0, "kg": 1.0}
 """Size of the units of entries, in SI."""
 
 
@@ -388,6 +388,31 @@ OF_LOADS = (
         unit="N",
         acts_on="reading of a load cell without load",
         errors="load_cell_offset_N",
+        flight=False,
+    ),
+    ParameterKind(
+        name="cell_curve",
+        extent="vehicle",
+        unit="%",
+        acts_on="nonlinearity of a load cell",
+        relative_to="full scale",
+        errors="load_cell_nonlinearity_percent",
+        flight=False,
+    ),
+    ParameterKind(
+        name="rig_mass",
+        extent="vehicle",
+        unit="kg",
+        acts_on="weight of the rig on every pad and point",
+        errors="rig_mass_kg",
+        flight=False,
+    ),
+    ParameterKind(
+        name="drift",
+        extent="gauge",
+        unit="um/m",
+        acts_on="zero from the first load case to the last",
+        errors="drift_um_per_m",
         flight=False,
     ),
     ParameterKind(

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.structure.fourier.model import place_layouts
-from builder.structure.fourier.wall_layup import steps
+from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.gauges.gauge_layouts import solid_gauges
@@ -15,9 +15,6 @@ from builder.structure.solid.model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-
-TOUCHES = 1e-9
-"""Rounding of stations [m]."""
 
 
 def check_gauges(vehicle: Vehicle) -> dict[str, int]:
@@ -62,9 +59,7 @@ def gauges_at_breaks(vehicle: Vehicle) -> Iterator[str]:
         return
     name, length = vehicle.gauges.layout, vehicle.resolution.map.element_length_mm
     wall, gauges = wall_of(vehicle), solid_gauges(vehicle, name, gauge_mesh(vehicle))
-    breaks = dict.fromkeys((wall.solid_tip_length, *steps(wall)), "thickness, material or frames")
-    breaks |= dict.fromkeys(vehicle.body().slope_breaks.tolist(), "slope")
-    for station, of in sorted(breaks.items()):
+    for station, of in sorted(change_stations(vehicle.body(), wall).items()):
         near = np.abs(gauges.position[:, 0] - station) <= 1e-3 * length + TOUCHES
         if near.any():
             names = ", ".join(one for one, is_near in zip(gauges.name, near, strict=True) if is_near)

@@ -63,8 +63,10 @@ def change_of(model: ReadingsModel, kind: str) -> FloatArray:
         "modulus": np.array([0.03, -0.03, 0.03, -0.03]),
         "taper": np.array([0.02, -0.02, 0.02, 0.02]),
         "direction": np.deg2rad([5.0, 0.0]),
+        "rig": np.array([10.0]),
+        "pad size": np.array([0.5]),
         "drift": 1e-6 * random.standard_normal(len(cause.entries)),
-        "hysteresis": np.array([0.01]),
+        "hysteresis": np.append(np.zeros(len(cause.entries) - 1), 0.01),
     }[kind]
     found = np.zeros(len(model.std))
     found[cause.entries] = size
@@ -122,7 +124,15 @@ def test_derivatives_by_what_all_cases_have_in_common(model: ReadingsModel) -> N
     vector = np.zeros(len(model.std))
     vector[: model.n_built] = (model.std * random.standard_normal(len(model.std)))[: model.n_built]
     _, jacobian = model.jacobian(vector)
-    for entry in (model.common_entries.start, model.common_entries.start + 1, model.common_entries.stop - 1):
+    first, drift = model.common_entries.start, model.drift_entries
+    for entry in (
+        first,
+        first + 1,
+        model.rig_entry + 1,
+        drift.start + 3,
+        drift.stop + 3,
+        model.common_entries.stop - 1,
+    ):
         step = 1e-4 * np.eye(len(vector))[entry]
         change = (model.readings(vector + step) - model.readings(vector - step)) / 2e-4
         np.testing.assert_allclose(jacobian[:, :, entry], change, atol=1e-6 * np.abs(change).max())
@@ -157,6 +167,8 @@ def test_sound_tests_have_no_cause(model: ReadingsModel) -> None:
         ("modulus", "modulus: Young's modulus of the regions"),
         ("taper", "wall: taper of "),
         ("direction", "direction of all forces: turned by "),
+        ("rig", "rig: "),
+        ("pad size", "size of all pads: it differs by "),
         ("drift", "drift: zeros moved by "),
         ("hysteresis", "hysteresis: a case reads "),
     ],

@@ -20,7 +20,7 @@ from builder.calibration.ground_test.load_changes import CellErrors, as_applied,
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.ground_test.readings import read_load_test
-from builder.calibration.ground_test.simulated import TestFaults, simulate_ground_test, write_ground_test
+from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.loads.applied import Load, PadForce, PadPressure, PointForce, SurfacePressure, Weight
 from builder.vehicle.file import IC3X, load_vehicle
@@ -52,10 +52,10 @@ CASES = (
 )
 
 
-def simulated(errors: LoadErrors = EXACT, faults: TestFaults | None = None, noise: float = 0.0) -> Any:
+def simulated(errors: LoadErrors = EXACT, noise: float = 0.0) -> Any:
     structure = cast(AsBuiltStructure, SimpleStructure())
     std, random = np.full(len(NAMES), noise), np.random.default_rng(4)
-    return simulate_ground_test(structure, cast(Any, PARAMETERS), CASES, errors, std, random=random, faults=faults)
+    return simulate_ground_test(structure, cast(Any, PARAMETERS), CASES, errors, std, random=random)
 
 
 def test_written_test_reads_back(tmp_path: Path) -> None:
@@ -99,16 +99,6 @@ def test_steps_and_check_loads_are_recorded_and_read_back(tmp_path: Path) -> Non
 def test_test_without_errors_reads_the_stated_loads() -> None:
     mean = simulated().strain.mean(axis=1) - PARAMETERS.zero
     np.testing.assert_allclose(mean, np.outer([0.0, 1e-5, 2e-5], np.arange(1.0, 21.0)), atol=1e-18)
-
-
-def test_faults_are_those_of_their_gauges() -> None:
-    faults = TestFaults(swapped=(0, 1), reversed_sign=(2,), in_mm_per_m=(3,), dead=(4,), wrong_load=(2, 1.1))
-    right, wrong = simulated().strain[:, 0], simulated(faults=faults).strain[:, 0]
-    np.testing.assert_allclose(wrong[1, [0, 1]], right[1, [1, 0]])
-    np.testing.assert_allclose(wrong[1, [2, 3, 4]], [-right[1, 2], 1e-3 * right[1, 3], 0.0])
-    np.testing.assert_allclose(wrong[1, 5:], right[1, 5:])
-    loaded = right[2, 5:] - PARAMETERS.zero[5:]
-    np.testing.assert_allclose(wrong[2, 5:] - PARAMETERS.zero[5:], 1.1 * loaded)
 
 
 def test_drawn_errors_have_their_sizes() -> None:

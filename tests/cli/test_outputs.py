@@ -17,6 +17,7 @@ Run = Callable[..., tuple[int, str, str]]
 
 READS = {
     "calibrate": ("map.h5", "test.toml"),
+    "equations": ("test.toml",),
     "channels": ("map.h5", "flight.csv"),
     "dbc": ("map.h5",),
     "estimate": ("map.h5", "flight.csv"),

@@ -24,7 +24,9 @@ def drawn_readings(
 def applied_by(model: ReadingsModel, vector: FloatArray) -> AppliedTest:
     """Return the test of the vehicle ``vector`` (n,) of a model."""
     built = model.built(vector)
-    zero = model.errors(vector).zero[[model.groups.index(case.group) for case in model.test.cases]]
+    errors = model.errors(vector)
+    zero = errors.zero[[model.groups.index(case.group) for case in model.test.cases]]
+    zero += np.outer(model.time, errors.drift)
     weight = np.zeros_like(zero)
     for (case, known), own in zip(model.loads, model.load_strains(built), strict=True):
         weight[case] += own if isinstance(known.load, OF_MASS) else 0.0

@@ -6,30 +6,41 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
 from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.ground_test.load_test import REPLACED
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.build import with_manifold
 from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.vehicle import GAUGE_KINDS, AsBuilt, slices
 from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import ZERO
 
 CALIBRATED = tuple(dict.fromkeys(kind.noise for kind in AS_BUILT if kind.noise))
 """Entries of [noise] that the test takes the place of."""
 
 
 def remaining_after(found: Estimate) -> Remaining:
-    """Return what a test left of the vehicle."""
-    n = found.model.n_built
-    return Remaining(parameters=found.parameters, covariance=found.covariance[:n, :n])
+    """Return what a test left of the vehicle; gauges that changed since are as before it."""
+    model, n = found.model, found.model.n_built
+    vector, covariance = found.vector[:n].copy(), found.covariance[:n, :n].copy()
+    where = slices(model.structure.counts)
+    for name, change in model.test.changed.items():
+        gauge = model.structure.gauges.names.index(name)
+        own = np.array([where[kind].start + gauge for kind in (GAUGE_KINDS if change == REPLACED else (ZERO,))])
+        vector[own] = covariance[own] = covariance[:, own] = 0.0
+        covariance[own, own] = model.std[own] ** 2
+    return Remaining(parameters=model.prior.of_vector(vector), covariance=covariance)
 
 
 def calibrated_structure(

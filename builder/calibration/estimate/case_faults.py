@@ -15,9 +15,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import chdtrc
 
+from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
@@ -138,28 +138,31 @@ class _Screen:
 
     def _left_out(self, kept: list[int]) -> dict[int, tuple[float, float]]:
         """Return, for each case of ``kept``, the part of its gauges that are off, and its chi-square."""
-        rows = [np.flatnonzero(self.used[k]) for k in kept]
-        columns = np.concatenate([self.columns[k, at] for k, at in zip(kept, rows, strict=True)])
-        noise = np.concatenate([self.noise[k, at] for k, at in zip(kept, rows, strict=True)])
-        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in zip(kept, rows, strict=True)])
-        precision = cho_solve(cho_factor(columns @ columns.T + np.diag(noise)), np.eye(len(left)))
-        weighted = precision @ left
-        found, first = {}, 0
-        for k, at in zip(kept, rows, strict=True):
-            part = slice(first, first + len(at))
-            covariance = np.linalg.inv(precision[part, part])
-            error = covariance @ weighted[part]
+        linear, found, first = self._linear(kept), {}, 0
+        for k in kept:
+            at = np.arange(first, first + int(self.used[k].sum()))
+            error, covariance = linear.without(at)
             off = np.abs(error) > OFF * np.sqrt(np.diag(covariance))
-            found[k] = float(np.mean(off)), float(error @ weighted[part])
+            found[k] = float(np.mean(off)), float(error @ linear.weighted[at])
             first += len(at)
         return found
 
+    def _linear(self, kept: list[int]) -> GaussianModel:
+        """Return the model of the readings of the cases ``kept``, which follow each other."""
+        rows = [(k, np.flatnonzero(self.used[k])) for k in kept]
+        weight = 1.0 / np.sqrt(np.concatenate([self.noise[k, at] for k, at in rows]))
+        columns = np.concatenate([self.columns[k, at] for k, at in rows])
+        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in rows])
+        group = np.concatenate([at for _, at in rows])
+        return GaussianModel(weight[:, None] * columns, weight * left, group)
+
     def named(self, case: int, wrong: set[int]) -> CaseFault:
         """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""
-        mean, root = self._after([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
+        sound = self._linear([k for k in range(len(self.used)) if k not in wrong and self.used[k].any()])
+        mean = sound.mean
         best, most, text = None, -np.inf, ""
         for cause in self._causes(case, wrong):
-            chance, likelihood, size = self._fit(case, cause, mean, root)
+            chance, likelihood, size = self._fit(case, cause, mean, sound.covariance)
             if chance > FITS and likelihood > most:
                 best, most, text = cause, likelihood, cause.text + cause.size(size)
         if best is not None and best.kind != "load":
@@ -167,25 +170,16 @@ class _Screen:
         text, factor = self._by_a_factor(case, mean)
         return CaseFault(case=case, kind="load", text=text, factor=factor)
 
-    def _after(self, kept: list[int]) -> tuple[FloatArray, FloatArray]:
-        """Return (n,) the vector by ``kept`` over its sigmas before, and (n, n) a root of its covariance."""
-        rows = [(k, np.flatnonzero(self.used[k])) for k in kept]
-        columns = np.concatenate([self.columns[k, at] for k, at in rows])
-        weight = 1.0 / np.sqrt(np.concatenate([self.noise[k, at] for k, at in rows]))
-        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in rows])
-        scaled = weight[:, None] * columns
-        value, vectors = np.linalg.eigh(np.eye(columns.shape[1]) + scaled.T @ scaled)
-        root = vectors / np.sqrt(value)
-        return root @ (root.T @ (scaled.T @ (weight * left))), root
+    def _fit(self, case: int, cause: _Cause, mean: FloatArray, spread: FloatArray) -> tuple[float, float, float]:
+        """Return the probability of readings as far from a cause's, the logarithm of their density, its size.
 
-    def _fit(self, case: int, cause: _Cause, mean: FloatArray, root: FloatArray) -> tuple[float, float, float]:
-        """Return the probability of readings as far from a cause's, the logarithm of their density, its size."""
+        ``mean`` and ``spread`` are mean and covariance of the vector by other cases, over its sigmas before.
+        """
         at = np.flatnonzero(self.used[case])
-        spread = cause.columns[at] @ root
-        if cause.more is not None:
-            spread = np.column_stack([spread, cause.more[at]])
         noise = self.model.test.reading_stds[case, at] ** 2 + (MODEL * cause.reading[at]) ** 2
-        covariance = spread @ spread.T + np.diag(noise)
+        covariance = cause.columns[at] @ spread @ cause.columns[at].T + np.diag(noise)
+        if cause.more is not None:
+            covariance += cause.more[at] @ cause.more[at].T
         left = self.reading[case, at] - cause.reading[at] - cause.columns[at] @ mean
         weighted = np.linalg.solve(covariance, left)
         square = float(left @ weighted)
@@ -273,11 +267,11 @@ class _Screen:
                 kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
             elif other in wrong:
                 kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
-            columns, more = self.columns[other], None
+            columns, more = self.columns[other].copy(), None
+            columns[:, self.model.drift_entries] = self.columns[case][:, self.model.drift_entries]
             if kind == "mislabelled":  # the loads were applied once more, with errors of their own
                 own = self.model.load_entries
-                columns, more = columns.copy(), columns[:, own]
-                columns[:, own] = 0.0
+                more, columns[:, own] = columns[:, own].copy(), 0.0
             yield _Cause(kind=kind, text=text, reading=self.predicted[other], columns=columns, more=more)
 
     def _weighs(self, case: int) -> bool:

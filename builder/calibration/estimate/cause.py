@@ -17,9 +17,10 @@ class Cause:
     Attributes
     ----------
     where : what differs: the vehicle or the whole test, the noise, a load, a gauge or a case.
-    kind : of the vehicle or the test "direction", "support", "joint", "modulus", "taper", "second harmonic",
-        "drift" or "hysteresis"; of a gauge "gain" or "gauge"; the kind of ``where`` otherwise.
-    number : of the joint, load, gauge or case.
+    kind : of the vehicle or the test "direction", "rig", "pad size", "load cell", "support", "joint", "modulus",
+        "taper", "second harmonic", "drift" or "hysteresis"; of a gauge "gain" or "gauge"; the kind of ``where``
+        otherwise.
+    number : of the load cell, joint, load, gauge or case.
     entries : of the vector that are set free; empty where scatter is added.
     wide : (n,) their standard deviations.
     factor : of the noise; of a gauge or a case without entries what its scatter adds to its noise, over it.

@@ -21,7 +21,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.calibration.estimate.cause import Cause, Where
-from builder.calibration.estimate.readings_model import DIRECTIONS, PAD_STEPS, ReadingsModel
+from builder.calibration.estimate.gaussian import GaussianModel
+from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.vehicle import slices
 from builder.structure.as_built_kinds import KINDS
@@ -56,7 +57,13 @@ WIDE_TURN = float(np.deg2rad(10.0))
 """Of the direction that all forces have in common [rad]."""
 
 WIDE_DRIFT, WIDE_HYSTERESIS = 5e-6, 0.05
-"""Of the drift of each gauge [m/m], and of the hysteresis [1]."""
+"""Of the drift of each gauge [m/m], and of the hysteresis [1]; gauges differ by a fifth of that."""
+
+WIDE_RIG, WIDE_SIZE = 10.0, 1.0
+"""Of the mass that hangs on every pad [kg], and of the size that all pads have in common [1]."""
+
+WIDE_CELL = (0.03, 0.02, 0.01)
+"""Of gain, quadratic and cubic curve of a load cell [1]. A cell that is not straight has no certain gain."""
 
 WIDE_LOAD = 0.3
 """Of the relative error of one load."""
@@ -102,14 +109,24 @@ def _of_vehicle(model: ReadingsModel) -> Iterator[Cause]:
 
 
 def _of_test(model: ReadingsModel) -> Iterator[Cause]:
-    first, end, n_t = model.common_entries.start, model.common_entries.stop, len(DIRECTIONS)
-    for kind, at, wide in (
-        ("direction", slice(first, first + n_t), WIDE_TURN),
-        ("drift", slice(first + n_t, end - 1), WIDE_DRIFT),
-        ("hysteresis", slice(end - 1, end), WIDE_HYSTERESIS),
-    ):
-        entries = np.arange(at.start, at.stop)
-        yield Cause(where="vehicle", kind=kind, entries=entries, wide=np.full(len(entries), wide))
+    first, rig, drift, n_k = model.common_entries.start, model.rig_entry, model.drift_entries, len(model.cells)
+    whole = {
+        "direction": (np.arange(first, rig), np.full(rig - first, WIDE_TURN)),
+        "rig": (np.array([rig]), np.array([WIDE_RIG])),
+        "pad size": (np.array([rig + 1]), np.array([WIDE_SIZE])),
+        "drift": (np.arange(drift.start, drift.stop), np.full(model.structure.n_gauges, WIDE_DRIFT)),
+        "hysteresis": (
+            np.arange(drift.stop, model.common_entries.stop),
+            np.append(np.full(model.structure.n_gauges, WIDE_HYSTERESIS / 5.0), WIDE_HYSTERESIS),
+        ),
+    }
+    for kind, (entries, wide) in whole.items():
+        yield Cause(where="vehicle", kind=kind, entries=entries, wide=wide)
+    for cell in range(n_k):
+        if model.std[model.cell_entries.start + cell] > 0.0:
+            gain, curve = model.cell_entries.start + cell, model.rig_entry + 2 + cell
+            entries = np.array([gain, curve, curve + n_k])
+            yield Cause(where="vehicle", kind="load cell", number=cell, entries=entries, wide=np.array(WIDE_CELL))
 
 
 def _of_loads(model: ReadingsModel) -> Iterator[Cause]:
@@ -143,7 +160,9 @@ def _of_gauges(model: ReadingsModel) -> Iterator[Cause]:
 
 
 class Evidence:
-    """How probable the readings ``used`` (n_cases, n_d) are by each cause, linear about ``vector`` (n,).
+    """How probable the readings ``used`` (n_cases, n_d) and the steps of their cases are by each cause.
+
+    All is linear about ``vector`` (n,).
 
     ``model_error`` is the part of the strain by which the linear model may err, as noise.
     """
@@ -156,24 +175,23 @@ class Evidence:
         for one in self.causes:
             wide[one.entries] = np.maximum(wide[one.entries], one.wide)
         predicted, jacobian = model.with_std(wide).jacobian(vector)
-        noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
-        self._noise, self._predicted = noise, predicted[used]
-        self._slope = jacobian[used] / noise[:, None]
-        left = (model.test.readings - predicted)[used] / noise + self._slope @ vector
-        rows = self._slope[:, model.std > 0.0] * model.std[model.std > 0.0]
-        self._value, self._axes = np.linalg.eigh(rows @ rows.T)
-        self._value = np.maximum(self._value, 0.0) + 1.0
-        self._along = self._axes.T @ left
-        self._scaled = self._axes / self._value
-        self._weighted = self._scaled @ self._along
+        self._noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
+        self._predicted = predicted[used]
+        free = model.std > 0.0
+        self._slope = model.slopes(used, jacobian, self._noise)
+        left = model.left(used, vector, predicted, self._noise) + self._slope @ vector
+        self._linear = GaussianModel(self._slope[:, free] * model.std[free], left, model.gauge_of_rows(used))
+
+    def ranking(self) -> list[tuple[Cause, float]]:
+        """Return every cause, the best first, with the logarithm of how much more probable it makes the readings
+        than it must."""
+        every = [(one, self._of_terms(one)) for one in self.causes]
+        gains = ((one, gain - least_of(one)) for one, gain in (*every, *self._of_scatter(), self._of_noise()))
+        return sorted(gains, key=lambda pair: -pair[1])
 
     def best(self) -> Cause | None:
         """Return the cause that makes the readings most probable; None where none does so by enough."""
-        every = [(one, self._of_terms(one)) for one in self.causes]
-        cause, more = max(
-            ((one, gain - least_of(one)) for one, gain in (*every, *self._of_scatter(), self._of_noise())),
-            key=lambda pair: pair[1],
-        )
+        cause, more = self.ranking()[0]
         return cause if more > 0.0 else None
 
     def sizes(self, cause: Cause) -> FloatArray:
@@ -202,21 +220,21 @@ class Evidence:
         else:
             own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
             columns = self._slope[:, cause.entries] * own
-        turned = self._axes.T @ columns
-        b = turned.T @ (self._along / self._value)
-        a = np.eye(columns.shape[1]) + turned.T @ (turned / self._value[:, None])
-        return b, a, own
+        b, a = self._linear.terms(columns)
+        return b, np.eye(len(a)) + a, own
 
     def _of_noise(self) -> tuple[Cause, float]:
-        def likelihood(factor: float) -> float:
-            value = self._value + factor**2 - 1.0
-            return -0.5 * float(np.sum(np.log(value) + self._along**2 / value))
-
         before = self.model.noise_factor  # noise that was taken for larger before another cause was found
-        factor = max((one / before for one in (1.0, *NOISES) if not np.isclose(one, before)), key=likelihood)
+        best, factor = -np.inf, 1.0
+        for one in (1.0, *NOISES):
+            if not np.isclose(one, before):
+                density = self._linear.solved(one / before)[2]
+                if density < best:
+                    break  # it has one maximum
+                best, factor = density, one / before
         none = np.zeros(0)
         cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
-        return cause, likelihood(factor) - likelihood(1.0)
+        return cause, best - self._linear.density
 
     def _of_scatter(self) -> Iterator[tuple[Cause, float]]:
         """Yield gauges and cases whose readings are not what the others predict of them, of no known cause."""
@@ -225,10 +243,9 @@ class Evidence:
         for where, axis in (("gauge", 1), ("case", 0)):
             for number in np.unique(places[:, axis]).tolist():
                 rows = np.flatnonzero(places[:, axis] == number)
-                precision = self._scaled[rows] @ self._axes[rows].T
-                value, axes = np.linalg.eigh(precision)
+                value, axes = np.linalg.eigh(self._linear.precision_of(rows))
                 spread = 1.0 / np.maximum(value, 1e-300)
-                along = spread * (axes.T @ self._weighted[rows])
+                along = spread * (axes.T @ self._linear.weighted[rows])
                 gain, scatter = max(
                     (0.5 * float(np.sum(along**2 * (1.0 / spread - 1.0 / wider) - np.log(wider / spread))), size)
                     for size, wider in ((one, spread + one**2) for one in SCATTERS)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.calibration.estimate.vehicle import Estimate
-from strainfmu.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,33 +30,19 @@ class LeftOut:
 def cross_validation(found: Estimate) -> list[LeftOut]:
     """Return every used case, predicted by an estimate without it, with the derivatives of the whole one."""
     model, used = found.model, found.used
-    free = model.std > 0.0
-    noise = model.test.reading_stds
-    _, jacobian = model.jacobian(found.vector)
-    scaled = jacobian[:, :, free] * model.std[free]
-    target = model.test.readings - found.after + scaled @ (found.vector[free] / model.std[free])
-    parts = [_normal(scaled[k][used[k]], target[k][used[k]], noise[k][used[k]]) for k in range(len(used))]
-    precision = np.eye(int(free.sum())) + sum(part[0] for part in parts)
-    right = sum(part[1] for part in parts)
-    rows = []
+    linear, of_case, rows = found.linear, np.argwhere(used)[:, 0], list[LeftOut]()
     for k, case in enumerate(model.test.cases):
-        if not used[k].any():
+        at = np.flatnonzero(of_case == k)
+        if not len(at):
             continue
-        covariance = np.linalg.inv(precision - parts[k][0])
-        own = scaled[k][used[k]]
-        left = target[k][used[k]] - own @ (covariance @ (right - parts[k][1]))
-        stated = own @ covariance @ own.T + np.diag(noise[k][used[k]] ** 2)
+        left, covariance = linear.without(at)
+        noise = model.test.reading_stds[k, used[k]]
         rows.append(
             LeftOut(
                 case=case.name,
-                rms=float(np.sqrt(np.mean(left**2))),
-                stated=float(np.sqrt(np.mean(np.diag(stated)))),
-                chi_square=float(left @ np.linalg.solve(stated, left)) / len(left),
+                rms=float(np.sqrt(np.mean((noise * left) ** 2))),
+                stated=float(np.sqrt(np.mean(noise**2 * np.diag(covariance)))),
+                chi_square=float(left @ linear.weighted[at]) / len(at),
             )
         )
     return rows
-
-
-def _normal(rows: FloatArray, target: FloatArray, noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-    weighted = rows / noise[:, None]
-    return weighted.T @ weighted, weighted.T @ (target / noise)

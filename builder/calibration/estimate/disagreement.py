@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 from builder.calibration.estimate.faults import Fault, too_many
 from builder.calibration.estimate.outside_terms import OutsideModel
+from builder.calibration.estimate.remarks import leading_causes
 from builder.calibration.estimate.vehicle import Estimate
 
 FARTHEST = 6.0
@@ -32,7 +33,7 @@ def unexplained(found: Estimate, outside: OutsideModel, faults: Sequence[Fault])
     """Return what speaks against a map of ``found``, in one clause; empty where every error has a name."""
     many = too_many(found.model, faults)
     if many:
-        return many
+        return f"{many}; leading causes in common: {leading_causes(found)}"
     noise = max(min(outside.noise_factor, MOST_NOISE / outside.counted), 1.0)
     name, size = found.farthest
     against = []

@@ -50,6 +50,9 @@ NEAR_MODEL = 5e-4
 """Part of the strain by which the model of the vehicle as built may err, as noise: the wall varies within its
 regions. It counts where readings are more exact than 0.02 um/m."""
 
+AT_BREAK = 0.03
+"""The same of gauges within one element of a change of slope, thickness or material, where strain has a kink."""
+
 UNITS = (1e3, 1e-3, 1e6, 1e-6)
 """Factors of a wrong unit: mm/m for um/m and the like."""
 
@@ -103,9 +106,10 @@ def calibrate_with_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, 
 
 
 def _with_model_error(model: ReadingsModel) -> ReadingsModel:
-    """Return ``model`` with noise of at least :data:`NEAR_MODEL` of what each case should strain."""
+    """Return ``model`` with the error of the model as noise, in proportion to what each case should strain."""
     predicted, _ = model.at_drawing()
-    return model.with_readings(model.test.readings, np.hypot(model.test.reading_stds, NEAR_MODEL * predicted))
+    error = np.where(model.structure.at_break, AT_BREAK, NEAR_MODEL) * predicted
+    return model.with_readings(model.test.readings, np.hypot(model.test.reading_stds, error))
 
 
 def _without_faults(model: ReadingsModel) -> tuple[Estimate, tuple[Fault, ...]]:
@@ -134,7 +138,8 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
     faults = named_faults(model, usable(model))
     sure = [one for one in faults if one.kind not in UNNAMED]
     for _ in range(MOST_CAUSES):
-        if all(one.kind not in UNNAMED for one in faults):
+        sure = [one for one in sure if one not in _shared(faults)]
+        if all(one.kind not in UNNAMED for one in faults) and not _shared(faults):
             break
         used = _left(model, sure)
         cause = Evidence(model, used, np.zeros(len(model.std)), MODEL).best() if used.any() else None
@@ -152,6 +157,12 @@ def _before_the_estimate(model: ReadingsModel) -> tuple[ReadingsModel, list[Faul
                 known = [one for one in faults if one.where == left.where]
                 faults = [*known, *named_faults(model, others)]
     return model, faults
+
+
+def _shared(faults: Sequence[Fault]) -> list[Fault]:
+    """Return the masses on loads where there are several: what hangs on all is one cause."""
+    masses = [one for one in faults if one.kind == "mass"]
+    return masses if len(masses) > 1 else []
 
 
 def _with_causes(found: Estimate, faults: list[Fault]) -> tuple[Estimate, list[Fault]]:
@@ -265,7 +276,7 @@ def too_many(model: ReadingsModel, faults: Sequence[Fault]) -> str:
     return (
         f"{found.gauges} of {found.of_gauges} gauges and {found.loads} of {found.of_loads} loads would have to be "
         f"left out, expected at most {100.0 * MOST_AT_FAULT:g} % of the gauges or of the loads, not both; look "
-        "for what they have in common (rig mass, load cell, units, support), or correct what is named"
+        "for what they have in common, or correct what is named"
     )
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
+from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.as_built.derivatives import Key
 from strainfmu.arrays import FloatArray
@@ -137,29 +138,27 @@ class OutsideModel:
 
 def outside_model(found: Estimate) -> OutsideModel:
     """Return what the test of ``found`` says of the errors that its estimate takes for zero."""
-    model, used = found.model, found.used
-    free = model.std > 0.0
-    noise = model.test.reading_stds[used]
-    _, jacobian = model.jacobian(found.vector)
-    rows = jacobian[used][:, free] * (model.std[free] / noise[:, None])
-    left = (model.test.readings - found.after)[used] / noise + rows @ (found.vector[free] / model.std[free])
-    precision = np.linalg.inv(rows @ rows.T + np.eye(len(rows)))
+    model, used, linear = found.model, found.used, found.linear
     held = model.held_derivatives(found.vector)
-    columns = np.array([one[used] / noise for one in held.values()]).reshape(len(held), len(noise)).T
-    weighted = precision @ columns
-    covariance = np.linalg.inv(columns.T @ weighted + np.eye(len(held)) / WIDE**2)
-    size = covariance @ (weighted.T @ left)
-    of_noise, factor = _noise(precision - weighted @ covariance @ weighted.T, left)
+    columns = np.zeros((len(linear.left), len(held)))
+    for number, one in enumerate(held.values()):
+        columns[: used.sum(), number] = WIDE * one[used] / model.test.reading_stds[used]
+    wide = GaussianModel(np.hstack([linear.rows, columns]), linear.left, linear.group)
+    own = slice(linear.rows.shape[1], None)
+    size, covariance = WIDE * wide.mean[own], WIDE**2 * wide.covariance[own, own]
+    of_noise, factor = _noise(wide)
     scale = max(factor**2, 1.0) if of_noise.chance < ALARM else 1.0
     keys = list(held)
     kinds = [_kind(kind, keys, size, scale * covariance) for kind in KINDS if _places(kind, keys)]
     return OutsideModel(kinds=(*kinds, of_noise), noise_factor=factor, counted=model.noise_factor)
 
 
-def _noise(weight: FloatArray, left: FloatArray) -> tuple[OutsideKind, float]:
-    """Return the test of the noise, larger than stated, and its factor; ``weight`` is M (n, n)."""
-    trace, square = float(np.trace(weight)), float(np.sum(weight**2))
-    statistic = float(np.sum((weight @ left) ** 2))
+def _noise(wide: GaussianModel) -> tuple[OutsideKind, float]:
+    """Return the test of the noise, larger than stated, and its factor; M is the S^-1 of ``wide``."""
+    learned = np.eye(len(wide.covariance)) - wide.covariance
+    trace = len(wide.left) - float(np.trace(learned))
+    square = trace - float(np.trace(learned) - np.sum(learned**2))
+    statistic = float(np.sum(wide.weighted**2))
     # Chi-square of the same mean and variance.
     freedom = trace**2 / square
     one = OutsideKind(

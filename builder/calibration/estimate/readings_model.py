@@ -1,11 +1,16 @@
 """What a ground test should read: the vehicle as built, and the errors of the loads that were applied.
 
-    reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + zero of the recorder
-              + drift of the zero + what the case before it leaves by hysteresis.
+    reading = sum over the loads of (1 + own error + load cell's) (strain + pad errors) + weight of the rig
+              + zero of the recorder + drift of the zero + what the case before it leaves by hysteresis.
 
-The vector of a test is the vehicle's parameters, then the zeros of further groups of cases, the relative error of
-every load, gain and offset of every load cell, place, roll, shape and direction of every load, the direction that
-all forces have in common, the drift of every gauge from the first case to the last, and the hysteresis.
+The vector of a test is the vehicle's parameters, the zeros of further groups of cases, the relative error of
+every load, gain and offset of every load cell, place, roll, shape and direction of every load, what all loads have
+in common (direction, mass of the rig, size of the pads), the curve of every load cell, the drift of every gauge
+from the first case to the last, and the hysteresis of every gauge and of all.
+
+A load cell that reads R applies R (1 + gain) + offset + X (q 4 u (1 - u) + c 6 sqrt(3) u (1 - u) (1 - 2 u)),
+u = R / X, X its full scale. The curve vanishes at both ends, q and c are its largest values over X. Steps of
+the loads show it: :mod:`builder.calibration.estimate.load_steps`.
 """
 
 from __future__ import annotations
@@ -13,12 +18,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from builder.calibration.estimate.cause import Cause
-from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, moved, tilted
+from builder.calibration.estimate.gaussian import GaussianModel
+from builder.calibration.estimate.load_steps import StepParts, step_parts
+from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.derivatives import (
     Key,
@@ -30,7 +38,7 @@ from builder.structure.as_built.response_tables import LoadResponse, together
 from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
 from builder.structure.as_built.vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built_kinds import KINDS
-from builder.structure.loads.applied import Load, load_kind
+from builder.structure.loads.applied import Load, PadForce, PointForce, load_kind
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import ZERO
@@ -48,7 +56,13 @@ PAD_STEPS = {
 DIRECTIONS = ("towards the tail", "around the body")
 """Turns of all forces alike: of each towards +x, and towards the axis' direction crossed with it."""
 
-DRIFT = "drift"
+CELL, CURVE = ("load cell", "load cell offset"), ("load cell quadratic", "load cell cubic")
+"""Errors of a load cell: gain and offset, and how far it is from a straight line."""
+
+PAD = 0.02
+"""Half the length of the pad that stands for a point [m]; its unit in the vector."""
+
+DRIFT, RIG = "drift", "mass of the rig"
 HYSTERESIS = "hysteresis"
 
 
@@ -61,15 +75,19 @@ class StatedErrors:
     zero : (n_groups, n_d) [m/m].
     scale : (n_loads,) relative, own and of the load cell [1].
     pad : (n_loads, 5) place [m], roll [rad], shape [1], two tilts [rad], with the common tilt of all forces.
+    rig : mass that hangs on every pad and point [kg].
+    size : of all pads, over their length; of points, over a pad of :data:`PAD` [1].
     drift : (n_d,) of the zeros, from the first case to the last [m/m].
-    hysteresis : part of a case's strain that the next case still reads [1].
+    hysteresis : (n_d,) part of a case's strain that the next case still reads [1].
     """
 
     zero: FloatArray
     scale: FloatArray
     pad: FloatArray
+    rig: float
+    size: float
     drift: FloatArray
-    hysteresis: float
+    hysteresis: FloatArray
 
     @property
     def along(self) -> FloatArray:
@@ -107,8 +125,14 @@ class ReadingsModel:
         self._turns = np.array([common_turns(one.load) for _, one in self.loads]).reshape(-1, 2, len(DIRECTIONS))
         self.time = np.linspace(0.0, 1.0, len(test.cases))
         self._pads = [self._checked_pad_columns(test.cases[k].name, one.load) for k, one in self.loads]
-        self._together: LoadResponse | None = None
-        self._kept: dict[bool, _Kept] = {}
+        self._sizes = np.array(
+            [self._size_column(one.load, pads[2]) for (_, one), pads in zip(self.loads, self._pads, strict=True)]
+        )
+        self._hung = [
+            (k, hanging(one.load, test.cases[k], 1.0)) for k, one in self.loads if isinstance(one.load, PLACED)
+        ]
+        self._together: dict[str, LoadResponse] = {}
+        self._kept: dict[tuple[bool, bool], _Kept] = {}
         built = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
         self.names, self.std = (*built, *extra), np.concatenate([self.prior.vector, std])
@@ -161,11 +185,54 @@ class ReadingsModel:
 
     @property
     def is_zero(self) -> BoolArray:
-        """(n,) whether an entry of the vector is a zero of the recorder."""
+        """(n,) whether an entry of the vector is a zero of the recorder, or its drift."""
         found, at = np.zeros(len(self.std), dtype=bool), slices(self.structure.counts)[ZERO]
-        found[at] = True
+        found[at] = found[self.drift_entries] = True
         found[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
         return found
+
+    def left(
+        self, used: BoolArray, vector: FloatArray, predicted: FloatArray, noise: FloatArray | None = None
+    ) -> FloatArray:
+        """Return (n,) readings ``used`` less ``predicted``, then steps of their cases, over ``noise`` (n_used,) or
+        what the test states."""
+        left = (self.test.readings - predicted)[used] / (self.test.reading_stds[used] if noise is None else noise)
+        steps = self._steps(used)
+        return np.concatenate(
+            [left, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
+        )
+
+    def slopes(self, used: BoolArray, jacobian: FloatArray, noise: FloatArray | None = None) -> FloatArray:
+        """Return (n, n_vector) derivatives of what :meth:`left` is of, over the same noise."""
+        noise, steps = self.test.reading_stds[used] if noise is None else noise, self._steps(used)
+        of_steps = np.zeros((len(steps.value), len(self.std)))
+        of_steps[:, self._of_cells] = self._step_slopes(steps) / steps.std[:, None]
+        return np.vstack([jacobian[used] / noise[:, None], of_steps])
+
+    def gauge_of_rows(self, used: BoolArray) -> IntArray:
+        """Return (n,) the gauge of each row of :meth:`left`, -1 of steps."""
+        return np.append(np.argwhere(used)[:, 1], np.full(len(self._steps(used).value), -1))
+
+    def linear(
+        self, used: BoolArray, vector: FloatArray, predicted: FloatArray, jacobian: FloatArray
+    ) -> GaussianModel:
+        """Return the readings ``used``, linear about ``vector``, by unknowns in their standard deviations."""
+        free = self.std > 0.0
+        rows = self.slopes(used, jacobian)[:, free] * self.std[free]
+        left = self.left(used, vector, predicted) + rows @ (vector[free] / self.std[free])
+        return GaussianModel(rows, left, self.gauge_of_rows(used))
+
+    def _steps(self, used: BoolArray) -> StepParts:
+        return step_parts(self.test, np.asarray(used.any(axis=1)))
+
+    def _step_slopes(self, steps: StepParts) -> FloatArray:
+        """Return (m, 4 n_cells) derivatives of the values of :func:`step_parts`."""
+        found = np.zeros((len(steps.value), len(CELL + CURVE), len(self.cells)))
+        for row, cell, force, part in zip(found, steps.cell, steps.force, steps.part, strict=True):
+            row[:, self.cells.index(cell)] = self._cell_columns(cell, part * force) - self._cell_columns(
+                cell, force
+            )
+        return found.reshape(len(found), len(CELL + CURVE) * len(self.cells))
 
     def built(self, vector: FloatArray) -> AsBuilt:
         """Return the vehicle's part of a vector."""
@@ -175,23 +242,26 @@ class ReadingsModel:
         """Return the test's part of a vector."""
         n_d, n_l, n_g = self.structure.n_gauges, len(self.loads), len(self.groups)
         rest = vector[self.n_built :]
-        sizes = [(n_g - 1) * n_d, n_l, 2 * len(self.cells), n_l * len(PAD_STEPS), len(DIRECTIONS), n_d]
-        more, scale, cell, pad, turn, drift, left = np.split(rest, np.cumsum(sizes))
+        cells = len(CELL) * len(self.cells)
+        sizes = [(n_g - 1) * n_d, n_l, cells, n_l * len(PAD_STEPS), len(DIRECTIONS), 2, cells, n_d, n_d]
+        more, scale, _, pad, turn, rig, _, drift, each_left, left = np.split(rest, np.cumsum(sizes))
         own, each = self.built(vector).zero, pad.reshape(n_l, len(PAD_STEPS)).copy()
         each[:, -2:] += self._turns @ turn
         return StatedErrors(
             zero=np.vstack([own, more.reshape(-1, n_d)]),
-            scale=scale + self._on_cell @ cell,
+            scale=scale + self._on_cell @ vector[self._of_cells],
             pad=each,
+            rig=float(rig[0]),
+            size=float(rig[1]),
             drift=drift,
-            hysteresis=float(left[0]),
+            hysteresis=left + each_left,
         )
 
     @property
     def cell_entries(self) -> slice:
         """Where gains, then offsets, of the load cells stand in the vector."""
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges + len(self.loads)
-        return slice(first, first + 2 * len(self.cells))
+        return slice(first, first + len(CELL) * len(self.cells))
 
     @property
     def load_entries(self) -> IntArray:
@@ -201,9 +271,27 @@ class ReadingsModel:
 
     @property
     def common_entries(self) -> slice:
-        """Where the direction of all forces, the drift of every gauge and the hysteresis stand in the vector."""
+        """Where direction, rig and size of all loads, curves of load cells, drift and hysteresis stand in the
+        vector."""
         first = self.cell_entries.stop + len(PAD_STEPS) * len(self.loads)
-        return slice(first, first + len(DIRECTIONS) + self.structure.n_gauges + 1)
+        return slice(first, self.drift_entries.stop + self.structure.n_gauges + 1)
+
+    @property
+    def rig_entry(self) -> int:
+        """Where the mass of the rig stands in the vector; the size of all pads follows."""
+        return self.cell_entries.stop + len(PAD_STEPS) * len(self.loads) + len(DIRECTIONS)
+
+    @property
+    def _of_cells(self) -> IntArray:
+        """Where :data:`CELL` and :data:`CURVE` of the load cells stand in the vector."""
+        curves = self.rig_entry + 2 + np.arange(len(CURVE) * len(self.cells))
+        return np.r_[self.cell_entries, curves].astype(np.int64)
+
+    @property
+    def drift_entries(self) -> slice:
+        """Where the drift of every gauge stands in the vector; its hysteresis follows."""
+        first = self.rig_entry + 2 + len(CURVE) * len(self.cells)
+        return slice(first, first + self.structure.n_gauges)
 
     def load_strains(self, built: AsBuilt) -> FloatArray:
         """Return (n_loads, n_d) readings of every load as stated, without zeros [m/m]."""
@@ -220,13 +308,36 @@ class ReadingsModel:
 
     @property
     def _responses(self) -> LoadResponse:
-        if self._together is None:
-            self._together = together([self.structure.response(one.load) for _, one in self.loads])
-        return self._together
+        if "loads" not in self._together:
+            self._together["loads"] = together([self.structure.response(one.load) for _, one in self.loads])
+        return self._together["loads"]
+
+    def _weighs_rig(self, vector: FloatArray) -> bool:
+        """Whether the mass of the rig is, or may be, another one than zero."""
+        return bool(self.std[self.rig_entry] > 0.0 or vector[self.rig_entry] != 0.0)
+
+    def _rig_strains(self, built: AsBuilt, exact: bool) -> FloatArray:
+        """Return (n_cases, n_d) what a rig of 1 kg strains in each case; on the wall of the drawing if not
+        ``exact``."""
+        found = np.zeros((len(self.test.cases), self.structure.n_gauges))
+        if not self._hung:
+            return found
+        key = "rig" if exact else "rig, by the drawing"
+        if key not in self._together:
+            loads, structure = [load for _, load in self._hung], self.structure
+            self._together[key] = (
+                together([structure.response(load) for load in loads])
+                if exact
+                else structure.nominal_response(loads)
+            )
+        np.add.at(found, [k for k, _ in self._hung], self.structure.response_strain(built, self._together[key]))
+        return found
 
     def readings(self, vector: FloatArray) -> FloatArray:
         """Return what the gauges should read (n_cases, n_d) [m/m]."""
-        return self._joined(self.load_strains(self.built(vector)), self.errors(vector))
+        built = self.built(vector)
+        rig = self._rig_strains(built, self._weighs_rig(vector))
+        return self._joined(self.load_strains(built), self.errors(vector), rig)
 
     def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly.
@@ -234,10 +345,10 @@ class ReadingsModel:
         The derivatives at the last vector are kept for the next time, and the derivatives at the drawing.
         Measured readings and standard deviations do not change them.
         """
-        at_drawing = not vector.any()
-        kept = self._kept.get(at_drawing)
+        place = not vector.any(), self._weighs_rig(vector)
+        kept = self._kept.get(place)
         if kept is None or not np.array_equal(kept.vector, vector):
-            kept = self._kept[at_drawing] = _Kept(vector.copy(), *self._slopes(vector))
+            kept = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
         known = set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior))
         found = kept.jacobian.copy()
         for key in known:
@@ -268,7 +379,10 @@ class ReadingsModel:
         for columns, own, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
             columns[-2:] -= np.outer(tilt, own)
         self._load_derivatives(found, strain, pads)
-        readings = self._joined(strain, errors)
+        rig = self._rig_strains(built, self._weighs_rig(vector))
+        readings = self._joined(strain, errors, rig)
+        found[:, :, self.rig_entry] = rig
+        found[:, :, self.rig_entry + 1] = self._summed(self._sizes)
         self._common_derivatives(found, readings - self._zeros(errors), pads)
         return readings, found
 
@@ -283,11 +397,11 @@ class ReadingsModel:
         _, found = self.with_std(std).jacobian(vector)
         return {key: found[:, :, self._entries(key).start] for key in keys}
 
-    def _joined(self, strain: FloatArray, errors: StatedErrors) -> FloatArray:
+    def _joined(self, strain: FloatArray, errors: StatedErrors, rig: FloatArray) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
-        shape = strain.shape
-        total = ((1.0 + errors.scale) * errors.along)[:, None] * (strain + moved.reshape(shape))
-        strain = self._summed(total)
+        moved = moved.reshape(strain.shape) + errors.size * self._sizes.reshape(strain.shape)
+        total = ((1.0 + errors.scale) * errors.along)[:, None] * (strain + moved)
+        strain = self._summed(total) + errors.rig * rig
         strain[1:] += errors.hysteresis * strain[:-1].copy()
         return strain + self._zeros(errors)
 
@@ -311,31 +425,48 @@ class ReadingsModel:
 
     def _load_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
         first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
-        cells, n_p = self.cell_entries, len(PAD_STEPS)
+        cells, n_p = self._of_cells, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
             found[case, :, first + number] += strain[number]
-            found[case, :, cells] += np.outer(strain[number], self._on_cell[number])
-            pad = cells.stop + n_p * number
+            found[case][:, cells] += np.outer(strain[number], self._on_cell[number])
+            pad = self.cell_entries.stop + n_p * number
             found[case, :, pad : pad + n_p] += pads[number].T
 
     def _common_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
-        """Set the derivatives by :attr:`common_entries`; ``strain`` (n_cases, n_d) is without zeros."""
+        """Set the derivatives by direction, drift and hysteresis; ``strain`` (n_cases, n_d) is without zeros."""
         turn, gauge = self.common_entries.start, np.arange(self.structure.n_gauges)
         for number, (case, _) in enumerate(self.loads):
             by_turn = pads[number][-2:].T @ self._turns[number]
             found[case, :, turn : turn + len(DIRECTIONS)] += by_turn
-        found[:, gauge, turn + len(DIRECTIONS) + gauge] = self.time[:, None]
-        found[1:, :, self.common_entries.stop - 1] = strain[:-1]
+        found[:, gauge, self.drift_entries.start + gauge] = self.time[:, None]
+        found[1:, gauge, self.drift_entries.stop + gauge] = found[1:, :, self.common_entries.stop - 1] = strain[
+            :-1
+        ]
 
     def _load_cells(self) -> FloatArray:
-        """Return (n_loads, 2 n_cells) relative change of every load by gain [1] and offset [N] of every cell."""
-        gain, offset = np.zeros((2, len(self.loads), len(self.cells)))
-        for number, (_, one) in enumerate(self.loads):
+        """Return (n_loads, 4 n_cells) relative change of every load by each error of every cell."""
+        found = np.zeros((len(self.loads), len(CELL + CURVE), len(self.cells)))
+        for row, (_, one) in zip(found, self.loads, strict=True):
             if one.on_load_cell:
-                cell, force = self.cells.index(one.load_cell), cell_force(one.load)
-                gain[number, cell] = 1.0
-                offset[number, cell] = 1.0 / force if force > 0.0 else 0.0
-        return np.hstack([gain, offset])
+                row[:, self.cells.index(one.load_cell)] = self._cell_columns(one.load_cell, cell_force(one.load))
+        return found.reshape(len(found), len(CELL + CURVE) * len(self.cells))
+
+    @cached_property
+    def full_scale(self) -> dict[str, float]:
+        """Full scale of each load cell, the largest of its forces where none is stated [N]."""
+        found = dict.fromkeys(self.cells, 0.0)
+        for _, one in self.loads:
+            if one.on_load_cell:
+                found[one.load_cell] = max(found[one.load_cell], cell_force(one.load))
+        return found | {name: self.test.full_scale[name] for name in found if name in self.test.full_scale}
+
+    def _cell_columns(self, cell: str, force: float) -> FloatArray:
+        """Return (4,) relative change of a load of which the cell reads ``force`` [N] by each of its errors."""
+        if force <= 0.0:
+            return np.array([1.0, 0.0, 0.0, 0.0])
+        u = force / self.full_scale[cell]
+        curve = 6.0 * np.sqrt(3.0) * (1.0 - u) * (1.0 - 2.0 * u)
+        return np.array([1.0, 1.0 / force, 4.0 * (1.0 - u), curve])
 
     def _checked_pad_columns(self, case: str, load: Load) -> FloatArray:
         """Return :meth:`_pad_columns`; a load that the structure refuses is named by its case, as it is stated."""
@@ -374,6 +505,23 @@ class ReadingsModel:
             found[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
         return found
 
+    def _size_column(self, load: Load, by_shape: FloatArray) -> FloatArray:
+        """Return (n_d,) change of the readings by the size of a pad, ``by_shape``, or by a point that is a pad."""
+        if not isinstance(load, PointForce):
+            return by_shape
+        radius = float(self.structure.on_wall.radius[np.abs(self.structure.placed.x - load.station).argmin()])
+        pad = PadForce(
+            station=load.station,
+            roll_angle=load.roll_angle,
+            half_length=PAD,
+            half_angle=PAD / radius,
+            force=load.force,
+        )
+        point, spread = self.structure.response_strain(
+            self.structure.solved, self.structure.nominal_response([load, pad])
+        )
+        return np.asarray(spread - point)
+
     def _extra_names(self) -> list[str]:
         gauges = self.structure.gauges.names
         names = [f"zero {gauge}, zeros '{group}'" for group in self.groups[1:] for gauge in gauges]
@@ -383,10 +531,11 @@ class ReadingsModel:
         ]
         cells = [""] if self.cells == ["1"] else [f" {cell}" for cell in self.cells]
         names += [f"load {label}" for label in labels]
-        names += [f"load cell{cell}" for cell in cells] + [f"load cell offset{cell}" for cell in cells]
+        names += [f"{error}{cell}" for error in CELL for cell in cells]
         names += [f"pad {what} {label}" for label in labels for what in PAD_STEPS]
-        names += [f"direction of all forces {way}" for way in DIRECTIONS]
-        return [*names, *(f"{DRIFT} {gauge}" for gauge in gauges), HYSTERESIS]
+        names += [*(f"direction of all forces {way}" for way in DIRECTIONS), RIG, "size of all pads"]
+        names += [f"{error}{cell}" for error in CURVE for cell in cells]
+        return [*names, *(f"{what} {gauge}" for what in (DRIFT, HYSTERESIS) for gauge in gauges), HYSTERESIS]
 
     def _extra_std(self) -> FloatArray:
         errors = self.test.errors
@@ -394,9 +543,11 @@ class ReadingsModel:
         own = [one.std for _, one in self.loads]
         pad = np.array([errors.pad_position, errors.pad_roll, errors.pad_shape, errors.tilt, errors.tilt])
         of_pads = [pad * columns.any(axis=1) for columns in self._pads]
-        n_k = len(self.cells)
-        cells = np.repeat([errors.common, errors.cell_offset], n_k) * self._on_cell.any(axis=0)
-        return np.concatenate([zero, own, cells, *of_pads, np.zeros(len(DIRECTIONS) + len(self.prior.zero) + 1)])
+        stated = [errors.common, errors.cell_offset, errors.cell_curve, errors.cell_curve]
+        cells, curves = np.split(np.repeat(stated, len(self.cells)) * self._on_cell.any(axis=0), 2)
+        n_d, mass = len(self.prior.zero), errors.rig_mass if self._hung else 0.0
+        common = np.r_[np.zeros(len(DIRECTIONS)), mass, 0.0, curves, np.full(n_d, errors.drift), np.zeros(n_d + 1)]
+        return np.concatenate([zero, own, cells, *of_pads, common])
 
 
 def _of_test(prior: AsBuilt, test: LoadTest) -> AsBuilt:

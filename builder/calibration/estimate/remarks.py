@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from builder.calibration.estimate.cause import Cause
-from builder.calibration.estimate.readings_model import DIRECTIONS, ReadingsModel
+from builder.calibration.estimate.causes import Evidence, least_of
+from builder.calibration.estimate.readings_model import DIRECTIONS, PAD, ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.as_built.vehicle import slices
 from strainfmu.arrays import FloatArray
@@ -18,6 +19,19 @@ NAMED = 3.0
 SMALLEST = 0.01
 """Relative difference from which one is named [1]."""
 
+LEADING = 3
+"""Causes that a refusal names."""
+
+
+def leading_causes(found: Estimate) -> str:
+    """Return the causes that all or many readings may have in common, the most probable first, in one clause."""
+    every = Evidence(found.model, found.used, found.vector).ranking()
+    common = [(one, gain) for one, gain in every if one.where in ("vehicle", "noise") and gain > 0.0][:LEADING]
+    known = dict.fromkeys(one.kind for one in found.model.causes if one.where in ("vehicle", "noise"))
+    names = [*(f"{kind} (estimated)" for kind in known)]
+    names += [f"{one.kind} (odds of 1e{(gain + least_of(one)) / np.log(10.0):.0f})" for one, gain in common]
+    return ", ".join(names) or "none of the causes that are known"
+
 
 def remarks(found: Estimate) -> tuple[str, ...]:
     """Return a line for each thing that the user should look at, none where all is as stated."""
@@ -26,8 +40,19 @@ def remarks(found: Estimate) -> tuple[str, ...]:
     gauges = dict.fromkeys(cause.number for cause in model.causes if cause.where == "gauge")
     scatter = [_of_gauge(model, number) for number in gauges]
     lines = [_of_mass(found), *_of_load_cells(found), *causes, *scatter, _of_noise(found), _of_tolerances(found)]
-    lines += [found.unsettled, found.disagreement]
+    lines += [_at_breaks(model), found.unsettled, found.disagreement]
     return tuple(line for line in lines if line)
+
+
+def _at_breaks(model: ReadingsModel) -> str:
+    structure = model.structure
+    if not structure.at_break.any():
+        return ""
+    names = ", ".join(np.array(structure.gauges.names)[structure.at_break])
+    return (
+        f"gauges within one element of a change of slope or thickness count as less exact: {names}; strain "
+        "changes there within millimetres"
+    )
 
 
 def _differs(size: float, std: float) -> bool:
@@ -49,7 +74,8 @@ def _of_mass(found: Estimate) -> str:
 
 def _of_load_cells(found: Estimate) -> list[str]:
     model, lines = found.model, []
-    for k in range(len(model.cells)):
+    curved = {cause.number for cause in model.causes if cause.kind == "load cell"}
+    for k in sorted(set(range(len(model.cells))) - curved):
         at = model.cell_entries.start + k
         size, std = float(found.vector[at]), float(found.std[at])
         if _differs(size, std):
@@ -113,8 +139,33 @@ def _drift(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> 
 
 def _hysteresis(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
     return (
-        f"hysteresis: a case reads {_pair(100.0 * size, 100.0 * std)} % of the strain of the case before it; "
+        f"hysteresis: a case reads {_pair(100.0 * size[-1:], 100.0 * std[-1:])} % of the strain before it; "
         "return to zero load between the cases"
+    )
+
+
+def _rig(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    return (
+        f"rig: {_pair(size, std)} kg hang on every pad and point that no load cell reads; weigh the rig, and "
+        f"state errors.rig_mass_kg = {abs(float(size[0])):.1g}"
+    )
+
+
+def _pad_size(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    return (
+        f"size of all pads: it differs by {_pair(100.0 * size, 100.0 * std)} % of their length, of points from "
+        f"none to {1e3 * PAD * abs(float(size[0])):.2g} mm to each side; state points as pads"
+    )
+
+
+def _load_cell(found: Estimate, cause: Cause, size: FloatArray, std: FloatArray) -> str:
+    model = found.model
+    name = model.names[cause.entries[0]]
+    return (
+        f"{name}: it is not straight, by {_pair(100.0 * size[1:], 100.0 * std[1:])} % (quadratic, cubic) of "
+        f"{model.full_scale[model.cells[cause.number]]:.4g} N; its loads at that are "
+        f"{_pair(100.0 * size[:1], 100.0 * std[:1])} % larger than it reads; calibrate it over its range, and "
+        "state full_scale_N"
     )
 
 
@@ -158,5 +209,8 @@ _SAID: dict[str, Callable[[Estimate, Cause, FloatArray, FloatArray], str]] = {
     "second harmonic": _wall("wall_second_harmonic_percent"),
     "direction": _direction,
     "drift": _drift,
+    "rig": _rig,
+    "pad size": _pad_size,
+    "load cell": _load_cell,
     "hysteresis": _hysteresis,
 }

@@ -61,111 +61,64 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
 
     ``start`` (n,) is where the steps begin; zero by default.
     """
-    cost = _Cost(model, used)
-    vector = np.zeros(len(model.std)) if start is None else start * cost.free
+    free = model.std > 0.0
+    std = model.std[free]
+
+    def cost(at: FloatArray, predicted: FloatArray) -> float:
+        left = model.left(used, at, predicted)
+        return float(left @ left + np.sum((at[free] / std) ** 2))
+
+    vector = np.zeros(len(model.std)) if start is None else start * free
     predicted, jacobian = model.at_drawing() if start is None else model.jacobian(vector)
-    steps, value, last, damping = 0, cost.of(vector, predicted), np.inf, 0.0
+    steps, value, last, damping = 0, cost(vector, predicted), np.inf, 0.0
     fresh = True  # whether the derivatives are of this vector
     while True:
         steps += 1
-        step = _Step(cost, vector, predicted, jacobian)
-        if step.length < SETTLED:
-            return step.end(step.taken(vector, 0.0), steps, SETTLED)
-        found = _lower(cost, step, vector, value, damping, TRIALS if fresh else 1)
-        fall = step.predicted_fall if found is None else value - found.value
-        flat = steps >= SURE and fresh and fall < WORTH * value
-        if found is not None:
-            vector, predicted, value = found.vector, found.predicted, found.value
-            damping = found.damping / MORE_DAMPING if found.damping > FIRST_DAMPING else 0.0
-        if steps == STEPS or flat or (found is None and fresh):
-            return step.end(vector, steps, NEAR)
-        fresh = found is None or steps == 1 or damping > 0.0 or not step.length <= SHRINKS * last
-        last = step.length
+        linear = model.linear(used, vector, predicted, jacobian)
+        before = vector[free] / std
+        change = linear.mean - before
+        size = np.abs(change) / np.sqrt(np.diag(linear.covariance))
+        length, short = float(size.max()), SETTLED
+        ended = length < SETTLED
+        if ended:
+            vector = _moved(vector, free, change * std)
+        else:
+            precision = np.eye(len(std)) + linear.information
+            downhill = linear.rows.T @ linear.left - precision @ before
+            lower, fall = None, float(downhill @ change)  # what the cost falls by if readings are linear
+            for _ in range(TRIALS if fresh else 1):
+                damped = precision + damping * np.diag(np.diag(precision))
+                step = change if damping == 0.0 else np.linalg.solve(damped, downhill)
+                trial = _moved(vector, free, step * std)
+                of_trial = model.readings(trial)
+                lower = cost(trial, of_trial)
+                if lower < value:
+                    break
+                lower, damping = None, max(FIRST_DAMPING, MORE_DAMPING * damping)
+            flat = steps >= SURE and fresh and (fall if lower is None else value - lower) < WORTH * value
+            ended, short = steps == STEPS or flat or (lower is None and fresh), NEAR
+            if lower is not None:
+                vector, predicted, value = trial, of_trial, lower
+                damping = damping / MORE_DAMPING if damping > FIRST_DAMPING else 0.0
+            elif not fresh:
+                damping = 0.0
+        if ended:
+            return Minimum(
+                vector=vector,
+                covariance=linear.covariance,
+                steps=steps,
+                settled=length < short,
+                length=length,
+                farthest=int(np.flatnonzero(free)[size.argmax()]),
+            )
+        fresh = lower is None or steps == 1 or damping > 0.0 or not length <= SHRINKS * last
+        last = length
         if fresh:
             predicted, jacobian = model.jacobian(vector)
 
 
-class _Cost:
-    """Misfit of readings and prior."""
-
-    def __init__(self, model: ReadingsModel, used: BoolArray) -> None:
-        self.model, self.used, self.free = model, used, model.std > 0.0
-        self.std = model.std[self.free]
-        self.reading, self.noise = model.test.readings[used], model.test.reading_stds[used]
-
-    def of(self, vector: FloatArray, predicted: FloatArray) -> float:
-        left = (self.reading - predicted[self.used]) / self.noise
-        return float(left @ left + np.sum((vector[self.free] / self.std) ** 2))
-
-
-class _Step:
-    """One step of Gauss and Newton, and the damped ones of the same derivatives.
-
-    Attributes
-    ----------
-    covariance : of the parameters that are not known exactly, in their standard deviations before the test.
-    change : (n_free,) of the step without damping.
-    length : its largest change of a parameter, in the standard deviations after the test.
-    """
-
-    def __init__(self, cost: _Cost, vector: FloatArray, predicted: FloatArray, jacobian: FloatArray) -> None:
-        used, free, std = cost.used, cost.free, cost.std
-        self._cost, before = cost, vector[free]
-        rows = jacobian[used][:, free] * (std / cost.noise[:, None])
-        target = (cost.reading - predicted[used]) / cost.noise + rows @ (before / std)
-        self._precision = rows.T @ rows + np.eye(rows.shape[1])
-        self.covariance = np.asarray(np.linalg.inv(self._precision), dtype=np.float64)
-        self.change = self.covariance @ (rows.T @ target) * std - before
-        self._downhill = rows.T @ (target - rows @ (before / std)) - before / std
-        size = np.abs(self.change) / (std * np.sqrt(np.diag(self.covariance)))
-        self.length, self._farthest = float(np.max(size)), int(np.flatnonzero(free)[size.argmax()])
-
-    @property
-    def predicted_fall(self) -> float:
-        """What the cost falls by without damping, if the readings are linear."""
-        return float(self._downhill @ (self.change / self._cost.std))
-
-    def end(self, vector: FloatArray, steps: int, short: float) -> Minimum:
-        """Return ``vector`` as the end of the steps, settled where this last one is shorter than ``short``."""
-        return Minimum(
-            vector=vector,
-            covariance=self.covariance,
-            steps=steps,
-            settled=self.length < short,
-            length=self.length,
-            farthest=self._farthest,
-        )
-
-    def taken(self, vector: FloatArray, damping: float) -> FloatArray:
-        """Return ``vector`` (n,) after the step."""
-        change = self.change
-        if damping > 0.0:
-            damped = self._precision + damping * np.diag(np.diag(self._precision))
-            change = np.linalg.solve(damped, self._downhill) * self._cost.std
-        found = vector.copy()
-        found[self._cost.free] += change
-        return found
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Lower:
-    """A vector of lower cost, its readings, its cost, and the damping that led there."""
-
-    vector: FloatArray
-    predicted: FloatArray
-    value: float
-    damping: float
-
-
-def _lower(
-    cost: _Cost, step: _Step, vector: FloatArray, value: float, damping: float, trials: int
-) -> _Lower | None:
-    """Return the first vector of lower cost than ``value`` as damping grows; None after so many trials."""
-    for _ in range(trials):
-        trial = step.taken(vector, damping)
-        predicted = cost.model.readings(trial)
-        there = cost.of(trial, predicted)
-        if there < value:
-            return _Lower(vector=trial, predicted=predicted, value=there, damping=damping)
-        damping = max(FIRST_DAMPING, MORE_DAMPING * damping)
-    return None
+def _moved(vector: FloatArray, free: BoolArray, change: FloatArray) -> FloatArray:
+    """Return ``vector`` (n,) with ``change`` added where it is ``free``."""
+    found = vector.copy()
+    found[free] += change
+    return found

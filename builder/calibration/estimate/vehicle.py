@@ -10,6 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
+from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.steps import minimum
 from builder.structure.as_built.gauges import gain_of
@@ -34,7 +35,8 @@ class Estimate:
     vector, covariance : (n,) and (n, n) of the model's vector after the test.
     used : (n_cases, n_d) readings that were used.
     before, after : (n_cases, n_d) readings predicted by the drawing, zeros estimated alone, and by the estimate.
-    chi_square : of the readings used; its expectation is :attr:`freedom`.
+    chi_square : of the readings used, but for gauges :attr:`AsBuiltStructure.at_break`, whose error is bounded
+        alone; its expectation is :attr:`freedom`.
     steps : Gauss-Newton steps.
     settled : whether they ended at a minimum, to one standard deviation.
     last_step : the parameter that the last one changes most, and by how many standard deviations after the test.
@@ -62,10 +64,19 @@ class Estimate:
         scale = np.divide(1.0, std, out=np.zeros_like(std), where=std > 0.0)
         return np.asarray(np.diag(1.0 * (std > 0.0)) - scale[:, None] * self.covariance * scale)
 
+    @cached_property
+    def linear(self) -> GaussianModel:
+        """Readings and steps, linear about the estimate, by standard deviations before the test."""
+        return self.model.linear(self.used, self.vector, self.after, self.model.jacobian(self.vector)[1])
+
     @property
     def freedom(self) -> float:
         """Readings less what the estimate takes from them: the expectation of ``chi_square``."""
-        return self.n_readings - float(np.trace(self._learned))
+        at_break = self.model.structure.at_break
+        if not at_break.any():
+            return self.n_readings - float(np.trace(self._learned))
+        rows = self.linear.rows[: self.n_readings][~at_break[np.argwhere(self.used)[:, 1]]]
+        return len(rows) - float(np.sum((rows @ self.linear.covariance) * rows))
 
     @property
     def per_reading(self) -> float:
@@ -207,6 +218,7 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     test, free = model.test, model.std > 0.0
     reading, noise = test.readings[used], test.reading_stds[used]
     after = model.readings(vector)
+    left = (reading - after[used]) / noise
     full = np.zeros((len(vector), len(vector)))
     full[np.ix_(free, free)] = model.std[free][:, None] * covariance * model.std[free]
     return Estimate(
@@ -216,7 +228,7 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
         used=used,
         before=drawing_readings(model, used),
         after=after,
-        chi_square=float(np.sum(((reading - after[used]) / noise) ** 2)),
+        chi_square=float(np.sum(left[~model.structure.at_break[np.argwhere(used)[:, 1]]] ** 2)),
         steps=end.steps,
         settled=end.settled,
         last_step=(model.names[end.farthest], end.length),

@@ -108,13 +108,23 @@ def change_by(load: applied.PadForce | applied.PointForce, more: Load) -> FloatA
     return np.array([force @ added / size**2, *(_across(force) @ added / size)])
 
 
-def hanging(load: applied.PadForce | applied.PointForce, case: LoadCase, mass: float) -> Load:
+def hanging(
+    load: applied.PadForce | applied.PadPressure | applied.PointForce, case: LoadCase, mass: float
+) -> Load:
     """Return the weight of ``mass`` [kg] that hangs where ``load`` of a case acts, in the attitude of the case.
 
     The vehicle lies with +z up where the case states no weight.
     """
     weights = [one.load for one in case.loads if isinstance(one.load, applied.Weight)]
     x, y, z = (mass * (weights[0] if weights else applied.Weight()).acceleration).tolist()
+    if isinstance(load, applied.PadPressure):
+        return applied.PadForce(
+            station=load.station,
+            roll_angle=load.roll_angle,
+            half_length=load.half_length,
+            half_angle=load.half_angle,
+            force=(x, y, z),
+        )
     return replace(load, force=(x, y, z))
 
 

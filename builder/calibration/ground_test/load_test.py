@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,9 @@ import numpy as np
 from builder.structure.loads.applied import Load
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+
+REPLACED, BALANCED = "replaced", "balanced again"
+"""What happens to a gauge after a test: it has other errors, or another zero offset."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +42,9 @@ class LoadErrors:
     load : relative error of each load, where it states none of its own [1].
     common : relative error of all loads of a load cell together [1].
     cell_offset : error of all loads of a load cell, whatever their size [N].
+    cell_curve : nonlinearity of a load cell over its full scale [1].
+    rig_mass : what hangs on every pad and point and no load cell reads [kg].
+    drift : of each gauge from the first case to the last [m/m].
     pad_position : of each pad and point along the body [m].
     pad_roll : of each pad and point round it [rad].
     pad_shape : relative error of each pad's length [1].
@@ -48,6 +55,9 @@ class LoadErrors:
     load: float = 0.005
     common: float = 0.005
     cell_offset: float = 0.0
+    cell_curve: float = 0.0005
+    rig_mass: float = 0.0
+    drift: float = 0.1e-6
     pad_position: float = 0.002
     pad_roll: float = float(np.deg2rad(0.3))
     pad_shape: float = 0.1
@@ -108,6 +118,8 @@ class LoadTest:
     cases : in the order of the file.
     errors : of what is stated of the loads.
     left_out : a line for each channel whose readings were left out, as it stands still in its recording.
+    full_scale : of load cells, where it is stated [N].
+    changed : gauges that changed after the test, :data:`REPLACED` or balanced again.
 
     Raises
     ------
@@ -119,6 +131,8 @@ class LoadTest:
     cases: tuple[LoadCase, ...]
     errors: LoadErrors = field(default_factory=LoadErrors)
     left_out: tuple[str, ...] = ()
+    full_scale: Mapping[str, float] = field(default_factory=dict)
+    changed: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.cases:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import date
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
@@ -35,8 +35,10 @@ Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 class ErrorEntries(Section):
     """How exactly the loads are known, one standard deviation each.
 
-    ``load_percent`` is of each load on its own where it states no ``std_percent``. ``load_cell_percent`` and
-    ``load_cell_offset_N`` are common to all loads of one ``load_cell``: its gain and its reading without load.
+    ``load_percent`` is of each load on its own where it states no ``std_percent``. ``load_cell_percent``,
+    ``load_cell_offset_N`` and ``load_cell_nonlinearity_percent`` of full scale are common to all loads of one
+    ``load_cell``: its gain, its reading without load and its curve. ``rig_mass_kg`` hangs on every pad and point
+    and no cell reads it; zeros drift by ``drift_um_per_m`` from the first case to the last.
     Weight, acceleration and temperature have no part in these: ``mass_percent`` is the vehicle's, the same in all
     attitudes, by default the value of its section [calibration]. Pads and points stand ``pad_position_mm`` and
     ``pad_roll_deg`` off, and forces point ``load_direction_deg`` off about both axes across them, except forces of
@@ -46,6 +48,9 @@ class ErrorEntries(Section):
     load_percent: Percent = 0.5
     load_cell_percent: Percent = 0.5
     load_cell_offset_N: float = Field(default=0.0, ge=0.0, le=1e6)
+    load_cell_nonlinearity_percent: Percent = 0.05
+    rig_mass_kg: float = Field(default=0.0, ge=0.0, le=1e4)
+    drift_um_per_m: float = Field(default=0.1, ge=0.0, le=1e4)
     pad_position_mm: float = Field(default=2.0, ge=0.0, le=1e3)
     pad_roll_deg: float = Field(default=0.3, ge=0.0, le=90.0)
     pad_shape_percent: Percent = 10.0
@@ -77,8 +82,8 @@ Window = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidato
 class StepEntry(Section):
     """A reading on the way to the loads of a case, or back: ``load_percent`` of each load that a load cell reads.
 
-    Steps after the case's own window are unloading, 0 % is the return to zero. They are not fitted: they show
-    hysteresis, and how far readings return to zero.
+    Steps after the case's own window are unloading, 0 % is the return to zero. They show the curve of the load
+    cell, hysteresis, and how far readings return to zero.
     """
 
     load_percent: float = Field(ge=0.0, le=200.0)
@@ -127,11 +132,24 @@ class CaseEntry(Section):
 
 
 class LoadCellEntry(Section):
-    """A load cell, for the record: loads name it as their ``load_cell``."""
+    """A load cell: loads name it as their ``load_cell``.
+
+    Its curve is judged over ``full_scale_N``, by default the largest of its loads.
+    """
 
     name: CaseName
+    full_scale_N: float | None = Field(default=None, gt=0.0, le=1e9)
     serial_number: CaseName | None = None
     calibrated_on: date | None = None
+
+
+class ChangedGauge(Section):
+    """A gauge that changed after the test: it has the tolerances before the test again, of all its errors where it
+    was replaced, of its zero offset where it was balanced again."""
+
+    gauge: CaseName
+    change: Literal["replaced", "balanced again"]
+    on: date | None = None
 
 
 class LoadTestFile(Section):
@@ -144,6 +162,7 @@ class LoadTestFile(Section):
     errors: ErrorEntries = ErrorEntries()
     readings: ReadingEntries = ReadingEntries()
     case: list[CaseEntry] = Field(min_length=1, max_length=1000)
+    changed: list[ChangedGauge] = Field(default=[], max_length=10_000)
     _path: Path = PrivateAttr(default=Path("loadtest.toml"))
 
     @model_validator(mode="after")

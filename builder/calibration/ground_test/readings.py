@@ -81,7 +81,18 @@ def read_load_test(file: LoadTestFile, gauge_names: tuple[str, ...]) -> tuple[Lo
         )
         for k, case in enumerate(file.case)
     )
-    test = LoadTest(gauge_names=gauge_names, cases=cases, errors=errors, left_out=found.left_out)
+    scales = {cell.name: cell.full_scale_N for cell in file.load_cell if cell.full_scale_N is not None}
+    unknown = [one.gauge for one in file.changed if one.gauge not in gauge_names]
+    if unknown:
+        raise InputError(f"{file.path}: changed: expected gauges of the map, got '{unknown[0]}'")
+    test = LoadTest(
+        gauge_names=gauge_names,
+        cases=cases,
+        errors=errors,
+        left_out=found.left_out,
+        full_scale=scales,
+        changed={one.gauge: one.change for one in file.changed},
+    )
     return test, found.notes
 
 

@@ -47,37 +47,6 @@ class TestedStructure(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
-class TestFaults:
-    """What went wrong.
-
-    Attributes
-    ----------
-    swapped : two gauges whose channels are interchanged, none if empty.
-    reversed_sign, in_mm_per_m, dead : gauges read with the wrong sign, with a unit 1000 times too large, and not
-        at all.
-    wrong_load : case, and the factor on the true size of its loads.
-    """
-
-    __test__ = False
-
-    swapped: tuple[int, int] | None = None
-    reversed_sign: tuple[int, ...] = ()
-    in_mm_per_m: tuple[int, ...] = ()
-    dead: tuple[int, ...] = ()
-    wrong_load: tuple[int, float] | None = None
-
-    def recorded(self, strain: FloatArray) -> FloatArray:
-        """Return readings (.., n_d) as they are recorded."""
-        found = strain.copy()
-        if self.swapped is not None:
-            found[..., list(self.swapped)] = strain[..., list(self.swapped[::-1])]
-        found[..., list(self.reversed_sign)] *= -1.0
-        found[..., list(self.in_mm_per_m)] *= 1e-3
-        found[..., list(self.dead)] = 0.0
-        return found
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SimulatedStep:
     """A step of a case: part of its loads [1], and readings (n_samples, n_d) while it stood [m/m]."""
@@ -117,7 +86,6 @@ def simulate_ground_test(
     noise_std: FloatArray,
     *,
     random: np.random.Generator,
-    faults: TestFaults | None = None,
     loading: Sequence[float] = (),
     checks: Sequence[str] = (),
 ) -> GroundTest:
@@ -128,11 +96,10 @@ def simulate_ground_test(
     structure, parameters : the vehicle.
     errors : standard deviations that the errors of the loads are drawn with.
     noise_std : (n_d,) of one sample [m/m].
-    faults : what went wrong; nothing by default.
     loading : parts of the loads that are read on the way to them, and in reverse on the way back [1].
     checks : names of the cases that are check loads.
     """
-    faults, (gain, offset) = faults or TestFaults(), random.standard_normal(2).tolist()
+    gain, offset = random.standard_normal(2).tolist()
     cell = CellErrors(gain=errors.common * gain, offset=errors.cell_offset * offset)
     strain, steps = [], []
 
@@ -140,36 +107,25 @@ def simulate_ground_test(
         reading = structure.reading(parameters, loads)
         return np.asarray(reading + noise_std * random.standard_normal((WINDOW, len(reading))))
 
-    for number, case in enumerate(cases):
+    for case in cases:
         stated = known_loads(case, errors)
         loads = [as_applied(known, errors, cell, random) for known in stated]
-        if faults.wrong_load is not None and faults.wrong_load[0] == number:
-            loads = [scaled(load, faults.wrong_load[1]) for load in loads]
         strain.append(read(loads))
         parts = loading if any(known.on_load_cell for known in stated) else ()
-        steps.append(
-            tuple(
-                SimulatedStep(
-                    part=part,
-                    unloading=unloading,
-                    strain=faults.recorded(
-                        read(
-                            [
-                                scaled(load, part) if known.on_load_cell else load
-                                for known, load in zip(stated, loads, strict=True)
-                            ]
-                        )
-                    ),
-                )
-                for unloading, order in ((False, parts), (True, parts[::-1]))
-                for part in order
-            )
-        )
+        of_case = list[SimulatedStep]()
+        for unloading, order in ((False, parts), (True, parts[::-1])):
+            for part in order:
+                acting = [
+                    scaled(load, part) if known.on_load_cell else load
+                    for known, load in zip(stated, loads, strict=True)
+                ]
+                of_case.append(SimulatedStep(part=part, unloading=unloading, strain=read(acting)))
+        steps.append(tuple(of_case))
     return GroundTest(
         gauge_names=structure.gauges.names,
         cases=tuple(cases),
         errors=errors,
-        strain=faults.recorded(np.array(strain)),
+        strain=np.array(strain),
         steps=tuple(steps),
         checks=tuple(checks),
     )

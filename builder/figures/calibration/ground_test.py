@@ -9,8 +9,8 @@ import numpy as np
 
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.faults import load_shifts
-from builder.calibration.estimate.load_equations import LoadEquation
 from builder.calibration.estimate.load_steps import SteppedCase
+from builder.calibration.estimate.regression import LoadEquation
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.worth_of_test import WorthOfTest

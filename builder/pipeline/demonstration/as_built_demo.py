@@ -16,7 +16,6 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.as_built.plant_gauges import plant_gauges
 from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
@@ -36,6 +35,7 @@ from builder.pipeline.calibrate import (
 )
 from builder.pipeline.demonstration.flight_trial import SCORE_VERSION, Flown, flown_estimators
 from builder.pipeline.demonstration.flown_shape import FLIGHT, FLIGHT_MODEL, make_numbers
+from builder.pipeline.demonstration.plant_gauges import plant_gauges
 from builder.pipeline.map_files import make_independent_flows, true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline

@@ -9,9 +9,9 @@ import numpy as np
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.faults import load_shifts
-from builder.calibration.estimate.load_equations import LoadEquation
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
+from builder.calibration.estimate.regression import LoadEquation
 from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.calibration_page.findings import UsedCell

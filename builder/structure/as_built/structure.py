@@ -57,6 +57,7 @@ from builder.structure.fourier.model import (
 )
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.loads.applied import (
     UNIT_VECTORS,
     Acceleration,
@@ -68,13 +69,14 @@ from builder.structure.loads.applied import (
 from builder.structure.loads.fourier import MAX_HARMONIC
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
+from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.loads.temperature import TemperatureField
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 
 SHIFT = 1e-3
@@ -100,6 +102,8 @@ class AsBuiltStructure:
     solved : the vehicle whose wall was solved for, without other errors; others are taken from there.
     states : adjoint solutions.
     joint_stations : where the wall may be softer [m].
+    at_break : (n_d,) whether a gauge is within one element of a change of slope, thickness or material. Strain has
+        a kink there: its change along the meridian is taken to first order.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
     mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
     """
@@ -112,6 +116,7 @@ class AsBuiltStructure:
     states: WallStates
     pressure: ResponseTable
     joint_stations: tuple[float, ...]
+    at_break: BoolArray
     _mesh_error: Callable[[], FloatArray | None]
     _responses: dict[Load, LoadResponse] = field(default_factory=dict)
 
@@ -275,6 +280,7 @@ class AsBuiltStructure:
                 ]
             ),
             np.array([one.strain(whole) for one in states.soft]),
+            states.station[self.at_break],
         )
         constant = np.zeros(self.n_gauges)
         if isinstance(load, TemperatureField):
@@ -326,7 +332,7 @@ class AsBuiltStructure:
 
 
 def refuse_beyond_calibration(vehicle: Vehicle, layout: str) -> None:
-    """Refuse a vehicle whose wall or gauges cannot be varied as built, before anything is solved.
+    """Refuse a vehicle whose gauges or support cannot be varied as built, before anything is solved.
 
     Raises
     ------
@@ -334,14 +340,10 @@ def refuse_beyond_calibration(vehicle: Vehicle, layout: str) -> None:
         Names the entries.
     """
     refuse_beyond_fourier(vehicle, [layout])
-    entry = vehicle.structure
-    beyond = [f"structure.{name}" for name in ("wall_thickness_at", "regions", "frames") if getattr(entry, name)]
-    if entry.support != "clamped_aft":
-        beyond.append(f"structure.support = '{entry.support}'")
-    if beyond:
+    if vehicle.structure.support == "free_flight":
         raise InputError(
-            "calibration and errors by region need a clamped wall of one thickness and material, without frames; "
-            f"got {', '.join(beyond)}"
+            "calibration and errors by region need a body that is held (`strainfmu equations` needs no model), "
+            "got structure.support = 'free_flight'"
         )
 
 
@@ -398,7 +400,7 @@ def as_built_structure(
         regions=regions,
         gauges=placed,
         along=SHIFT * at_gauge.tangent[:, 0],
-        properties=properties or LoadProperties(density=vehicle.material.density_kg_per_m3),
+        properties=properties or load_properties(vehicle),
         max_harmonic=max(max_harmonic, resolution.harmonics),
         changed_harmonic=changed_harmonic_of(max_harmonic, resolution.harmonics),
         changed_within=harmonic_within,
@@ -407,6 +409,8 @@ def as_built_structure(
         with_moduli=max(vehicle.calibration.region_modulus_percent, vehicle.noise.region_modulus_percent) > 0.0,
         progress=progress,
     )
+    changes = np.array(list(change_stations(vehicle.body(), wall)))
+    near = np.abs(placed.x[:, None] - changes).min(axis=1) <= 1e-3 * resolution.element_length_mm + TOUCHES
     return AsBuiltStructure(
         surface=grid,
         regions=regions,
@@ -416,7 +420,8 @@ def as_built_structure(
         ),
         solved=built,
         states=states,
-        pressure=_pressure_table(states, grid, resolution.harmonics + 1),
+        pressure=_pressure_table(states, grid, resolution.harmonics + 1, near),
+        at_break=near,
         joint_stations=vehicle.calibration.joint_stations_m,
         _mesh_error=partial(_mesh_error, vehicle, grid, resolution, layout),
     )
@@ -427,7 +432,9 @@ def with_surface_of(structure: AsBuiltStructure, other: AsBuiltStructure) -> AsB
     return replace(
         structure,
         surface=other.surface,
-        pressure=_pressure_table(structure.states, other.surface, other.pressure.nominal.shape[-3]),
+        pressure=_pressure_table(
+            structure.states, other.surface, other.pressure.nominal.shape[-3], structure.at_break
+        ),
         _mesh_error=other._mesh_error,
     )
 
@@ -443,12 +450,16 @@ def _table(
     wall: tuple[FloatArray, FloatArray],
     uneven: FloatArray,
     soft: FloatArray,
+    kinks: IntArray,
 ) -> ResponseTable:
     """Return the table through values a step SHIFT before and behind; ``wall`` are by thickness and its square.
 
-    ``wall``, ``uneven`` and ``soft`` may have fewer harmonics; in the others they change nothing.
+    ``wall``, ``uneven`` and ``soft`` may have fewer harmonics; in the others they change nothing. ``kinks`` are
+    stations at which strain has no second derivative.
     """
     fore, aft = along
+    along_twice = (aft - 2.0 * nominal + fore) / (2.0 * SHIFT**2)
+    along_twice[..., kinks, :] = 0.0
     n_m = nominal.shape[-3]
 
     def of_all(change: FloatArray) -> FloatArray:
@@ -459,7 +470,7 @@ def _table(
     return ResponseTable(
         nominal=nominal,
         along=(aft - fore) / (2.0 * SHIFT),
-        along_twice=(aft - 2.0 * nominal + fore) / (2.0 * SHIFT**2),
+        along_twice=along_twice,
         wall=of_all(wall[0]),
         wall_twice=of_all(wall[1]),
         uneven=of_all(uneven),
@@ -467,7 +478,7 @@ def _table(
     )
 
 
-def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int) -> ResponseTable:
+def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int, at_break: BoolArray) -> ResponseTable:
     """Return the table per pressure at the stations of ``grid``, by the nodal forces on the outer surface [m2]."""
     mesh = states.forces[0].mesh
     load = pressure_load(mesh, grid.x).toarray().reshape(len(mesh.node), 3, -1)[states.rows.outer]
@@ -484,4 +495,5 @@ def _pressure_table(states: WallStates, grid: SurfaceGrid, n_m: int) -> Response
         (np.array([of(one) for one in states.wall]), np.array([of(one) for one in states.wall_twice])),
         np.broadcast_to(uneven[:, None], (uneven.shape[0], 2, *uneven.shape[1:])),
         np.array([of(one) for one in states.soft]),
+        states.station[at_break],
     )

@@ -25,7 +25,7 @@ from builder.structure.fourier.fourier_elasticity import (
     stiffness_of_elements,
 )
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges
+from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges, line_nodes
 from builder.structure.fourier.strain_operator import strain_rows, strain_rows_at
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
@@ -141,15 +141,21 @@ class ElasticClamp:
 
     The change is taken as linear between a rigid clamp and a length of :data:`CLAMP_LENGTH`. A motion of the
     whole ring, as the clamp's rotation, strains nothing: P is a rigid motion then.
+
+    An elastic foundation of stiffness k per area that has such a layer in series is softer by k^2 l / E, to first
+    order, and the adjoint changes by a (k^2 / E) M K^-1.
     """
 
     def __init__(self, mesh: MeridianMesh, material: Material) -> None:
-        self._node, edge = mesh.clamped_node, line_edges(mesh.clamped_node)
+        self._foundation = None if mesh.foundation is None else mesh.foundation[:2]
+        edge = line_edges(mesh.clamped_node) if mesh.foundation is None else mesh.foundation[2]
+        self._node = mesh.clamped_node if mesh.foundation is None else line_nodes(edge)
         product = np.zeros((len(self._node), len(self._node)))
         for number, block in enumerate(ring_products(mesh, edge)):
             at = slice(2 * number, 2 * number + 3)
             product[at, at] += block
         self._springs = product * material.youngs_modulus / CLAMP_LENGTH
+        self._compliance = product / material.youngs_modulus
 
     def adjoints(
         self, stiffness: FourierStiffness, solver: HarmonicSolver, rows: FloatArray, n: int
@@ -159,6 +165,11 @@ class ElasticClamp:
         matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
         for which, components in enumerate(((0,), (1, 2))):
             held = np.concatenate([3 * self._node + component for component in components])
+            if self._foundation is not None:
+                softer = self._foundation[which] ** 2 * np.kron(np.eye(len(components)), self._compliance)
+                found[which][..., held] = solved(solver, rows)[..., held] @ softer
+                found[which] = solved(solver, found[which])
+                continue
             motion = -solver.solve(matrix[:, held].toarray())
             motion[held] += np.eye(len(held))
             springs = np.kron(np.eye(len(components)), self._springs)

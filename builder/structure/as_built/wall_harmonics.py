@@ -19,6 +19,7 @@ from builder.structure.fourier.fourier_elasticity import (
     assembled,
     some_elements,
     strain_displacement,
+    stress_times_weight,
 )
 from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.wall import Material
@@ -68,11 +69,11 @@ def harmonic_product(
 
     ``like`` is the stiffness of a mesh of the same elements.
     """
-    constant, linear, weight = strain_displacement(some_elements(mesh, elements))
+    some = some_elements(mesh, elements)
+    constant, linear, weight = strain_displacement(some)
     n_e = len(elements)
     of_constant, of_linear = (
-        np.einsum("ij,eqjb,eq->eqib", material.stiffness, one, weight).reshape(n_e, -1, 27)
-        for one in (constant, linear)
+        stress_times_weight(some, material, one, weight).reshape(n_e, -1, 27) for one in (constant, linear)
     )
     constant, linear = (one.reshape(n_e, -1, 27).transpose(0, 2, 1) for one in (constant, linear))
     mixed = constant @ of_linear

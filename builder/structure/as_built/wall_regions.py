@@ -91,7 +91,7 @@ def thickened(
     larger = regions.share(x) @ thickness
     if taper is not None:
         larger = larger + regions.slope(x) @ taper
-    inward = wall.thickness * np.sqrt(1.0 + slope**2) * larger
+    inward = wall.thickness_at(x) * np.sqrt(1.0 + slope**2) * larger
     n_through = int(outer[0] - inner[0]) + 1
     column = inner[:, None] + np.arange(n_through)
     node = mesh.node.copy()

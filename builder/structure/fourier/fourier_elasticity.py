@@ -105,8 +105,8 @@ def _element_stiffness(
     modulus."""
     constant, linear, weight = strain_displacement(mesh)
     weight = weight if factor is None else factor[:, None] * weight
-    stress_constant = _stress(mesh, material, constant, weight)
-    stress_linear = _stress(mesh, material, linear, weight)
+    stress_constant = stress_times_weight(mesh, material, constant, weight)
+    stress_linear = stress_times_weight(mesh, material, linear, weight)
     mixed = _virtual_work(constant, stress_linear)
     return (
         _virtual_work(constant, stress_constant),
@@ -142,7 +142,9 @@ def _pattern(mesh: MeridianMesh) -> tuple[NDArray[np.intp], NDArray[np.intp], ND
     return key % mesh.n_dof, indptr, place
 
 
-def _stress(mesh: MeridianMesh, material: Material, strain: FloatArray, weight: FloatArray) -> FloatArray:
+def stress_times_weight(
+    mesh: MeridianMesh, material: Material, strain: FloatArray, weight: FloatArray
+) -> FloatArray:
     """Return stress times weight of strains (n_e, n_q, 6, 27)."""
     if mesh.material_of is None:
         return np.asarray(np.einsum("ij,eqjb,eq->eqib", material.stiffness, strain, weight))

@@ -48,6 +48,16 @@ def steps(wall: Wall) -> list[float]:
     return found
 
 
+TOUCHES = 1e-9
+"""Rounding of stations [m]."""
+
+
+def change_stations(body: BodyOfRevolution, wall: Wall) -> dict[float, str]:
+    """Return the stations [m] near which strain changes within millimetres, and what changes at each."""
+    found = dict.fromkeys((wall.solid_tip_length, *steps(wall)), "thickness, material or frames")
+    return found | dict.fromkeys(body.slope_breaks.tolist(), "slope")
+
+
 def layup_stations(wall: Wall, outer_of: Callable[[float], float]) -> list[float]:
     """Return the stations of the outer surface [m] on which elements must end.
 
@@ -76,8 +86,8 @@ def furnished(mesh: MeridianMesh, wall: Wall, element_length: float) -> Meridian
         A frame does not lie on the hollow part, or reaches beyond the axis or into another one.
     """
     materials: list[Material] = [region.material for region in wall.regions]
-    densities = [0.0 if wall.flight is None else wall.flight.density]
-    densities += [region.density or 0.0 for region in wall.regions]
+    own = 0.0 if wall.flight is None else wall.flight.density
+    densities = [own, *(one or 0.0 for one in other_densities(wall))]
     of = np.zeros(len(mesh.element), dtype=np.intp)
     middle = mesh.node[mesh.element[:, _OUTSIDE], 0]
     for number, region in enumerate(wall.regions, start=1):
@@ -89,7 +99,6 @@ def furnished(mesh: MeridianMesh, wall: Wall, element_length: float) -> Meridian
         index = int(of[under])
         if frame.material is not None:
             materials.append(frame.material)
-            densities.append(frame.density or 0.0)
             index = len(materials)
         of = np.append(of, np.full(len(mesh.element) - len(of), index, dtype=np.intp))
     aft, flight = mesh.clamped_node, wall.flight
@@ -106,6 +115,12 @@ def furnished(mesh: MeridianMesh, wall: Wall, element_length: float) -> Meridian
         foundation=None if wall.foundation is None else (*wall.foundation, line_edges(aft)),
         clamped_node=aft if held else NO_NODES,
     )
+
+
+def other_densities(wall: Wall) -> tuple[float | None, ...]:
+    """Return the density [kg/m3] of each of the materials of :func:`furnished`, None where none is stated."""
+    frames = (frame.density for frame in _in_order(wall.frames) if frame.material is not None)
+    return (*(region.density for region in wall.regions), *frames)
 
 
 def _at_borders(mesh: MeridianMesh, wall: Wall) -> IntArray:

@@ -176,13 +176,11 @@ class FourierStructure:
 
     def inertia_force(self, acceleration: FloatArray) -> FloatArray:
         """Return nodal forces of mass times the acceleration (6,) of a rigid body about the origin."""
-        self._refuse_materials("mass")
-        density = self.properties.needed_density()
         motion = np.tensordot(acceleration, _rigid_families(self.mesh), axes=1)
         force = np.zeros((2, self.max_harmonic + 1, len(self.mesh.node), 3))
         for family in (0, 1):
             for m in range(min(2, self.max_harmonic + 1)):
-                force[family, m] = density * (self._volume_matrix @ motion[family, m])
+                force[family, m] = self._mass_matrix @ motion[family, m]
         return force
 
     def thermal_force(self, temperature: TemperatureField) -> FloatArray:
@@ -257,8 +255,9 @@ class FourierStructure:
         return _meridian_points(self.mesh, edge, -1.0)
 
     @cached_property
-    def _volume_matrix(self) -> csr_array:
-        return _volume_matrix(self.mesh)
+    def _mass_matrix(self) -> csr_array:
+        density = self.properties.needed_densities(len(self.mesh.materials))
+        return _mass_matrix(self.mesh, density[0 if self.mesh.material_of is None else self.mesh.material_of])
 
     @cached_property
     def _thermal_matrices(self) -> tuple[csr_array, csr_array]:
@@ -331,7 +330,8 @@ def fourier_structure(
 
 def is_free(mesh: MeridianMesh) -> bool:
     """Return whether nothing holds a body: its inertia balances loads, or no node is held."""
-    return mesh.masses is not None or not (len(mesh.clamped_node) or len(mesh.guided_node))
+    is_held = len(mesh.clamped_node) or len(mesh.guided_node) or mesh.foundation is not None
+    return mesh.masses is not None or not is_held
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -412,9 +412,11 @@ def _rigid_families(mesh: MeridianMesh) -> FloatArray:
     return motion
 
 
-def _volume_matrix(mesh: MeridianMesh) -> csr_array:
-    """Return (n_nodes, n_nodes) the integral of N_a N_b r dA [m3] per radian."""
+def _mass_matrix(mesh: MeridianMesh, density: FloatArray) -> csr_array:
+    """Return (n_nodes, n_nodes) the integral of density N_a N_b r dA [kg] per radian; ``density`` of each element,
+    or one for all."""
     shape, volume = reference_points_of_mass(mesh)
+    volume = volume * np.broadcast_to(density, len(mesh.element))[:, None]
     block = np.einsum("eq,qa,qb->eab", volume, shape, shape, optimize=True)
     row = np.broadcast_to(mesh.element[:, :, None], block.shape)
     column = np.broadcast_to(mesh.element[:, None, :], block.shape)

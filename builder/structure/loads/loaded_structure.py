@@ -49,6 +49,7 @@ class LoadProperties:
     compensation : (n_d,) or one for all: expansion [1/K] that the gauges' own temperature response cancels. A
         gauge reads strain less this times its temperature; with 0 it reads the whole strain.
     masses : point masses.
+    other_densities : of the wall's further materials, in the order of the mesh [kg/m3]; None where not known.
 
     Raises
     ------
@@ -60,6 +61,7 @@ class LoadProperties:
     expansion: float | None = None
     compensation: float | FloatArray = 0.0
     masses: tuple[PointMass, ...] = ()
+    other_densities: tuple[float | None, ...] = ()
 
     def __post_init__(self) -> None:
         if self.density is not None and not (np.isfinite(self.density) and self.density > 0.0):
@@ -74,6 +76,16 @@ class LoadProperties:
         if self.density is None:
             raise InputError("weight and inertia need a density, none found: material.density_kg_per_m3")
         return self.density
+
+    def needed_densities(self, count: int) -> FloatArray:
+        """Return the density of the wall's own material and ``count`` further ones; refuse as
+        :meth:`needed_density`."""
+        known = [one for one in self.other_densities if one is not None]
+        if len(known) != count:
+            raise InputError(
+                "weight and inertia need a density of each material: materials.<name>.density_kg_per_m3"
+            )
+        return np.array([self.needed_density(), *known])
 
     def needed_expansion(self) -> float:
         """Return the expansion; refuse a load that needs one where there is none."""

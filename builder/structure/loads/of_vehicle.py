@@ -9,6 +9,7 @@ from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.meridian_mesh import NO_NODES
 from builder.structure.fourier.model import refuse_gauges_beyond_fourier
 from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.fourier.wall_layup import other_densities
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure, fourier_structure
 from builder.structure.loads.loaded_structure import LoadProperties
@@ -29,7 +30,7 @@ def fourier_structure_of(
     max_harmonic: int = MAX_HARMONIC,
     progress: Progress | None = None,
 ) -> FourierStructure:
-    """Return the semi-analytic model of a vehicle, clamped aft or in free flight as its file says.
+    """Return the semi-analytic model of a vehicle, held or in free flight as its file says.
 
     Parameters
     ----------
@@ -47,10 +48,6 @@ def fourier_structure_of(
     """
     _refuse_unknown(vehicle, layout)
     support = vehicle.structure.support
-    if support not in ("clamped_aft", "free_flight"):
-        raise InputError(
-            f"structure.support: '{support}' found, the Fourier model has clamped_aft and free_flight"
-        )
     refuse_gauges_beyond_fourier(vehicle, [layout])
     resolution = resolution or vehicle.resolution.map
     wall = wall_of(vehicle)
@@ -62,7 +59,7 @@ def fourier_structure_of(
         mesh=mesh,
         material=wall.material,
         gauges=place_gauges(mesh, found.position, found.direction, found.names),
-        properties=properties or _properties(vehicle),
+        properties=properties or load_properties(vehicle),
         max_harmonic=max_harmonic,
         progress=progress,
     )
@@ -98,13 +95,15 @@ def solid_structure_of(
         material=case.wall.material,
         gauges=case.layouts[layout],
         supports=None if case.support is None else [case.support],
-        properties=properties or _properties(vehicle),
+        properties=properties or load_properties(vehicle),
         solver_name=solver_name,
     )
 
 
-def _properties(vehicle: Vehicle) -> LoadProperties:
-    return LoadProperties(density=vehicle.material.density_kg_per_m3)
+def load_properties(vehicle: Vehicle) -> LoadProperties:
+    """Return the density of the wall's material; of a body of revolution of regions and frames, too."""
+    others = other_densities(wall_of(vehicle)) if vehicle.is_of_revolution else ()
+    return LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=others)
 
 
 def _refuse_unknown(vehicle: Vehicle, layout: str) -> None:

@@ -24,6 +24,7 @@ MODULES = {
     "crosscheck": "maps",
     "dbc": "can_bus",
     "demo": "whole_way",
+    "equations": "calibration",
     "estimate": "can_data",
     "export": "maps",
     "fly": "flights",

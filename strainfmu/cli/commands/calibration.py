@@ -1,4 +1,4 @@
-"""A ground test turns the map of the drawing into the map of the vehicle as built: ``strainfmu calibrate``."""
+"""Ground tests: ``strainfmu calibrate`` makes the vehicle's map as built, ``equations`` one without a model."""
 
 from __future__ import annotations
 
@@ -55,6 +55,34 @@ def calibrate(
 
     with one_thread_of_blas():
         _show(console, builder.calibrate(**given, progress=ConsoleReporter(console)))
+
+
+def equations(
+    test: Annotated[Path, typer.Argument(metavar="TEST", help="File of the test without a model.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The map.")] = Path("equations.h5"),
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Write the map although the equations do not predict the loads.")
+    ] = False,
+) -> None:
+    """Fit load equations to applied loads and readings, and make their map. No model is needed.
+
+    Each load is a sum of gauge readings by least squares over the rows of a table: all gauges, gauges chosen by
+    their T values, or a ridge. Rows without load are the zeros, marked rows are predicted and not fitted.
+
+    The map estimates the same loads as the equations, in FMUs, recordings and on the bus. Redundant gauges check
+    each other; a report and the coefficients with their standard errors are written next to the map (.html, .pdf,
+    .csv).
+
+    Examples:
+
+        strainfmu equations wing_test.toml -o wing.h5
+    """
+    from builder.pipeline.equations import run_equations
+
+    console = Console()
+    result = run_equations(test, output, accept)
+    for line in (*result.lines, ", ".join(str(path) for path in result.files)):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
 def _show(console: Console, result: Calibration) -> None:

@@ -31,6 +31,7 @@ COMMANDS: dict[str, dict[str, str]] = {
     "Ground test": {
         "loadtest": "docs/howto/design_ground_test.md",
         "calibrate": "docs/howto/calibrate_map.md",
+        "equations": "docs/howto/load_equations.md",
     },
     "Bus": {
         "dbc": "docs/reference/can.md",

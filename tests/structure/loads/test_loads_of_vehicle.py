@@ -114,7 +114,3 @@ def test_free_flight(vehicle: Vehicle) -> None:
 def test_refusals(vehicle: Vehicle) -> None:
     with pytest.raises(InputError, match="layout 'none' found"):
         fourier_structure_of(vehicle, "none")
-    stiffness = {"foundation_normal_N_per_m3": 1e9, "foundation_tangential_N_per_m3": 1e9}
-    entry = vehicle.structure.model_copy(update={"support": "elastic_foundation", **stiffness})
-    with pytest.raises(InputError, match="elastic_foundation"):
-        fourier_structure_of(vehicle.model_copy(update={"structure": entry}), LAYOUT)

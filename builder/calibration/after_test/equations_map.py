@@ -1,0 +1,216 @@
+"""A map from load equations: the loads are its states, and its estimate is the equations'.
+
+With equations L = beta mu and A the strain per load by the same test, scaled so that beta A = 1, every reading is
+
+    mu = A L + N y,  N an orthonormal basis of beta x = 0,
+
+and least squares weighted by the covariance A S A' + N Y N' gives L = beta mu with the covariance S. S is of the
+loads that are left out of the fit one by one, Y of what the applied loads leave in N: chi-square of y is the check
+that redundant gauges allow. Without redundancy there is no y, and a fault of a gauge is a load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+
+from builder.calibration.estimate.regression import LoadEquation, load_equation
+from builder.calibration.ground_test.equations_file import AT_STATION, WHOLE, AppliedTest
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.inverse_map_checks import ABSOLUTE, PER_PRESSURE
+
+WIDE = 1e3
+"""Standard deviation of a load before a reading over the largest applied one, where no gauge is redundant."""
+
+FLOOR = 1e-3
+"""Part of a gauge's residual that is taken for its own, so that few rows leave a covariance of full rank."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FittedEquations:
+    """Load equations of a test.
+
+    Attributes
+    ----------
+    test : the test.
+    equations : one for each load, in the order of the file.
+    zero : (n_d,) reading without load [m/m].
+    load_covariance : (n_l, n_l) of a load's error [(N, N m)^2].
+    strain_per_load : (n_d, n_l) A [(m/m) / (N, N m)].
+    """
+
+    test: AppliedTest
+    equations: tuple[LoadEquation, ...]
+    zero: FloatArray
+    load_covariance: FloatArray
+    strain_per_load: FloatArray
+
+    @property
+    def gain(self) -> FloatArray:
+        """(n_l, n_d) beta [(N, N m) / (m/m)]."""
+        found = np.zeros((len(self.equations), self.test.strain.shape[1]))
+        for row, one in zip(found, self.equations, strict=True):
+            row[list(one.gauges)] = one.coefficient
+        return found
+
+    @property
+    def predicted(self) -> FloatArray:
+        """(n, n_l) loads of every row by the equations [N, N m]."""
+        return np.asarray((self.test.strain - self.zero) @ self.gain.T)
+
+    @property
+    def strain_left(self) -> FloatArray:
+        """(n, n_d) readings less what the predicted loads strain [m/m]; 0 without redundancy."""
+        return np.asarray(self.test.strain - self.zero - self.predicted @ self.strain_per_load.T)
+
+    @property
+    def redundancy(self) -> int:
+        """Gauges less loads."""
+        return self.test.strain.shape[1] - len(self.equations)
+
+
+def fit_equations(test: AppliedTest) -> FittedEquations:
+    """Return the load equations of a test.
+
+    Raises
+    ------
+    InputError
+        There are fewer rows or gauges than the equations need, or loads that do not differ independently.
+    """
+    file, fitted = test.file, ~test.is_check
+    strain, load = test.strain[fitted], test.load[fitted]
+    n_d, n_l = strain.shape[1], load.shape[1]
+    if n_d < n_l:
+        raise InputError(f"{file.path}: readings.gauges: expected at least {n_l}, one for each load, got {n_d}")
+    most = max(len(one.gauges or file.readings.gauges) for one in file.load) if file.method == "all" else n_l
+    if len(load) <= max(most, n_l):
+        raise InputError(
+            f"{file.table_path}: expected more rows than the {max(most, n_l)} gauges of an equation, got "
+            f'{len(load)}; apply more loads, name fewer gauges, or state method = "selected" or "ridge"'
+        )
+    size = np.abs(load).max(axis=0)
+    if not size.all() or np.linalg.matrix_rank(load / size) < n_l:
+        raise InputError(f"{file.table_path}: expected loads that differ independently, got some that go together")
+    none = ~load.any(axis=1)
+    is_fitted = not none.any()
+    zero, level = (
+        (strain if is_fitted else strain[none]).mean(axis=0),
+        load.mean(axis=0) if is_fitted else 0.0 * size,
+    )
+    change, of_load = strain - zero, load - level
+    names = file.readings.gauges
+    equations = tuple(
+        load_equation(
+            one.name if one.x_m is None else f"{one.name} at {one.x_m:g} m",
+            change,
+            of_load[:, k],
+            [names.index(gauge) for gauge in one.gauges or names],
+            file.method,
+            known=int(is_fitted),
+        )
+        for k, one in enumerate(file.load)
+    )
+    empty = [one.load for one in equations if not one.gauges]
+    if empty:
+        raise InputError(f"{file.table_path}: {empty[0]}: expected gauges whose T is 4 or more, got none")
+    gain = np.zeros((n_l, n_d))
+    for row, one in zip(gain, equations, strict=True):
+        row[list(one.gauges)] = one.coefficient
+    per_load = np.linalg.lstsq(of_load / size, change, rcond=None)[0].T / size
+    per_load = per_load @ np.linalg.inv(gain @ per_load)
+    left_out = np.column_stack([one.left_out for one in equations])
+    return FittedEquations(
+        test=test,
+        equations=equations,
+        zero=zero - per_load @ level,
+        load_covariance=left_out.T @ left_out / len(left_out) + np.diag((1e-9 * size) ** 2),
+        strain_per_load=per_load,
+    )
+
+
+def equations_map(found: FittedEquations) -> InverseMap:
+    """Return the map of the equations."""
+    file, gain, per_load = found.test.file, found.gain, found.strain_per_load
+    n_d, n_l = per_load.shape
+    applied = found.test.load[~found.test.is_check]
+    size = np.abs(applied).max(axis=0)
+    strain = found.test.strain[~found.test.is_check] - found.zero
+    own = np.abs(strain).max(axis=0)
+    covariance = per_load @ found.load_covariance @ per_load.T
+    if found.redundancy:
+        left = found.strain_left[~found.test.is_check]
+        rest = left.T @ left / max(len(left) - n_l, 1)
+        rest += FLOOR * np.diag(np.maximum(np.diag(rest), (1e-6 * own) ** 2))
+        null = np.linalg.svd(gain * own)[2][n_l:].T * own[:, None]
+        pick = np.linalg.inv(np.hstack([per_load * size, null]))[n_l:]
+        covariance = covariance + null @ (pick @ rest @ pick.T) @ null.T
+    covariance = 0.5 * (covariance + covariance.T)
+    names, stations = _map_loads(found)
+    load_per_state = np.zeros((len(names), n_l))
+    for k, one in enumerate(file.load):
+        load_per_state[names.index((one.name, one.x_m)), k] = size[k]
+    area, length = file.reference.area_m2, file.reference.length_m
+    scale = file.reference.dynamic_pressure_Pa * area * np.array([1.0, 1.0, 1.0, length, length])
+    limits = np.zeros((5, 2))
+    for k, one in enumerate(file.load):
+        at = names.index((one.name, one.x_m))
+        if at < len(COEFFICIENT_NAMES):
+            limits[at] = min(applied[:, k].min(), 0.0), max(applied[:, k].max(), 0.0)
+    limits /= scale[:, None]
+    known = limits.any(axis=1)
+    axes = np.eye(5)[known]
+    is_redundant = found.redundancy > 0
+    wide = size if is_redundant else WIDE * size
+    return InverseMap(
+        vehicle=file.name,
+        case=1 if is_redundant else 2,
+        gauge_names=tuple(file.readings.gauges),
+        gauge_position=np.zeros((n_d, 3)),
+        gauge_direction=np.tile([1.0, 0.0, 0.0], (n_d, 1)),
+        noise_std=np.sqrt(np.diag(covariance)),
+        state_operator=per_load * wide,
+        gauge_covariance=covariance,
+        error_strain=np.zeros((n_d, 0)),
+        error_load=np.zeros((len(names), 0)),
+        regularisation=0.0 if is_redundant else 1.0,
+        load_per_state=load_per_state * (wide / size),
+        load_of_mean=np.zeros(len(names)),
+        mean_strain=np.zeros(n_d),
+        strain_range=own,
+        coefficient_range=limits,
+        reference_area=area,
+        reference_length=length,
+        nominal_dynamic_pressure=file.reference.dynamic_pressure_Pa,
+        envelope_direction=np.vstack([axes, -axes]),
+        envelope_limit=np.concatenate([limits[known, 1], -limits[known, 0]]),
+        # The form whose FMUs state further loads; states are free, so that these do not depend on q_inf.
+        form=PER_PRESSURE if len(names) > len(COEFFICIENT_NAMES) else ABSOLUTE,
+        zero_offset=found.zero,
+        section_station=stations,
+        provenance={
+            "made_by": "strainfmu equations",
+            "load_equations": {
+                "test": file.path.name,
+                "tested_on": date.isoformat(file.tested_on) if file.tested_on else "",
+                "method": file.method,
+                "loads": [one.load for one in found.equations],
+                "redundant_gauges": found.redundancy,
+                "faults_of_gauges": "by chi-square" if is_redundant else "cannot be detected",
+            },
+        },
+    )
+
+
+def _map_loads(found: FittedEquations) -> tuple[list[tuple[str, float | None]], FloatArray]:
+    """Return name and station of every load of the map, which has all loads of a body or a section or none, and
+    the stations."""
+    wanted = found.test.file.load
+    stations = sorted({one.x_m for one in wanted if one.x_m is not None})
+    whole = list(WHOLE) if stations or any(one.name == list(WHOLE)[-1] for one in wanted) else list(WHOLE)[:-1]
+    names: list[tuple[str, float | None]] = [(name, None) for name in whole]
+    names += [(name, station) for name in AT_STATION for station in stations]
+    return names, np.array(stations)

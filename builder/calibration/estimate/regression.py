@@ -1,0 +1,133 @@
+"""Loads as sums of gauge readings by least squares, with standard errors: the classical load equations.
+
+    L = sum beta_g mu_g,  beta = (mu' mu)^-1 mu' L,  cov(beta) = s^2 (mu' mu)^-1,  s^2 = |L - mu beta|^2 / (n - k).
+
+Gauges of an equation are all that may be used, or chosen by T, the coefficient over its standard error: gauges of
+the largest correlation come in while cases suffice, then the one of the smallest T leaves until all are at least
+:data:`LEAST_T`. A ridge lambda |beta|^2, in units of each gauge's own size, has the lambda of the smallest
+generalised cross-validation.
+
+Source: Skopinski, Aiken and Huston, NACA Report 1178 (1954); Golub, Heath and Wahba, Technometrics 21 (1979).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from builder.calibration.ground_test.equations_file import Method
+from strainfmu.arrays import FloatArray
+
+LEAST_T = 4.0
+
+CASES_PER_GAUGE = 2.0
+"""Load cases that each gauge of an equation needs, where gauges are chosen."""
+
+ROUNDING = 1e-12
+"""Singular value over the largest below which gauges read the same."""
+
+RIDGES = np.logspace(-10.0, 2.0, 61)
+"""Weights of a ridge that are compared, over the largest eigenvalue of the gauges' products [1]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LoadEquation:
+    """One load as a sum of readings.
+
+    Attributes
+    ----------
+    load : its name, one of a map's loads.
+    gauges : (k,) numbers of the gauges.
+    coefficient, standard_error : (k,) [N or N m per m/m].
+    residual_std : of the cases [N or N m].
+    left_out : (n,) load of each case less its prediction by the equation of all other cases [N or N m].
+    """
+
+    load: str
+    gauges: tuple[int, ...]
+    coefficient: FloatArray
+    standard_error: FloatArray
+    residual_std: float
+    left_out: FloatArray
+
+    @property
+    def least_t(self) -> float:
+        """Least |T| of the coefficients; NaN for an equation without gauges."""
+        if not self.gauges:
+            return float("nan")
+        return float(np.min(np.abs(self.coefficient / self.standard_error)))
+
+    def value(self, strain: FloatArray) -> FloatArray:
+        """Return the load (n,) of strains (n, n_d)."""
+        return np.asarray(strain[:, list(self.gauges)] @ self.coefficient)
+
+
+def load_equation(
+    name: str, strain: FloatArray, load: FloatArray, gauges: Sequence[int], method: Method, known: int = 0
+) -> LoadEquation:
+    """Return the equation of a load (n,) by the ``gauges`` among strains (n, n_d), zeros taken off.
+
+    ``known`` is the number of constants that were taken off with the zeros, by which freedom is less.
+    """
+    chosen = _selected(strain, load, list(gauges)) if method == "selected" else list(gauges)
+    a, n = strain[:, chosen], len(load)
+    coefficient, spread, leverage = _least_squares(a, load, method == "ridge")
+    rest = load - a @ coefficient
+    freedom = max(n - known - float(leverage.sum()), 1.0)
+    variance = float(rest @ rest) / freedom
+    return LoadEquation(
+        load=name,
+        gauges=tuple(chosen),
+        coefficient=coefficient,
+        standard_error=np.sqrt(np.maximum(variance * spread, 1e-300)),
+        residual_std=float(np.sqrt(variance)),
+        left_out=rest / np.maximum(1.0 - leverage - known / n, 1e-3),
+    )
+
+
+def _least_squares(
+    a: FloatArray, load: FloatArray, with_ridge: bool = False
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return coefficients (k,), their variances over the noise's (k,), and the leverage of each case (n,)."""
+    if not a.shape[1]:
+        return np.zeros(0), np.zeros(0), np.zeros(len(a))
+    size = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
+    u, s, rows = np.linalg.svd(a / size, full_matrices=False)
+    some = s > ROUNDING * s[0]
+    u, s, rows = u[:, some], s[some], rows[some]
+    along, n = u.T @ load, len(load)
+    outside = float(load @ load - along @ along)
+
+    def score(weight: float) -> float:
+        kept = s**2 / (s**2 + weight)
+        return (outside + float(np.sum(((1.0 - kept) * along) ** 2))) / (n - float(kept.sum())) ** 2
+
+    weight = min(RIDGES * s[0] ** 2, key=score) if with_ridge else 0.0
+    part = s / (s**2 + weight)
+    spread = np.sum((rows.T * part) ** 2, axis=1) / size**2
+    return rows.T @ (part * along) / size, spread, np.sum(u**2 * (s * part), axis=1)
+
+
+def _selected(strain: FloatArray, load: FloatArray, available: list[int]) -> list[int]:
+    """Return the gauges of an equation by their T values."""
+    chosen: list[int] = []
+    while len(chosen) < min(len(load) / CASES_PER_GAUGE, len(available)):
+        left = load - strain[:, chosen] @ _least_squares(strain[:, chosen], load)[0]
+        columns = strain[:, available]
+        if chosen:
+            q, _ = np.linalg.qr(strain[:, chosen])
+            columns = columns - q @ (q.T @ columns)
+        size = np.linalg.norm(columns, axis=0)
+        size[np.isin(available, chosen) | (size < 1e-12 * size.max())] = np.inf
+        chosen.append(available[int(np.argmax(np.abs(columns.T @ left) / size))])
+    while chosen:
+        a = strain[:, chosen]
+        coefficient, spread, _ = _least_squares(a, load)
+        variance = float(np.sum((load - a @ coefficient) ** 2)) / max(len(load) - len(chosen), 1)
+        t = np.abs(coefficient) / np.sqrt(np.maximum(variance * spread, 1e-300))
+        if t.min() >= LEAST_T:
+            break
+        del chosen[int(t.argmin())]
+    return chosen

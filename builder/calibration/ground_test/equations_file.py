@@ -1,0 +1,183 @@
+"""The file of a test without a model, and its table: loads applied and readings of the gauges, row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, PrivateAttr
+
+from builder.vehicle.toml.reading import read_sections
+from builder.vehicle.toml.sections import FileName, Section
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
+from strainfmu.estimator.other_loads import BODY, SECTIONS
+from strainfmu.estimator.signal_names import LOAD_NAMES, LOAD_UNITS
+from strainfmu.text_files import read_csv
+
+FORCES = {"N": 1.0, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
+MOMENTS = {"N m": 1.0, "N mm": 1e-3, "kN m": 1e3, "kgf m": 9.80665, "lbf in": 0.1129848290276167}
+STRAINS = {"um/m": 1e-6, "mm/m": 1e-3, "m/m": 1.0, "mV/V": 1e-3}
+
+WHOLE = {**dict(zip(LOAD_NAMES, LOAD_UNITS, strict=True)), BODY.loads[0].name: "N m"}
+"""Loads of the whole body, with their units."""
+
+AT_STATION = {f"section_{load.key}": load.unit.replace(".", " ") for load in SECTIONS.loads}
+"""Loads of the part ahead of a station, with their units."""
+
+Method = Literal["all", "selected", "ridge"]
+"""Gauges of an equation: all that may be used, chosen by T values, or all with a ridge."""
+
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class AppliedLoad(Section):
+    """A load of the table: one of the map's, in a column, of all ``gauges`` or of those named.
+
+    Loads of a section, as ``section_pitch``, state its station ``x_m``.
+    """
+
+    name: Name
+    column: Name
+    unit: Name
+    x_m: float | None = Field(default=None, ge=-1e3, le=1e3)
+    gauges: list[Name] | None = Field(default=None, min_length=1)
+
+
+class TableEntries(Section):
+    """The table, a CSV file with a row for each reading, and its columns of gauges.
+
+    Rows with a mark in the column ``check`` are predicted and not fitted. Rows without any load are the zeros; a
+    table without such rows has its zeros fitted.
+    """
+
+    table: FileName
+    gauges: list[Name] = Field(min_length=1, max_length=10_000)
+    unit: Literal["um/m", "mm/m", "m/m", "mV/V"] = "um/m"
+    check: Name | None = None
+
+
+class ReferenceEntries(Section):
+    """Reference area and length of the coefficients, and the dynamic pressure that they hold at; 1 by default, so
+    that coefficients are loads in N and N m."""
+
+    area_m2: float = Field(default=1.0, gt=0.0, le=1e6)
+    length_m: float = Field(default=1.0, gt=0.0, le=1e6)
+    dynamic_pressure_Pa: float = Field(default=1.0, gt=0.0, le=1e9)
+
+
+class EquationsFile(Section):
+    """The file of a test without a model.
+
+    ``method`` is ``all`` gauges of each load, ``selected`` by T values, or ``ridge``.
+    """
+
+    name: Name
+    tested_on: date | None = None
+    method: Method = "all"
+    readings: TableEntries
+    load: list[AppliedLoad] = Field(min_length=1, max_length=1000)
+    reference: ReferenceEntries = ReferenceEntries()
+    _path: Path = PrivateAttr(default=Path("equations.toml"))
+
+    @property
+    def path(self) -> Path:
+        """Where the file is."""
+        return self._path
+
+    @property
+    def table_path(self) -> Path:
+        """Where its table is."""
+        return self._path.parent / self.readings.table
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AppliedTest:
+    """A test without a model.
+
+    Attributes
+    ----------
+    strain : (n, n_d) readings [m/m], or output over excitation [V/V].
+    load : (n, n_l) applied [N, N m], in the order of the file.
+    is_check : (n,) whether a row is a confirmation load.
+    line : (n,) of each row in the table.
+    """
+
+    file: EquationsFile
+    strain: FloatArray
+    load: FloatArray
+    is_check: BoolArray
+    line: tuple[int, ...]
+
+
+def equations_file(path: Path) -> EquationsFile:
+    """Read and check the file of a test without a model.
+
+    Raises
+    ------
+    FaultsError
+        Entries are unknown, missing or outside their limits: one line each.
+    InputError
+        The file is missing or no TOML, or a load is named twice, has a unit of another kind, or no station.
+    """
+    found = read_sections(path, EquationsFile, "file of a test without a model")
+    found._path = path
+    seen = set[tuple[str, float | None]]()
+    for number, one in enumerate(found.load, start=1):
+        where = f"{path}: load.{number}"
+        if one.name not in WHOLE | AT_STATION:
+            raise InputError(f"{where}.name: expected one of {', '.join(WHOLE | AT_STATION)}, got '{one.name}'")
+        units = MOMENTS if (WHOLE | AT_STATION)[one.name] == "N m" else FORCES
+        if one.unit not in units:
+            raise InputError(f"{where}.unit: expected one of {', '.join(units)}, got '{one.unit}'")
+        if (one.x_m is not None) != (one.name in AT_STATION):
+            raise InputError(f"{where}.x_m: expected a station for loads of a section, and for these alone")
+        if (one.name, one.x_m) in seen:
+            raise InputError(f"{where}.name: expected each load once, got '{one.name}' again")
+        seen.add((one.name, one.x_m))
+        unknown = sorted(set(one.gauges or ()) - set(found.readings.gauges))
+        if unknown:
+            raise InputError(f"{where}.gauges: expected some of readings.gauges, got '{unknown[0]}'")
+    return found
+
+
+def applied_test(file: EquationsFile) -> AppliedTest:
+    """Read the table of a test.
+
+    Raises
+    ------
+    InputError
+        A column is missing, or a value is no number.
+    """
+    path, entries = file.table_path, file.readings
+    rows = read_csv(path)
+    if len(rows) < 2:
+        raise InputError(f"{path}: expected a heading and rows of readings, got {len(rows)} rows")
+    heading = [name.strip() for name in rows[0][1]]
+    wanted = [*entries.gauges, *(one.column for one in file.load), *([entries.check] if entries.check else [])]
+    missing = [name for name in wanted if name not in heading]
+    if missing:
+        raise InputError(f"{path}: expected a column '{missing[0]}', got {', '.join(heading)}")
+
+    def column(name: str) -> FloatArray:
+        at, found = heading.index(name), np.zeros(len(rows) - 1)
+        for number, (line, row) in enumerate(rows[1:]):
+            try:
+                found[number] = float(row[at])
+            except (ValueError, IndexError):
+                got = row[at] if at < len(row) else "nothing"
+                raise InputError(f"{path}: line {line}: {name}: expected a number, got '{got}'") from None
+        return found
+
+    scales = [(MOMENTS | FORCES)[one.unit] for one in file.load]
+    marks = [row[heading.index(entries.check)].strip() for _, row in rows[1:]] if entries.check else []
+    return AppliedTest(
+        file=file,
+        strain=STRAINS[entries.unit] * np.column_stack([column(name) for name in entries.gauges]),
+        load=np.column_stack([scale * column(one.column) for scale, one in zip(scales, file.load, strict=True)]),
+        is_check=np.array([mark not in ("", "0") for mark in marks] or [False] * (len(rows) - 1)),
+        line=tuple(line for line, _ in rows[1:]),
+    )

@@ -1,0 +1,68 @@
+"""From loads applied and readings, without a model, to load equations and their map: ``strainfmu equations``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from builder.calibration.after_test.equations_map import FittedEquations, equations_map, fit_equations
+from builder.calibration.ground_test.equations_file import applied_test, equations_file
+from builder.pipeline.calibrate import check_output
+from builder.pipeline.calibration_report import report_files
+from builder.reports.calibration_page.equations_page import (
+    equations_page,
+    equations_table_of,
+    redundancy_line,
+    verdict_lines,
+)
+from builder.reports.page.html import write_page
+from builder.reports.page.origin import input_files, origin_of
+from builder.reports.page.packages import without_packages
+from builder.reports.page.tables import table_csv
+from strainfmu.errors import StrainfmuError
+from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
+from strainfmu.files import write_bytes_atomically
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """Load equations, their map, the files that were written, and lines for the user."""
+
+    found: FittedEquations
+    inverse_map: InverseMap
+    files: tuple[Path, ...]
+    lines: tuple[str, ...]
+
+
+def run_equations(test_path: Path, output: Path, accept: bool = False) -> Equations:
+    """Fit the load equations of a test; write their map, and next to it the report and the equations as CSV.
+
+    Raises
+    ------
+    InputError
+        The file, its table, or the name of the map is wrong.
+    StrainfmuError
+        The equations do not predict the loads, and that is not accepted; the report is written.
+    """
+    check_output(output)
+    file = equations_file(test_path)
+    found = fit_equations(applied_test(file))
+    made = equations_map(found)
+    page_path, pdf_path, csv_path = report_files(output)
+    page = equations_page(found, origin_of(input_files({"file": file.path, "table": file.table_path})))
+    write_page(page, page_path)
+    write_bytes_atomically(csv_path, table_csv(equations_table_of(found)).encode("utf-8"))
+    files, line = [page_path, csv_path], without_packages(page_path.name)
+    if not line:
+        from builder.reports.page.pdf import write_pdf
+
+        write_pdf(page, pdf_path)
+        files.append(pdf_path)
+    good, reasons = verdict_lines(found)
+    if not good and not accept:
+        raise StrainfmuError(
+            f"{test_path}: {'; '.join(reasons)}; see {page_path.name}; no map written, --accept writes it"
+        )
+    save_inverse_map(made, output)
+    lines = (*reasons, redundancy_line(found), *([line] if line else []))
+    return Equations(found=found, inverse_map=made, files=(output, *files), lines=lines)
