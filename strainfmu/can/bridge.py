@@ -272,8 +272,8 @@ class Backlog:
         return self._skipped == 0
 
 
-@dataclass(frozen=True, kw_only=True)
-class BackOffSettings:
+@dataclass(kw_only=True)
+class BackOff:
     """Waiting before each attempt to open a lost bus again: exponential back-off, a bounded number of attempts.
 
     Attributes
@@ -281,35 +281,29 @@ class BackOffSettings:
     first, longest : waiting time before the first attempt, and the longest ever [s]; it doubles in between.
     attempts : attempts in a row before the bridge gives up.
     settle : time [s] a bus must work before the count starts again.
+    due : time of the next attempt on the caller's monotonic clock [s], None without one.
     """
 
     first: float = 0.1
     longest: float = 5.0
     attempts: int = 10
     settle: float = 2.0
-
-
-class BackOff:
-    """Counts attempts; all times come from the caller's monotonic clock [s]."""
-
-    def __init__(self, settings: BackOffSettings) -> None:
-        self._settings = settings
-        self._failures = 0
-        self._opened: float | None = None
-        self.due: float | None = None
-        self.reconnects = 0
+    due: float | None = None
+    reconnects: int = 0
+    _failures: int = 0
+    _opened: float | None = None
 
     @property
     def exhausted(self) -> bool:
         """No further attempt is allowed."""
-        return self._failures > self._settings.attempts
+        return self._failures > self.attempts
 
     def failed(self, now: float) -> None:
         """Note that the bus, or an attempt to open it, failed; :attr:`due` is the time of the next attempt."""
-        if self._opened is not None and now - self._opened >= self._settings.settle:
+        if self._opened is not None and now - self._opened >= self.settle:
             self._failures = 0
         self._opened = None
-        wait = min(self._settings.first * 2.0**self._failures, self._settings.longest)
+        wait = min(self.first * 2.0**self._failures, self.longest)
         self._failures += 1
         self.due = now + wait
 
@@ -350,9 +344,7 @@ class Bridge:
 
     Attributes
     ----------
-    skips : intervals in which the bridge was too slow to answer all cycles, behind the first of two frames up to
-        the second
-        [s].
+    skips : intervals in which the bridge was too slow, behind the first of two frames up to the second [s].
     last_fault : last failure of the bus, "" if there was none.
     """
 
@@ -361,7 +353,7 @@ class Bridge:
         listener: BusListener,
         open_bus: OpenBus,
         max_age: float = 5.0,
-        back_off: BackOffSettings | None = None,
+        back_off: BackOff | None = None,
         queued_cycles: int = QUEUED_CYCLES,
     ) -> None:
         self.listener, self.machine, self._open_bus = listener, listener.machine, open_bus
@@ -371,7 +363,7 @@ class Bridge:
         self._backlog = Backlog(max_age, layout.cycle_time)
         self._answering, self._is_skipping = 0.0, False
         self.skips: list[tuple[float, float]] = []
-        self._back_off = BackOff(back_off or BackOffSettings())
+        self._back_off = back_off or BackOff()
         self._bus: Any = None
         self._inbox: Inbox | None = None
         self._drops = 0
@@ -491,12 +483,8 @@ class Bridge:
     def _connect(self) -> None:
         """Open a new bus and receive from it."""
         self._bus = self._open_bus()
-        is_stamped = type(self._bus).__name__ in HOST_STAMPED
-        self._inbox = (
-            DirectInbox(self._bus, self._clock)
-            if is_stamped
-            else ThreadedInbox(self._bus, self._clock, self._limit)
-        )
+        is_stamped, clock = type(self._bus).__name__ in HOST_STAMPED, self._clock
+        self._inbox = DirectInbox(self._bus, clock) if is_stamped else ThreadedInbox(self._bus, clock, self._limit)
         self._failure_times.clear()
         self.listener.use(self._bus)
 
@@ -546,11 +534,6 @@ class Bridge:
         self.machine.restart(now)
 
     # --- what it has done ----------------------------------------------------------------------------------------
-
-    @property
-    def reconnects(self) -> int:
-        """How often the bus was reopened."""
-        return self._back_off.reconnects
 
     def account(self) -> FrameAccount:
         """Return the account of all frames so far."""

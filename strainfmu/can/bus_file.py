@@ -1,6 +1,6 @@
 """A bus described in one file, bus.toml: interface, frames, clock, trust, zero offsets, tare, recording and page.
 
-:data:`TABLES` declares every entry once: its unit, its range and the option that it sets. The reader, the
+bus_entries.toml declares every entry once: its unit, its range and the option that it sets. The reader, the
 template and ``--set`` iterate over it. Entries that are not stated keep the defaults of
 :class:`~strainfmu.can.options.BridgeOptions`. Paths are relative to the folder of the file.
 """
@@ -18,30 +18,14 @@ from strainfmu.can.dbc_files import MAPPING_TABLE
 from strainfmu.can.options import PUBLISH_RATE, RESTARTS, RESULT_FORMS, BridgeOptions
 from strainfmu.can.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.signal_names import STRAIN, TARE
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.recorded.names import suggestion
 from strainfmu.text_files import read_toml
-
-LARGEST_STANDARD, LARGEST_EXTENDED = 0x7FF, 0x1FFF_FFFF
-"""Largest identifiers of 11 and 29 bits."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One entry of the file.
-
-    Attributes
-    ----------
-    sets : the field that it sets: of BridgeOptions, of its ``identifiers.``, or of :class:`BusDescription`.
-    text : what it states, for the template.
-    kind : text, label (a text or a whole number), file, number, whole, flag, or values (a table of them).
-    unit : of the entry.
-    scale : factor from the entry to the field's unit.
-    low, high : range of numbers, in the entry's unit.
-    choices : allowed texts; none: any.
-    example : value in the template, as TOML.
-    """
+    """One entry of the file, by the fields that bus_entries.toml describes."""
 
     sets: str
     text: str
@@ -54,214 +38,22 @@ class Entry:
     example: str = ""
 
 
-TABLES: Mapping[str, Mapping[str, Entry]] = {
-    "bus": {
-        "interface": Entry(sets="interface", kind="text", text="python-can interface", example='"socketcan"'),
-        "channel": Entry(sets="channel", kind="text", text="its channel", example='"can0"'),
-        "options": Entry(
-            sets="bus_options", kind="values", text="options of the interface", example="{ bitrate = 500000 }"
-        ),
-        "log_channel": Entry(
-            sets="log_channel",
-            kind="label",
-            text="channel of a log that is read, as the file names it",
-            example="1",
-        ),
-    },
-    "input": {
-        "profile": Entry(
-            sets="profile", kind="text", choices=PROFILES, text="frames that need no DBC file", example='"fd64"'
-        ),
-        "dbc": Entry(
-            sets="dbc", kind="file", text="DBC file of the frames, instead of a profile", example='"rack.dbc"'
-        ),
-        "mapping": Entry(
-            sets="mapping",
-            kind="file",
-            text="file that maps its signals, instead of the tables [input.strain] .. below",
-            example='"rack.toml"',
-        ),
-        "cycle_time_ms": Entry(
-            sets="cycle_time",
-            unit="ms",
-            scale=1e-3,
-            low=0.1,
-            high=10_000.0,
-            text="period of the strain frames",
-            example="10.0",
-        ),
-        "id_base": Entry(
-            sets="identifiers.base",
-            kind="whole",
-            low=0,
-            high=LARGEST_EXTENDED,
-            text="identifier of the first input frame of a profile",
-            example="0x300",
-        ),
-        "extended": Entry(
-            sets="identifiers.is_extended", kind="flag", text="identifiers of 29 bits", example="false"
-        ),
-        "key": Entry(
-            sets="key_file",
-            kind="file",
-            text="key of profile fd64-sec: 32 hexadecimal digits (AES-128)",
-            example='"bus.key"',
-        ),
-        "freshness": Entry(
-            sets="freshness_file",
-            kind="file",
-            text="freshness value between runs; default: next to the key",
-            example='"bus.key.bridge.json"',
-        ),
-        "dynamic_pressure_pa": Entry(
-            sets=DYNAMIC_PRESSURE,
-            unit="Pa",
-            low=1.0,
-            high=1e8,
-            text="fixed dynamic pressure, instead of its frame",
-            example="95800.0",
-        ),
-        "gauges": Entry(
-            sets="gauges",
-            kind="file",
-            text="map or FMU whose gauges the frames hold, for 'strainfmu send'",
-            example='"map.h5"',
-        ),
-    },
-    "results": {
-        "form": Entry(
-            sets="result_form",
-            kind="text",
-            choices=RESULT_FORMS,
-            text="form of the result frames; default: as the input",
-            example='"fd"',
-        ),
-        "id_base": Entry(
-            sets="identifiers.result_base",
-            kind="whole",
-            low=0,
-            high=LARGEST_EXTENDED,
-            text="identifier of the first result frame",
-            example="0x380",
-        ),
-    },
-    "clock": {
-        "tolerance_ppm": Entry(
-            sets="clock_tolerance",
-            unit="ppm",
-            scale=1e-6,
-            low=0.0,
-            high=10_000.0,
-            text="largest difference of the sender's clock rate from the bridge's",
-            example="100.0",
-        ),
-        "synchronised_ms": Entry(
-            sets="synchronised",
-            unit="ms",
-            scale=1e-3,
-            low=0.0,
-            high=1e6,
-            text="accuracy to which the sender's clock agrees with the system time (PTP, NTP)",
-            example="1.0",
-        ),
-    },
-    "trust": {
-        "max_age_cycles": Entry(
-            sets="max_age",
-            unit="cycles",
-            low=0.01,
-            high=1e6,
-            text="largest age of strains that are used",
-            example="5.0",
-        ),
-        "restart": Entry(
-            sets="restart",
-            kind="text",
-            choices=RESTARTS,
-            text="a restarted sender needs a proof (confirm) or none (accept: a recording passes for it)",
-            example='"confirm"',
-        ),
-        "stuck_cycles": Entry(
-            sets="stuck_cycles",
-            kind="whole",
-            unit="cycles",
-            low=0,
-            high=1_000_000,
-            text="equal values in a row after which a gauge is left out, 0 never; default: as its noise allows",
-            example="20",
-        ),
-    },
-    "zeros": {
-        "file": Entry(
-            sets="zeros",
-            kind="file",
-            text="zero offsets of the gauges, of 'strainfmu tare'; subtracted",
-            example='"zeros.toml"',
-        ),
-    },
-    TARE: {
-        "map": Entry(
-            sets=TARE,
-            kind="file",
-            text="map of the same gauges; a tare is taken when the sender asks for it",
-            example='"map.h5"',
-        ),
-        "cycles": Entry(
-            sets="tare_cycles",
-            kind="whole",
-            unit="cycles",
-            low=64,
-            high=100_000,
-            text="number of cycles of a tare",
-            example="500",
-        ),
-        "known": Entry(
-            sets="tare_known",
-            kind="file",
-            text="strain of own weight and air, of 'strainfmu tare --known-output'",
-            example='"known.toml"',
-        ),
-        "output": Entry(sets="tare_output", kind="file", text="zero offsets to write", example='"zeros.toml"'),
-        "at_s": Entry(
-            sets="tare_at", unit="s", low=0.0, high=1e6, text="when 'strainfmu send' asks for it", example="5.0"
-        ),
-    },
-    "record": {
-        "file": Entry(
-            sets="record", kind="file", text="recording of the bus: .blf, .asc or .log", example='"run.blf"'
-        ),
-    },
-    "page": {
-        "publish": Entry(
-            sets="publish",
-            kind="text",
-            text="address to which results go as UDP-JSON, for 'strainfmu monitor'",
-            example='"127.0.0.1:9870"',
-        ),
-        "rate_hz": Entry(
-            sets="publish_rate",
-            unit="Hz",
-            low=0.001,
-            high=10_000.0,
-            text="largest number of results sent a second",
-            example="20.0",
-        ),
-        "token": Entry(
-            sets="publish_token",
-            kind="text",
-            text="'strainfmu monitor --bus' refuses results without it: others on this host publish none",
-            example='"a long random text"',
-        ),
-        "field": Entry(
-            sets="publish_field",
-            kind="file",
-            text="map with the pressure on the surface, sent too",
-            example='"map.h5"',
-        ),
-        "http": Entry(sets="http", kind="text", text="address of the page", example='"127.0.0.1:8780"'),
-    },
-}
-"""All entries by table and name."""
+_CHOICES = {"profiles": PROFILES, "restarts": RESTARTS, "result_forms": RESULT_FORMS}
+
+
+def _tables() -> dict[str, dict[str, Entry]]:
+    """Return all entries by table and name."""
+    stated = tomllib.loads(Path(__file__).with_name("bus_entries.toml").read_text("utf-8"))
+    return {
+        table: {
+            name: Entry(**{**entry, "choices": _CHOICES.get(entry.get("choices", ""), ())})
+            for name, entry in entries.items()
+        }
+        for table, entries in stated.items()
+    }
+
+
+TABLES: Mapping[str, Mapping[str, Entry]] = _tables()
 
 REMOVED = {
     "faults": "expected no such table: faults are injected by the project's own tests",

@@ -47,23 +47,17 @@ def _definitions() -> OrderedDict[str, Any]:
     """Return the definitions of the attributes used."""
     from cantools.database.can.formats.dbc.dbc_attribute_definition import DbcAttributeDefinition
 
-    return OrderedDict(
-        (
-            ("BusType", DbcAttributeDefinition("BusType", "CAN", type_name="STRING")),
-            (
-                E2E_PROFILE,
-                DbcAttributeDefinition(E2E_PROFILE, 0, kind="BO_", type_name="INT", minimum=0, maximum=22),
-            ),
-            (
-                E2E_DATA_ID,
-                DbcAttributeDefinition(E2E_DATA_ID, 0, kind="BO_", type_name="INT", minimum=0, maximum=65535),
-            ),
-            (
-                SECOC_DATA_ID,
-                DbcAttributeDefinition(SECOC_DATA_ID, -1, kind="BO_", type_name="INT", minimum=-1, maximum=65535),
-            ),
+    definitions = OrderedDict(BusType=DbcAttributeDefinition("BusType", "CAN", type_name="STRING"))
+    ranges: dict[str, tuple[Any, int]] = {
+        E2E_PROFILE: (0, 22),
+        E2E_DATA_ID: (0, 65535),
+        SECOC_DATA_ID: (-1, 65535),
+    }
+    for name, (low, high) in ranges.items():
+        definitions[name] = DbcAttributeDefinition(
+            name, low, kind="BO_", type_name="INT", minimum=low, maximum=high
         )
-    )
+    return definitions
 
 
 def _attribute(value: object, definition: Any) -> Any:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from strainfmu.can.opening import BusSettings, open_bus, shut_down
+from strainfmu.can.opening import MULTICAST_ADVICE, BusSettings, open_bus, shut_down
 from strainfmu.can.profiles import SECURED_PROFILE
 from strainfmu.can.sender import Score
 from strainfmu.errors import StrainfmuError
@@ -121,9 +121,7 @@ def check_multicast(port: int) -> None:
     try:
         bus.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
     except (can.CanError, OSError) as error:
-        raise StrainfmuError(
-            "no route for multicast on this host, so sender and bridge cannot meet: "
-            "ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
-        ) from error
+        no_route = "no route for multicast on this host, so sender and bridge cannot meet"
+        raise StrainfmuError(f"{no_route}: {MULTICAST_ADVICE}") from error
     finally:
         shut_down(bus)

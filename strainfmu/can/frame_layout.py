@@ -180,8 +180,7 @@ class InputFrame:
     status : index of the sender's own status (0 good, 1 degraded, others: do not use), or None.
     configuration : index of the number that must equal its signal's ``initial``, or None.
     request : index of the number of a command to the bridge, or None.
-    session, heard_counter, heard_time, heard_delay : of the state of the sender: the number of its run; counter
-        and
+    session, heard_counter, heard_time, heard_delay : of the state of the sender: number of its run; counter and
         sample time of the cycle that the last result heard answers, and for how long it was known then; or None.
     is_trailer : the frame ends a cycle, and its CRC covers the data of all strain frames.
     hold : of strains that come more slowly than cycles, the time for which they are used [s]; None of others.

@@ -9,13 +9,13 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import isfinite
 from typing import Any
 
 from strainfmu.can.frame import Frame, MalformedFrame, error_line, from_message, import_can, to_message
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine, Result
-from strainfmu.can.quality import Cause, FrameAccount, Quality
+from strainfmu.can.quality import FrameAccount, Quality
 from strainfmu.can.result_frames import BridgeStatus, ResultFrames
 from strainfmu.can.result_layouts import STATUS_PERIOD
 
@@ -65,9 +65,7 @@ class BusListener:
 
     Attributes
     ----------
-    qualities, healths, navigated : results by quality, estimates by state of health, and results with both Mach
-        number
-        and altitude.
+    qualities, healths, navigated : results by quality, estimates by health, results with Mach number and altitude.
     latency : from the last frame of a cycle to its results on the bus [s].
     malformed, last_malformed : number of messages that were no frames, and why the last one was none.
     sent, send_failures : number of frames.
@@ -184,21 +182,15 @@ class BusListener:
 
     def send_status(self, now: float) -> None:
         """Send the state of the bridge at ``now`` [s]."""
-        last, machine = self.last, self.machine
         status = BridgeStatus(
             time=now,
-            quality=Quality.NO_DATA if last is None else last.quality,
-            bus_state=machine.bus_state,
+            bus_state=self.machine.bus_state,
+            last=self.last,
             last_valid=self._last_valid,
-            account=machine.account,
+            account=self.account,
             cycles=self.answered,
             send_failures=self.send_failures,
             reconnects=self.reconnects,
-            envelope_score=nan if last is None else last.envelope_score,
-            causes=Cause.NONE if last is None else last.causes,
-            age_uncertainty=nan if last is None else last.age_uncertainty,
-            counter=None if last is None else last.counter,
-            usable=last is not None and last.usable,
         )
         self._send(self._frames.of_status(status))
         # Without catching up: a late status is useless.

@@ -146,7 +146,7 @@ def observed_bridge(
 
 def _bus_report(bridge: Bridge, name: str) -> dict[str, Any]:
     """Return what a display shows of the bus besides its state."""
-    return {"name": name, "last_fault": bridge.last_fault, "reconnects": bridge.reconnects}
+    return {"name": name, "last_fault": bridge.last_fault, "reconnects": bridge.listener.reconnects}
 
 
 def _recording_report(recorder: Recorder | None) -> dict[str, Any] | None:

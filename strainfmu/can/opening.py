@@ -16,6 +16,8 @@ VIRTUAL = "virtual"
 VIRTUAL_TEXT = "virtual: no other process hears this bus; udp_multicast and socketcan's vcan0 connect processes"
 """Interface of python-can within one process, and what a user must know of it."""
 
+MULTICAST_ADVICE = "ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
+
 RECEIVE_BUFFER = 4 << 20
 """Size of a socket's receive buffer, requested of the system [bytes]: the default holds 166 CAN FD frames."""
 
@@ -134,6 +136,4 @@ def _reason(error: BaseException) -> str:
 
 def _advice(settings: BusSettings) -> str:
     """Return the most frequent remedy."""
-    if settings.interface == "udp_multicast":
-        return "; without a default route: ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
-    return ""
+    return f"; without a default route: {MULTICAST_ADVICE}" if settings.interface == "udp_multicast" else ""

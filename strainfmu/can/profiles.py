@@ -115,20 +115,20 @@ def signal_names(gauge_names: Sequence[str], kind: str = "gauge") -> list[str]:
 
 
 @cache
-def _stated(name: str) -> Mapping[str, Any]:
-    """Return what the file of a profile states, and of the profile that it is like, or the shared signals."""
+def stated_file(name: str) -> Mapping[str, Any]:
+    """Return what a file of the folder states: a profile, the shared signals, or the results."""
     return tomllib.loads((_FOLDER / f"{name}.toml").read_text("utf-8"))
 
 
-LARGEST_DYNAMIC_PRESSURE: float = _stated(_SHARED)[DYNAMIC_PRESSURE]["maximum"]
+LARGEST_DYNAMIC_PRESSURE: float = stated_file(_SHARED)[DYNAMIC_PRESSURE]["maximum"]
 """Dynamic pressure [Pa] above which there are no coefficients."""
 
 
 @cache
 def _profile(name: str) -> Mapping[str, Any]:
     """Return what a profile states; what it is like states the entries and signals that it does not."""
-    own = _stated(name)
-    before = _profile(own["like"]) if "like" in own else {"signal": _stated(_SHARED)}
+    own = stated_file(name)
+    before = _profile(own["like"]) if "like" in own else {"signal": stated_file(_SHARED)}
     return {**_merged(before, own), "signal": {**before["signal"], **own.get("signal", {})}}
 
 
@@ -148,20 +148,10 @@ def result_form_of(profile: str) -> str:
 
 def shared_signal(field: str, first_bit: int) -> SignalLayout:
     """Return the signal ``field`` of signals.toml, little endian, at its place in a frame."""
-    return _signal(_stated(_SHARED)[field], first_bit, LITTLE)
+    return placed_signal(stated_file(_SHARED)[field], first_bit, LITTLE)
 
 
-def header_5() -> tuple[SignalLayout, SignalLayout]:
-    """Return CRC and counter of E2E profile 5."""
-    return shared_signal("crc_5", 0), shared_signal("counter_5", 16)
-
-
-def header_1() -> tuple[SignalLayout, SignalLayout]:
-    """Return CRC and counter of E2E profile 1."""
-    return shared_signal("crc_1", 0), shared_signal("counter_1", 8)
-
-
-def _signal(stated: Mapping[str, Any], first_bit: int, byte_order: str, **known: Any) -> SignalLayout:
+def placed_signal(stated: Mapping[str, Any], first_bit: int, byte_order: str, **known: Any) -> SignalLayout:
     """Return a signal; ``byte_order`` is for one that states none, ``known`` are fields that the user gives.
 
     A big endian signal begins with the highest bit of its first byte.
@@ -323,11 +313,11 @@ class _Maker:
         """Return the signal of a role; of strains and readings one for each of the ``chosen``, side by side."""
         order = self.profile["byte_order"]
         if role == "configuration":
-            return [_signal(definition, first_bit, order, initial=self.configuration)]
+            return [placed_signal(definition, first_bit, order, initial=self.configuration)]
         if role not in (STRAIN, _READING):
-            return [_signal(definition, first_bit, order)]
+            return [placed_signal(definition, first_bit, order)]
         return [
-            _signal(
+            placed_signal(
                 definition,
                 first_bit + definition["length"] * index,
                 order,

@@ -335,15 +335,15 @@ class Recorder:
 
     def received(self, frame: Frame) -> None:
         """Record a frame that was received at its time."""
-        if len(self._waiting) < self._room:
-            self._waiting.append((frame, True))
-        else:
-            self.lost += 1
+        self._wait(frame, True)
 
     def sent(self, frame: Frame) -> None:
         """Record a frame that was sent at its time."""
+        self._wait(frame, False)
+
+    def _wait(self, frame: Frame, is_received: bool) -> None:
         if len(self._waiting) < self._room:
-            self._waiting.append((frame, False))
+            self._waiting.append((frame, is_received))
         else:
             self.lost += 1
 

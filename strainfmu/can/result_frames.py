@@ -11,7 +11,7 @@ from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import E2E_COUNTER, E2E_CRC
-from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass, Quality, low_causes
+from strainfmu.can.quality import BusState, FrameAccount, FrameClass, Quality, low_causes
 from strainfmu.can.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES, OtherLoadSignals
 from strainfmu.can.signals import SignalPlan
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -31,26 +31,19 @@ class BridgeStatus:
 
     Attributes
     ----------
-    last_valid : the last result of quality VALID or UNPROTECTED, or None.
-    envelope_score : of the last result [1], NaN for none.
-    causes, age_uncertainty, counter, usable : of the last result; the uncertainty [s], NaN for none.
+    last, last_valid : the last result, and the last of quality VALID or UNPROTECTED; or None.
     account : of all frames so far.
     cycles : number of results so far.
     """
 
     time: float
-    quality: Quality
     bus_state: BusState
+    last: Result | None
     last_valid: Result | None
     account: FrameAccount
     cycles: int
     send_failures: int
     reconnects: int
-    envelope_score: float = nan
-    causes: Cause = Cause.NONE
-    age_uncertainty: float = nan
-    counter: int | None = None
-    usable: bool = False
 
 
 class ResultFrames:
@@ -81,21 +74,15 @@ class ResultFrames:
             values = (*values, *self._others.values(outputs).values())
         frames = [frame.compose(values) for frame in self._of_result]
         if int(result.causes) >> 16:
-            details = _detail_values(
-                result.quality, result.causes, result.age_uncertainty, result.counter, result.usable
-            )
-            frames += [frame.compose(details) for frame in self._details]
+            frames += [frame.compose(_detail_values(result)) for frame in self._details]
         return frames
 
     def of_status(self, status: BridgeStatus) -> list[Frame]:
         """Return the frames of the bridge's status, and the details of the last result."""
         values = _status_values(status, self._configuration)
-        details = _detail_values(
-            status.quality, status.causes, status.age_uncertainty, status.counter, status.usable
-        )
-        return [frame.compose(values) for frame in self._of_status] + [
-            frame.compose(details) for frame in self._details
-        ]
+        details = _detail_values(status.last)
+        frames = [frame.compose(values) for frame in self._of_status]
+        return frames + [frame.compose(details) for frame in self._details]
 
 
 class _ResultFrame:
@@ -158,18 +145,13 @@ def _result_values(result: Result, configuration: int) -> tuple[float, ...]:
 _DETAIL_NAMES = (*_HEADER, "Quality", "AllCauses", "Usable", "AgeUncertainty", "AnsweredCounter")
 
 
-def _detail_values(
-    quality: Quality, causes: Cause, age_uncertainty: float, counter: int | None, usable: bool
-) -> tuple[float, ...]:
+def _detail_values(last: Result | None) -> tuple[float, ...]:
     """Return the values of _DETAIL_NAMES."""
-    return (
-        *_NO_HEADER,
-        int(quality),
-        int(causes),
-        int(usable),
-        nan if isnan(age_uncertainty) else min(1e3 * age_uncertainty, _LARGEST_UNCERTAINTY),
-        counter or 0,
-    )
+    if last is None:
+        return *_NO_HEADER, int(Quality.NO_DATA), 0, 0, nan, 0
+    uncertainty = 1e3 * last.age_uncertainty
+    stated = nan if isnan(uncertainty) else min(uncertainty, _LARGEST_UNCERTAINTY)
+    return *_NO_HEADER, int(last.quality), int(last.causes), int(last.usable), stated, last.counter or 0
 
 
 _COUNTS = ("Received", "Used", "Rejected", "Cycles", "Overrun")
@@ -203,11 +185,11 @@ def _status_values(status: BridgeStatus, configuration: int) -> tuple[float, ...
         *[count % 2**16 for count in counts],
         min(age, 2**32 - 2.0) if not isnan(age) else nan,
         min(age, 655_340.0) if not isnan(age) else nan,
-        int(status.quality),
+        int(Quality.NO_DATA if status.last is None else status.last.quality),
         int(status.bus_state),
         status.send_failures % 2**16,
         min(status.reconnects, 255),
         nan,  # the drift, which earlier versions have measured
-        status.envelope_score,
+        nan if status.last is None else status.last.envelope_score,
         configuration,
     )

@@ -8,8 +8,8 @@ from itertools import count
 from math import ceil, isfinite, nan
 
 from strainfmu.can.frame import FD_LENGTHS, Protection
-from strainfmu.can.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
-from strainfmu.can.profiles import BRIDGE, Identifiers, header_1, header_5
+from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
+from strainfmu.can.profiles import BRIDGE, Identifiers, placed_signal, shared_signal, stated_file
 from strainfmu.can.quality import BusState, Quality
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
@@ -220,15 +220,9 @@ STATUS_PERIOD = 0.1
 """Period of the status frames [s]."""
 DETAIL = "EstimateDetail"
 """Frame that is sent with the status and with every result that has causes above bit 15."""
-
-_QUALITY_CHOICES = tuple((int(quality), quality.name.title()) for quality in Quality)
-_HEALTH_CHOICES = tuple((int(state), state.name.title()) for state in HealthState)
-_BUS_CHOICES = tuple((int(state), state.name.title()) for state in BusState)
 SIGMA_NAMES = tuple(f"sigma_{name}" for name in COEFFICIENT_NAMES)
 LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
-_AGE_TICK = 1e-4
-_CAUSES_TEXT = f"Why it is not Valid, one bit each; bit 15: further ones in {DETAIL}"
-_DETAIL_TEXT = "Of the last result: every 100 ms, and with every result that has causes above bit 15"
+_ENUMERATIONS = {"quality": Quality, "health": HealthState, "bus": BusState}
 
 
 def result_layouts(
@@ -242,268 +236,47 @@ def result_layouts(
     cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
     groups : of the loads behind the five, which are sent too.
     """
-    layouts = _fd_layouts(cycle_time) if form == "fd" else _classic_layouts(cycle_time)
-    if form == "fd":
-        first = (*header_5(), _quality(24), _sample_time())
-        layouts += fd_layouts(first, _answered(0), groups, cycle_time)
-    else:
-        head = (*header_1(), _quality(12))
-        layouts += classic_layouts(head, _answered(0), groups, cycle_time)
+    is_fd, stated = form == "fd", stated_file("results")
+    protected = (shared_signal("crc_5", 0), shared_signal("counter_5", 16))
+    if not is_fd:
+        protected = (shared_signal("crc_1", 0), shared_signal("counter_1", 8))
+    layouts = [
+        FrameLayout(
+            name=name,
+            identifier=0,
+            length=frame.get("length", 8),
+            signals=(*protected, *(one for field, at in frame["fields"].items() for one in _signals(field, at))),
+            is_fd=is_fd,
+            cycle_time=cycle_time if "every_cycle" in frame else None,
+            comment=frame.get("comment", ""),
+        )
+        for name, frame in stated[form].items()
+    ]
+    (answered,), (quality,) = _signals("answered", 0), _signals("quality", 24 if is_fd else 12)
+    head = (*protected, quality, *(_signals("sample_time", 32) if is_fd else ()))
+    layouts += (fd_layouts if is_fd else classic_layouts)(head, answered, groups, cycle_time)
     return tuple(
         replace(
             layout,
             identifier=identifiers.result_base + number,
             is_extended=identifiers.is_extended,
-            protection=Protection(5 if form == "fd" else 1, _RESULT_DATA_ID + number),
+            protection=Protection(5 if is_fd else 1, _RESULT_DATA_ID + number),
             sender=BRIDGE,
         )
         for number, layout in enumerate(layouts)
     )
 
 
-def _quality(start: int) -> SignalLayout:
-    return SignalLayout(
-        name="Quality", start=start, length=4, choices=_QUALITY_CHOICES, comment="How far to trust it"
-    )
-
-
-def _sample_time() -> SignalLayout:
-    return SignalLayout(
-        name="SampleTime",
-        start=32,
-        length=32,
-        unit="us",
-        not_available=2**32 - 1,
-        comment="Of the strains answered",
-    )
-
-
-def _health(start: int, length: int) -> SignalLayout:
-    largest = (1 << length) - 1
-    return SignalLayout(
-        name="Health",
-        start=start,
-        length=length,
-        not_available=largest,
-        choices=(*_HEALTH_CHOICES, (largest, "NotAvailable")),
-        comment="health.state of the estimator",
-    )
-
-
-def _usable(start: int) -> SignalLayout:
-    return SignalLayout(
-        name="Usable",
-        start=start,
-        length=1,
-        comment="1: Health Ok or Degraded and Quality Valid, Unprotected or Degraded: loads and sigma may be used",
-    )
-
-
-def _fd_layouts(cycle_time: float) -> list[FrameLayout]:
-    """Return LoadEstimate and BridgeStatus in CAN FD frames of 64 bytes."""
-    floats = [
-        SignalLayout(name=name, start=64 + 32 * i, length=32, kind=FLOAT, comment="NaN: not available")
-        for i, name in enumerate((*COEFFICIENT_NAMES, *SIGMA_NAMES, "ChiSquare"))
-    ]
-    estimate = (
-        *header_5(),
-        _quality(24),
-        _health(28, 4),
-        _sample_time(),
-        *floats,
-        _age(416),
-        SignalLayout(name="Causes", start=432, length=16, comment=_CAUSES_TEXT),
-        SignalLayout(name="GaugesUsed", start=448, length=8),
-        _answered(456),
-        SignalLayout(name="Configuration", start=464, length=16),
-        SignalLayout(
-            name="UsedPressure",
-            start=480,
-            length=32,
-            kind=FLOAT,
-            unit="Pa",
-            comment="q_inf used; NaN: none",
-        ),
-    )
-    lasts = [
-        SignalLayout(name=name, start=64 + 32 * i, length=32, kind=FLOAT) for i, name in enumerate(LAST_NAMES)
-    ]
-    counts = [
-        SignalLayout(name=name, start=256 + 32 * i, length=32, comment="Wraps")
-        for i, name in enumerate(("Received", "Used", "Rejected", "Cycles", "Overrun"))
-    ]
-    status = (
-        *header_5(),
-        _quality(24),
-        SignalLayout(name="BusState", start=28, length=4, choices=_BUS_CHOICES),
-        *lasts,
-        SignalLayout(
-            name="LastAge",
-            start=224,
-            length=32,
-            unit="ms",
-            not_available=2**32 - 1,
-            comment="Age of the last valid coefficients",
-        ),
-        *counts,
-        SignalLayout(name="SendFailures", start=416, length=16, comment="Wraps"),
-        SignalLayout(name="Reconnects", start=432, length=8),
-        SignalLayout(name="Configuration", start=448, length=16),
-        _drift(464),
-        SignalLayout(
-            name="EnvelopeScore",
-            start=480,
-            length=32,
-            kind=FLOAT,
-            comment="Deviations by which the last result leaves what the map covers, 0 inside; NaN: none",
-        ),
-    )
+def _signals(field: str, at: int | Sequence[int]) -> list[SignalLayout]:
+    """Return the signals of a field of results.toml at their places."""
+    stated = {**stated_file("results")["signal"][field]}
+    first, names = (at, ("",)) if isinstance(at, int) else (at[0], COEFFICIENT_NAMES[at[1] : at[2]])
+    if "choices" in stated:
+        stated["choices"] = [(int(one), one.name.title()) for one in _ENUMERATIONS[stated["choices"]]]
+        if "not_available" in stated:
+            stated["choices"].append((stated["not_available"], "NotAvailable"))
+    name = stated.pop("name")
     return [
-        FrameLayout(
-            name="LoadEstimate", identifier=0, length=64, signals=estimate, is_fd=True, cycle_time=cycle_time
-        ),
-        FrameLayout(
-            name="BridgeStatus", identifier=0, length=64, signals=status, is_fd=True, comment="Every 100 ms"
-        ),
-        FrameLayout(
-            name=DETAIL,
-            identifier=0,
-            length=12,
-            signals=(*header_5(), _quality(24), *_details(32), _answered(80), _usable(88)),
-            is_fd=True,
-            comment=_DETAIL_TEXT,
-        ),
+        placed_signal(stated, first + stated["length"] * place, LITTLE, name=name.format(of))
+        for place, of in enumerate(names)
     ]
-
-
-def _classic_layouts(cycle_time: float) -> list[FrameLayout]:
-    """Return five result and three status frames of 8 bytes: 3 x 16 bit behind the header of E2E profile 1."""
-    head = (*header_1(), _quality(12))
-
-    def words(name: str, *signals: SignalLayout, period: float | None = cycle_time) -> FrameLayout:
-        placed = []
-        bit = 16
-        for signal in signals:
-            placed.append(replace(signal, start=bit))
-            bit += signal.length
-        comment = "" if period else "Every 100 ms"
-        return FrameLayout(
-            name=name, identifier=0, length=8, signals=(*head, *placed), cycle_time=period, comment=comment
-        )
-
-    coefficients = [_coefficient(name) for name in COEFFICIENT_NAMES]
-    deviations = [
-        SignalLayout(
-            name=name, start=0, length=16, scale=1e-4, not_available=65535, comment="65535: not available"
-        )
-        for name in SIGMA_NAMES
-    ]
-    lasts = [_coefficient(name) for name in LAST_NAMES]
-    chi_square = SignalLayout(
-        name="ChiSquare", start=0, length=16, scale=0.1, not_available=65535, comment="65535: not available"
-    )
-    verdict = (
-        SignalLayout(name="Causes", start=0, length=16, comment=_CAUSES_TEXT),
-        _answered(0),
-        SignalLayout(name="GaugesUsed", start=0, length=8),
-        _health(0, 7),
-        _usable(0),
-        SignalLayout(
-            name="EnvelopeScore8",
-            start=0,
-            length=8,
-            scale=0.1,
-            not_available=255,
-            comment="Deviations by which it leaves what the map covers, 0 inside; 254: 25.4 and above",
-        ),
-    )
-    last_age = SignalLayout(name="LastAge16", start=0, length=16, scale=10.0, unit="ms", not_available=65535)
-    return [
-        words("Coefficients1", *coefficients[:3]),
-        words("Coefficients2", *coefficients[3:], chi_square),
-        words("Deviations1", *deviations[:3]),
-        words("Deviations2", *deviations[3:], _age(0)),
-        words("Verdict", *verdict),
-        words("LastValid1", *lasts[:3], period=None),
-        words("LastValid2", *lasts[3:], last_age, period=None),
-        words(
-            "BridgeStatus",
-            SignalLayout(name="Received16", start=0, length=16, comment="Wraps"),
-            SignalLayout(name="Rejected16", start=0, length=16, comment="Wraps"),
-            SignalLayout(name="Reconnects", start=0, length=8),
-            SignalLayout(name="BusState", start=0, length=8, choices=_BUS_CHOICES),
-            period=None,
-        ),
-        FrameLayout(
-            name=DETAIL,
-            identifier=0,
-            length=8,
-            signals=(*head, *_details(16)),
-            comment=_DETAIL_TEXT,
-        ),
-    ]
-
-
-def _coefficient(name: str) -> SignalLayout:
-    """Return a coefficient of 16 bits: +-16.38 in steps of 0.0005."""
-    return SignalLayout(
-        name=name,
-        start=0,
-        length=16,
-        kind=SIGNED,
-        scale=5e-4,
-        not_available=-32768,
-        comment="-32768 (0x8000): not available",
-    )
-
-
-def _age(start: int) -> SignalLayout:
-    return SignalLayout(
-        name="Age",
-        start=start,
-        length=16,
-        scale=1e3 * _AGE_TICK,
-        unit="ms",
-        not_available=65535,
-        comment="Of the strains when the result was sent; 65535: not available",
-    )
-
-
-def _details(start: int) -> tuple[SignalLayout, SignalLayout]:
-    """Return all causes in 32 bits from bit ``start`` on, and the uncertainty of the age in 16 behind them."""
-    return (
-        SignalLayout(
-            name="AllCauses",
-            start=start,
-            length=32,
-            comment="Why the result is not Valid, one bit each, bits 16 and above too",
-        ),
-        SignalLayout(
-            name="AgeUncertainty",
-            start=start + 32,
-            length=16,
-            scale=1e3 * _AGE_TICK,
-            unit="ms",
-            not_available=65535,
-            comment="By how much the strains may be older than Age; 65534: 6553.4 and above; 65535: not available",
-        ),
-    )
-
-
-def _answered(start: int) -> SignalLayout:
-    return SignalLayout(
-        name="AnsweredCounter", start=start, length=8, comment="E2E counter of the strains answered"
-    )
-
-
-def _drift(start: int) -> SignalLayout:
-    return SignalLayout(
-        name="Drift",
-        start=start,
-        length=16,
-        kind=SIGNED,
-        scale=0.1,
-        unit="ppm",
-        not_available=-32768,
-        comment="How much slower than the bridge's the sender's clock runs",
-    )

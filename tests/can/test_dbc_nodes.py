@@ -182,14 +182,13 @@ def test_the_status_holds_the_last_valid_coefficients_and_their_age(form: str) -
     account.classes[FrameClass.CORRUPT] = 70_000
     status = BridgeStatus(
         time=3.0,
-        quality=Quality.STALE,
         bus_state=BusState.ERROR_PASSIVE,
+        last=altered(RESULT, quality=Quality.STALE, other_outputs={ENVELOPE_SCORE: 5.5}),
         last_valid=RESULT,
         account=account,
         cycles=5,
         send_failures=6,
         reconnects=7,
-        envelope_score=5.5,
     )
     values: dict = {}
     for frame in ResultFrames(layouts, 1).of_status(status):

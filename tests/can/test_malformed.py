@@ -11,7 +11,7 @@ import can
 import pytest
 from can_case import CYCLE, Projection, layout_of
 
-from strainfmu.can.bridge import ERRORS_PER_SECOND, BackOffSettings, Bridge
+from strainfmu.can.bridge import ERRORS_PER_SECOND, BackOff, Bridge
 from strainfmu.can.frame import Frame, MalformedFrame, from_message
 from strainfmu.can.listener import BusListener, Taps
 from strainfmu.can.log_frames import LogState, log_frames
@@ -75,7 +75,7 @@ def bridged(messages: list[can.Message | Exception], **taps: Any) -> Bridge:
     own = [one.key for one in results]
     machine = input_machine(layout, Projection(30), BridgeSettings(), start=time.monotonic(), own=own)
     bus = Scripted(list(messages))
-    back_off = BackOffSettings(first=0.01, attempts=1)
+    back_off = BackOff(first=0.01, attempts=1)
     bridge = Bridge(
         BusListener(machine, results, 0, Taps(**taps)), lambda: bus, back_off=back_off, queued_cycles=1000
     )

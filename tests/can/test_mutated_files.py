@@ -29,12 +29,19 @@ START = 1_700_000_000.0
 N_CYCLES = 40
 PERIOD = f"input.cycle_time_ms={1e3 * CYCLE:g}"
 
+LOGS = ("blf", "asc", "mf4", "log", "trc", "csv")
+
 Try = Callable[[Path], Ended]
 
 
+def profile_in(suffix: str) -> str:
+    """Return the profile of a log: not every format holds CAN FD."""
+    return "classic-le" if suffix in (".trc", ".csv") else "fd64"
+
+
 def write_log(path: Path) -> Path:
-    """Write a flight as fd64 in the format of the suffix."""
-    layout = profile_layout("fd64", NAMES, cycle_time=CYCLE, identifiers=Identifiers())
+    """Write a flight in the format of the suffix, as fd64 where that holds CAN FD."""
+    layout = profile_layout(profile_in(path.suffix), NAMES, cycle_time=CYCLE, identifiers=Identifiers())
     sender = FaultySender(layout, [], OWN)
     frames = [
         frame
@@ -45,7 +52,7 @@ def write_log(path: Path) -> Path:
         frame.time += START
     if path.suffix == ".mf4":
         return write_bus_log(path, [(frame, True) for frame in frames])
-    with can.BLFWriter(str(path)) if path.suffix == ".blf" else can.ASCWriter(str(path)) as log:
+    with can.Logger(str(path)) as log:
         for frame in frames:
             message = to_message(frame)
             message.timestamp = frame.time
@@ -60,7 +67,9 @@ def log_case(suffix: str, synthetic: SyntheticFiles, folder: Path) -> tuple[byte
         path.read_bytes(),
         path,
         lambda log: limited_run(
-            folder, "replay", log, synthetic.map_1, "-o", output, "--profile", "fd64", "--set", PERIOD
+            folder,
+            *("replay", log, synthetic.map_1, "-o", output, "--profile", profile_in(path.suffix)),
+            *("--set", PERIOD),
         ),
     )
 
@@ -110,7 +119,7 @@ def fmu_case(synthetic: SyntheticFiles, folder: Path) -> tuple[bytes, Path, Try]
 
 def case_of(kind: str, synthetic: SyntheticFiles, folder: Path) -> tuple[bytes, Path, Try]:
     """Return the bytes of a sound file, where its mutations are written, and what reads them."""
-    if kind in ("blf", "asc", "mf4"):
+    if kind in LOGS:
         if kind == "mf4":
             pytest.importorskip("asammdf")
         return log_case(kind, synthetic, folder)
@@ -123,7 +132,7 @@ def changed(kind: str, content: bytes, seed: int) -> bytes:
     Of every second FMU one of its members is changed, which no CRC of the archive shows; of every second text the
     new bytes are some of its own, so that it stays a text.
     """
-    if seed % 2 or kind not in ("fmu", "dbc", "asc"):
+    if seed % 2 or kind not in ("fmu", "dbc", "asc", "log", "trc", "csv"):
         return mutated(content, seed)
     if kind != "fmu":
         drawn, text = random.Random(seed), bytearray(content)
@@ -140,7 +149,7 @@ def changed(kind: str, content: bytes, seed: int) -> bytes:
     return made.getvalue()
 
 
-KINDS = ("blf", "asc", "mf4", "dbc", "hdf5", "fmu")
+KINDS = (*LOGS, "dbc", "hdf5", "fmu")
 
 
 def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -> list[str]:

@@ -76,4 +76,4 @@ def test_frames_are_those_on_record(profile: str) -> None:
 
 def test_a_profile_is_a_file() -> None:
     folder = Path(__file__).parents[2] / "strainfmu" / "can" / "profiles"
-    assert {*PROFILES, "signals"} == {path.stem for path in folder.iterdir()}
+    assert {*PROFILES, "results", "signals"} == {path.stem for path in folder.iterdir()}

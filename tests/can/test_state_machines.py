@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from can_case import CYCLE, Ears, Projection, layout_of
 
-from strainfmu.can.bridge import BackOff, BackOffSettings
+from strainfmu.can.bridge import BackOff
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
@@ -224,7 +224,7 @@ def test_bus_state_after_error_frames(identifier: int, data: bytes, state: BusSt
 
 
 def test_back_off_doubles_to_a_bound_and_gives_up() -> None:
-    back_off = BackOff(BackOffSettings(first=0.1, longest=0.5, attempts=4, settle=2.0))
+    back_off = BackOff(first=0.1, longest=0.5, attempts=4, settle=2.0)
     waits = []
     for _ in range(5):
         assert not back_off.exhausted
@@ -236,7 +236,7 @@ def test_back_off_doubles_to_a_bound_and_gives_up() -> None:
 
 
 def test_back_off_starts_again_only_after_the_bus_has_worked_for_a_while() -> None:
-    back_off = BackOff(BackOffSettings(first=0.1, settle=2.0))
+    back_off = BackOff(first=0.1, settle=2.0)
     back_off.failed(0.0)
     back_off.opened(1.0)
     back_off.failed(2.0)

@@ -15,9 +15,12 @@ from itertools import count
 
 import numpy as np
 from can_case import KEY, Projection
-from documented_sender import BASE, DocumentedSender, Sent
+from documented_sender import BASE, DocumentedSender, Sent, rack_text
 
+from strainfmu.can.dbc_files import database_of
+from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
+from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.machine import Machine, Result, input_machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
@@ -86,6 +89,8 @@ class Found:
     largest_uncertainty: float = 0.0
     is_late: bool = False
     last: str = ""
+    beyond: list[str] = field(default_factory=list)
+    """Results VALID or DEGRADED whose strains are older than the maximum age."""
 
 
 STEPS_WITH_DELAY = 11
@@ -138,8 +143,21 @@ KINDS = (
     "no pressure",
     "counter jump",
 )
+LONG_KINDS = ("pause", "restart behind a pause", "creep from the start")
+"""Pauses of up to an hour, and a delay that grows by up to 100 ppm, through them too."""
 FOREIGN = (("foreign first", -1e-4, 12), ("foreign behind", 2e-3, 12), ("second sender", 3e-3, 1))
 """Faults by a foreign sender: when its frames come [s], beside those of the true one, and in which cycles."""
+
+
+def rack_layout() -> InputLayout:
+    """Return the frames of the rack by its DBC file and a mapping."""
+    mapping = {
+        "strain": {name: f"Rack.{name}" for name in NAMES},
+        "dynamic_pressure": {"signal": "Air.q"},
+        "sample_time": {"Rack": "Rack.T"},
+        "configuration": {"Rack": "Rack.Layout"},
+    }
+    return mapped_layout(database_of(rack_text(NAMES), "rack"), mapping, gauge_names=NAMES, name="rack")
 
 
 class Scenario:
@@ -156,7 +174,10 @@ class Scenario:
     ) -> None:
         self.acts, self.n_cycles, self.seed = acts, n_cycles, seed
         key = KEY if profile == "fd64-sec" else None
-        layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
+        if profile == "rack":
+            layout, session = rack_layout(), None
+        else:
+            layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
         step = Projection(N_GAUGES)
         self.core: Machine = input_machine(layout, step, settings, start=0.0)
         self.is_fd = profile != "classic-le"
@@ -169,9 +190,15 @@ class Scenario:
         self.wire: list[tuple[float, int, Frame]] = []
         self.order, self.answered = count(), count()
         self.found = Found(acts)
-        self.time = 0.0
+        self.time = self.paused = self.pause = 0.0
+        self.max_age = settings.max_age * PERIOD
+        self.slope = 1e-4 * sum(act.size for act in acts if act.kind == "creep from the start")
         self.last_fault = max((act.end for act in acts), default=0)
         self.recovered = not acts
+
+    def at(self, number: int) -> float:
+        """Return when a cycle begins: pauses without a frame are no cycles."""
+        return number * PERIOD + self.paused
 
     # --- the sender's side
 
@@ -186,6 +213,7 @@ class Scenario:
 
     def change_clocks(self, number: int, time: float) -> None:
         bus = self.bus
+        bus.delay += self.slope * PERIOD
         for act in self.begins(number, "small step ahead"):
             bus.clock += 0.0095 * act.size
         for act in self.begins(number, "large step ahead"):
@@ -213,6 +241,12 @@ class Scenario:
             bus.clock -= 9e-5 * PERIOD
         for act in self.begins(number, "counter jump"):
             bus.counter += 1 + int(40 * act.size)
+        for kind in ("pause", "restart behind a pause"):
+            for _ in self.begins(number, kind):
+                bus.counter += round(self.pause / PERIOD)
+                bus.delay += self.slope * self.pause
+                if kind == "restart behind a pause":
+                    self.start_again(number, time)
         for kind in ("restart", "restart under delay", "same stimulus again", "recording"):
             if self.begins(number, kind):
                 bus.is_on = False
@@ -220,10 +254,14 @@ class Scenario:
                 bus.is_on = True
                 if kind == "recording":
                     continue
-                bus.clock, bus.counter = -time, -number
-                bus.sender.start()
+                self.start_again(number, time)
                 if kind == "restart under delay":
                     bus.delay = max(bus.delay, 5.0 * act.size)
+
+    def start_again(self, number: int, time: float) -> None:
+        """Begin a new run of the sender, with clock and counter at 0."""
+        self.bus.clock, self.bus.counter = -time, -number
+        self.bus.sender.start()
 
     def drain(self, time: float) -> None:
         """Release all that the gateway holds, in order."""
@@ -262,7 +300,10 @@ class Scenario:
     def send(self, number: int) -> None:
         """Put the frames of a cycle on the wire."""
         bus, random = self.bus, self.random
-        time = number * PERIOD
+        pauses = [*self.begins(number, "pause"), *self.begins(number, "restart behind a pause")]
+        self.pause = sum(round(3600.0 * act.size**3 / PERIOD) * PERIOD for act in pauses)
+        self.paused += self.pause
+        time = self.at(number)
         self.change_clocks(number, time)
         if self.active(number, "period") and number % 2:
             bus.counter -= 1
@@ -326,7 +367,7 @@ class Scenario:
             for act in self.active(number, kind):
                 place = act.start - (40 if kind == "recording" else act.start) + (number - act.start)
                 if 0 <= place < len(recorded):
-                    shift = number * PERIOD - recorded[place][0][0]
+                    shift = self.at(number) - recorded[place][0][0]
                     more += [(time + shift, frame) for time, frame in recorded[place]]
         if self.active(number, "one cycle again") and len(recorded) > 40:
             old = recorded[int(random.integers(len(recorded) - 1))]
@@ -362,7 +403,7 @@ class Scenario:
         """Run the scenario; return what the oracle found."""
         for number in range(self.n_cycles):
             self.send(number)
-            now = (number + 1) * PERIOD
+            now = self.at(number + 1)
             while self.wire and self.wire[0][0] < now - 4e-4:
                 arrival, _, frame = heappop(self.wire)
                 self.time = max(arrival, self.time)
@@ -393,6 +434,8 @@ class Scenario:
         if self.last_fault <= number <= self.last_fault + RECOVERY + 5:
             is_late = self.bus.delay > 5.0 * PERIOD  # for good: the strains are what they say, too old
             self.recovered |= says or is_late or result.quality is Quality.VALID
+        if result.quality is Quality.DEGRADED and result.valid.any():
+            self.judge_degraded(result, number)
         if result.quality is not Quality.VALID:
             return
         found.n_valid += 1
@@ -412,6 +455,8 @@ class Scenario:
                 found.mixed.append(f"cycle {number}")
                 return
         age = result.time - at
+        if age > self.max_age + JITTER:
+            found.beyond.append(f"cycle {number}: VALID, true {1e3 * age:.2f} ms")
         if age > result.age + result.age_uncertainty + JITTER:
             found.too_old.append(
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
@@ -422,6 +467,20 @@ class Scenario:
                 f"cycle {number}: true {1e3 * age:.2f}, stated {1e3 * result.age:.2f} +- "
                 f"{1e3 * result.age_uncertainty:.2f} ms"
             )
+
+    def judge_degraded(self, result: Result, number: int) -> None:
+        """Look up when the readings that are used were sampled, the newest time that has all of them."""
+        used = result.valid
+        codes = np.round(result.strain[used] / 0.25e-6).astype(np.int64)
+        allowed = sum(act.kind in ("stuck gauge", "zero gauge") for act in self.acts)
+        times = [
+            time
+            for payload, time in self.sampled.items()
+            if int((np.frombuffer(payload, dtype=np.int64)[used] != codes).sum()) <= allowed
+        ]
+        if times and result.time - max(times) > self.max_age + JITTER:
+            age = 1e3 * (result.time - max(times))
+            self.found.beyond.append(f"cycle {number}: DEGRADED, true {age:.2f} ms")
 
     def nearly(self, codes: np.ndarray) -> float | None:
         """Return the time of a cycle but for gauges that are at fault and need not be found yet."""
@@ -487,6 +546,7 @@ def campaign(
             too_old=len(found.too_old),
             too_young=len(found.too_young),
             mixed=len(found.mixed),
+            beyond=len(found.beyond),
             foreign=found.foreign,
             unaccounted=found.unaccounted,
             late=found.is_late,

@@ -1,4 +1,4 @@
-"""A sender of fd64, fd64-sec and classic-le, written from docs/reference/can.md, with no code of the product.
+"""A sender of fd64, fd64-sec, classic-le and a multiplexed rack, written from docs/reference/can.md alone.
 
 What it sends is dated by a true time, which the bridge never sees.
 """
@@ -18,7 +18,7 @@ STATE, BASE = 0x2FF, 0x300
 STATE_ID, PRESSURE_ID, FIRST_STRAIN_ID = 0x5202, 0x5300, 0x5301
 """DataIDs."""
 
-PER_FRAME = {"fd64": 27, "fd64-sec": 20, "classic-le": 4}
+PER_FRAME = {"fd64": 27, "fd64-sec": 20, "classic-le": 4, "rack": 15}
 CODE = 0.25
 """um/m per bit."""
 
@@ -90,7 +90,7 @@ class DocumentedSender:
             state = None if self.session is None else struct.pack("<HBBI", self.session, *self._heard(clock, 254))
             return _classic(codes, pressure, counter, ticks, data_id_shift, number, status, state)
         head = struct.pack("<BBI", counter % 256, status, ticks)
-        size, n_plain = PER_FRAME[self.profile], 16 if self.profile == "fd64" else 18
+        size, n_plain = PER_FRAME[self.profile], 18 if self.profile == "fd64-sec" else 16
         body = head + struct.pack("<fH", pressure, number)
         frames = []
         if self.session is not None:
@@ -103,6 +103,10 @@ class DocumentedSender:
             own = codes[index * size : (index + 1) * size]
             strains = np.full(size, -32768, dtype="<i2")
             strains[: len(own)] = own
+            if self.profile == "rack":  # pages of one message; the page is where others have the status
+                body = struct.pack("<BBIH", counter % 256, index, ticks, number) + strains.tobytes() + bytes(8)
+                frames.append(self._protected(BASE + 1, body, FIRST_STRAIN_ID + data_id_shift, counter))
+                continue
             body = head + strains.tobytes() + struct.pack("<H", number)
             frames.append(
                 self._protected(BASE + 1 + index, body, FIRST_STRAIN_ID + index + data_id_shift, counter)
@@ -125,6 +129,31 @@ class DocumentedSender:
             mac.update(data_id.to_bytes(2, "big") + data + freshness.to_bytes(8, "big"))
             data += (freshness % (1 << 48)).to_bytes(6, "little") + mac.finalize()[:8]
         return Sent(identifier, data)
+
+
+def rack_text(names: list[str]) -> str:
+    """The DBC file of the rack: pages of 15 gauges in turns."""
+    size = PER_FRAME["rack"]
+    lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B", f"BO_ {BASE} Air: 16 A"]
+    lines += [' SG_ T : 32|32@1+ (1,0) [0|0] "us" B', ' SG_ q : 64|32@1- (1,0) [0|0] "Pa" B']
+    lines += [f"BO_ {BASE + 1} Rack: 48 A", ' SG_ Page M : 24|8@1+ (1,0) [0|0] "" B']
+    lines += [' SG_ T : 32|32@1+ (1,0) [0|0] "us" B', ' SG_ Layout : 64|16@1+ (1,0) [0|0] "" B']
+    for page in range(-(-len(names) // size)):
+        for k, name in enumerate(names[page * size : (page + 1) * size]):
+            lines += [f' SG_ {name} m{page} : {80 + 16 * k}|16@1- ({CODE},0) [0|0] "um/m" B']
+    lines += [f'BA_DEF_ BO_ "{name}" INT 0 65535;' for name in ("GenMsgCycleTime", "E2EProfile", "E2EDataID")]
+    lines += ['BA_DEF_ SG_ "GenSigStartValue" INT 0 65535;', 'BA_DEF_DEF_ "GenSigStartValue" 0;']
+    lines += [f'BA_DEF_DEF_ "{name}" 0;' for name in ("GenMsgCycleTime", "E2EProfile", "E2EDataID")]
+    lines += ['BA_DEF_ BO_ "VFrameFormat" ENUM ' + ",".join(f'"{kind}"' for kind in _FORMATS) + ";"]
+    lines += ['BA_DEF_DEF_ "VFrameFormat" "StandardCAN";']
+    for message, period, data_id in ((BASE, 10, PRESSURE_ID), (BASE + 1, 5, FIRST_STRAIN_ID)):
+        entries = {"GenMsgCycleTime": period, "E2EProfile": 5, "E2EDataID": data_id, "VFrameFormat": 14}
+        lines += [f'BA_ "{name}" BO_ {message} {value};' for name, value in entries.items()]
+    lines += [f'BA_ "GenSigStartValue" SG_ {BASE + 1} Layout {configuration("rack", names)};']
+    return "\n".join([*lines, f"SIG_VALTYPE_ {BASE} q : 1;", ""])
+
+
+_FORMATS = ("StandardCAN", "ExtendedCAN", *["reserved"] * 12, "StandardCAN_FD", "ExtendedCAN_FD")
 
 
 def _classic(

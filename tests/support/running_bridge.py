@@ -10,7 +10,7 @@ import can
 import numpy as np
 from can_case import Ears, Projection, Truth, layout_of
 
-from strainfmu.can.bridge import QUEUED_CYCLES, BackOffSettings, Bridge, BridgeSummary
+from strainfmu.can.bridge import QUEUED_CYCLES, BackOff, Bridge, BridgeSummary
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
 from strainfmu.can.listener import BusListener, Taps
@@ -71,7 +71,7 @@ class Running:
             return self.buses[-1]
 
         self._ears = Ears(self._encoder, lambda _: time.monotonic() - self._start)
-        back_off = BackOffSettings(first=0.02, longest=0.1, attempts=5, settle=0.2)
+        back_off = BackOff(first=0.02, longest=0.1, attempts=5, settle=0.2)
         listener = BusListener(core, results, 1, Taps(on_result=self._take))
         self.bridge = Bridge(listener, opened, back_off=back_off, queued_cycles=queued_cycles)
         self.summary: BridgeSummary | None = None

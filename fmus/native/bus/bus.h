@@ -253,6 +253,7 @@ typedef struct {
     int32_t n_held_back, n_intervals, n_wrong, n_steps, step_count, goes_on;
     double cycles, learn_at, changed_at, unheard; /* unheard: time lost ahead of the last change [s] */
     double unseen;                                /* time of the sender's clock that no cycle in a row shows, in all [s] */
+    double usual_off;                             /* by how much its steps are off by its counter, about [s] */
     int64_t changed_ticks;
     int32_t all_frozen, all_repeat;               /* all_repeat: so often that noise hardly allows it */
 } SbState;

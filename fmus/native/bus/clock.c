@@ -186,27 +186,38 @@ static uint32_t date_by_echo(const SbPlan *p, SbState *s, int64_t ticks, double 
 
 /* --- other senders ---------------------------------------------------------------------------------------------------------- */
 
+/* By how much the clock was set, or a sample was late, less than a cycle: more than its times usually are off by the counter.
+   A counter that alone ran ahead says nothing. */
+static double time_set(const SbPlan *p, SbState *s, const Step *step, double tick) {
+    const double off = fabs(step->off), most = 0.25 * p->cycle, usual = 5.0 * s->usual_off + 2.5 * tick;
+    const double limit = usual < most ? usual : most;
+    if (!s->has_seen || !(step->time > 0.0)) {
+        return 0.0;
+    }
+    s->usual_off += ((off < limit ? off : limit) - s->usual_off) / 16.0;
+    const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - (s->first - s->seen_at)) < 0.25 * p->cycle;
+    return off > limit && !ran_ahead ? step->off : 0.0;
+}
+
 static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, double now) {
     SbClock k;
     s->is_confirmed = 0;
     if (!s->clock.is_set) {
         anchor(&s->clock, ticks, s->first);
     }
+    const double set = time_set(p, s, step, tick);
     const int is_explained = fits(p, &s->clock, &k, ticks, tick, s->first, now);
     look_for_proven(p, s, ticks, tick, step, !is_explained, now);
     if (is_explained || fits(p, &s->clock, &k, ticks, tick, s->first, now)) {
-        /* Sampled late, or a clock that was set by less than a cycle; a counter that alone ran ahead says nothing. */
-        const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - (s->first - s->seen_at)) < 0.25 * p->cycle;
-        if (fabs(step->off) > 0.25 * p->cycle && step->time > 0.0 && !ran_ahead) {
-            k.doubt = k.doubt + step->off > 0.0 ? k.doubt + step->off : 0.0;
-            k.upper -= step->off < 0.0 ? step->off : 0.0;
-        }
+        k.doubt = k.doubt + set > 0.0 ? k.doubt + set : 0.0;
+        k.upper -= set < 0.0 ? set : 0.0;
         k.n_odd = 0;
         s->clock = k;
         s->n_late = 0;
         return state_age(p, &s->result, &k, now);
     }
     SbClock *c = &s->clock;
+    c->doubt += step->goes_on && set > 0.0 ? set : 0.0; /* while cycles are too late */
     const int is_ahead = now - k.source - k.upper <= p->max_age;
     c->n_odd = !step->goes_on || (is_ahead && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
     s->n_late++;

@@ -193,9 +193,9 @@ static double time_lost(const SbPlan *p, SbState *s, int64_t ticks) {
         if (p->slot[i].kind != SB_STRAIN || !q->fresh) {
             continue;
         }
-        const int by_clock = ticks >= 0 && q->heard_ticks >= 0;
+        const int by_clock = ticks >= 0 && q->heard_ticks >= 0 && s->goes_on;
         const double since = by_clock ? p->tick * (double)ticks_ahead(ticks, q->heard_ticks, p->bits) : s->first - q->heard;
-        const double lost = s->goes_on && q->heard > -INFINITY ? since - p->cycle : 0.0;
+        const double lost = q->heard > -INFINITY ? since - p->cycle : 0.0;
         longest = lost > longest ? lost : longest;
         q->heard = s->first;
         q->heard_ticks = ticks;
@@ -426,6 +426,7 @@ void sb_begin(const SbPlan *plan, SbState *state, double start) {
     s->deadline = INFINITY;
     s->next_status = start + plan->timeout;
     s->measured_period = NAN;
+    s->usual_off = 0.05 * plan->cycle;
     s->last_cycle = s->refilled = start;
     s->last_first = s->alarm_heard = s->alarm_until = s->bridge_until = -INFINITY;
     s->refusals = 20.0;
