@@ -34,7 +34,7 @@ from strainfmu.recorded.tare_window import tare as tare
 from strainfmu.recorded.run import estimate_file as estimate_file
 
 # FMUs
-from strainfmu.fmu.export import export as export
+from strainfmu.can.export import export as export
 from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
 from strainfmu.fmu.plant_export import plant as plant
 from strainfmu.fmu.flight_export import fly as fly

@@ -19,6 +19,7 @@ from strainfmu.can.options import PUBLISH_RATE, RESTARTS, RESULT_FORMS, BridgeOp
 from strainfmu.can.profiles import PROFILES, Identifiers
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN
+from strainfmu.fmu.description.port import TX_CLOCKS
 from strainfmu.recorded.names import suggestion
 from strainfmu.text_files import read_toml
 
@@ -38,7 +39,7 @@ class Entry:
     example: str = ""
 
 
-_CHOICES = {"profiles": PROFILES, "restarts": RESTARTS, "result_forms": RESULT_FORMS}
+_CHOICES = {"profiles": PROFILES, "restarts": RESTARTS, "result_forms": RESULT_FORMS, "tx_clocks": TX_CLOCKS}
 
 
 def _tables() -> dict[str, dict[str, Entry]]:
@@ -97,6 +98,8 @@ class BusDescription:
     publish_rate : largest number of results sent a second [Hz].
     publish_token : what the datagrams state, and the page requires.
     publish_field : map with the pressure field.
+    network, tx_clock, response_time, can_rate, fd_rate : of an FMU on the bus: name of its network, kind of its
+        transmit clock, time from strains to their result [s], bit rates [kbit/s].
     """
 
     stated: Mapping[str, Any] = field(default_factory=dict)
@@ -108,6 +111,11 @@ class BusDescription:
     publish_token: str | None = None
     publish_field: Path | None = None
     http: str | None = None
+    network: str = "CAN"
+    tx_clock: str = "countdown"
+    response_time: float = 5e-4
+    can_rate: int = 500
+    fd_rate: int = 2000
 
     def options(self, before: BridgeOptions | None = None) -> BridgeOptions:
         """Return the options of a bridge: those stated, and others of ``before`` or the defaults.

@@ -64,6 +64,7 @@ class Plan:
     Attributes
     ----------
     record : ``SbPlan``.
+    tables : the arrays that it names.
     slots : first slot of each identifier, by key.
     quantities : of the flow, by their place in a result.
     bridge_alarm : time for which a second bridge is reported after its last frame [s].
@@ -219,8 +220,8 @@ class Plan:
         }
         for name, value in values.items():
             record[name] = value
-        tables = {"slot": self._slots, "signal": self._signals, "code": self._codes, "change": self._change}
-        for name, table in tables.items():
+        self.tables = {"slot": self._slots, "signal": self._signals, "code": self._codes, "change": self._change}
+        for name, table in self.tables.items():
             record[name] = pointer(table).value
         return record
 

@@ -85,6 +85,23 @@ class ResultFrames:
         return frames + [frame.compose(details) for frame in self._details]
 
 
+def composition(
+    layouts: tuple[FrameLayout, ...],
+) -> tuple[list[tuple[FrameLayout, int, list[int]]], OtherLoadSignals]:
+    """Return how each frame is composed, and the loads behind the five in them.
+
+    A kind, 0 of a result, 1 of the status and 2 of details, and the place of each signal's value among the values
+    of that kind, as ``fmus/native/ecu/ecu.c`` lists them.
+    """
+    others = OtherLoadSignals(layouts)
+    names = ((*_RESULT_NAMES, *others.names), _STATUS_NAMES, _DETAIL_NAMES)
+    found = []
+    for layout in layouts:
+        kind = 0 if layout.cycle_time is not None else 2 if layout.name == DETAIL else 1
+        found.append((layout, kind, [names[kind].index(signal.name) for signal in layout.signals]))
+    return found, others
+
+
 class _ResultFrame:
     """One frame, with its counter; ``names`` are the signals of the values that it is composed of."""
 

@@ -51,6 +51,11 @@ class OtherLoadSignals:
         """Names of the signals, in the order of their values."""
         return tuple(self._outputs)
 
+    @property
+    def outputs(self) -> dict[str, float]:
+        """The outputs of the estimator, in order, and the step in which each is rounded up, 0 for none."""
+        return {output: self._steps.get(name, 0.0) for name, output in self._outputs.items()}
+
     def __bool__(self) -> bool:
         return bool(self._outputs)
 

@@ -20,8 +20,9 @@ LIBRARIES = {
 }
 """Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
 
-BESIDE = {"estimator": ("bus",)}
-"""Folders that the built library holds next to the model, for Python alone: FMUs bring no sources of them."""
+BESIDE = {"estimator": ("bus", "ecu")}
+"""Folders that the built library holds next to the model, for Python and for FMUs on a bus, which bring their
+sources."""
 
 FRONTS = {"2": "fmi2", "3": "fmi3"}
 """Folder below ``fmus/native`` of the front of each FMI version; a library holds both."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -31,6 +31,7 @@ from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.files import built_time_of, content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.port import BusPart, port_files
 from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.estimator_page import estimator_sections
 from strainfmu.fmu.documentation.index_page import documentation_files
@@ -54,7 +55,12 @@ from strainfmu.fmu.reference_run.run import (
 from strainfmu.interface.contents import CONTENTS, estimator_contents
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable, value_references
-from strainfmu.interface.listed_variables import most_important_first, with_minimal_inputs, without_zeros
+from strainfmu.interface.listed_variables import (
+    fed_by_frames,
+    most_important_first,
+    with_minimal_inputs,
+    without_zeros,
+)
 from strainfmu.interface.plant_variables import plant_interface
 from strainfmu.interface.sensor_variables import sensor_names
 from strainfmu.version import __version__
@@ -176,52 +182,16 @@ class ExportOptions:
             )
 
 
-def export(
-    inverse_map: str | PathLike[str],
-    output: str | PathLike[str] = "estimator.fmu",
-    *,
-    kind: str = "native",
-    fmi: str | int = "2",
-    scalars: bool = False,
-    platforms: Sequence[str] | Literal["all"] = "all",
-    inputs: str = "minimal",
-    estimator: Literal["linear"] | None = None,
-    zero_inputs: bool = False,
-    tare_known: str | PathLike[str] | None = None,
-) -> Literal["linear", "nonlinear"]:
-    """Write the estimator FMU of a map, or a new folder of C sources; return which estimator it holds.
-
-    Parameters
-    ----------
-    inverse_map : file of the map.
-    output : FMU to write; folder of kind "c".
-    kind, scalars, platforms, inputs, estimator, zero_inputs, tare_known : as :class:`ExportOptions` has them.
-    fmi : version of FMI, 2 or, native only, 3.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`export_estimator`.
-    """
-    options = ExportOptions(
-        kind=kind,
-        fmi_version=str(fmi).removesuffix(".0"),
-        scalars=scalars,
-        platforms=None if platforms == "all" else platforms,
-        inputs=inputs,
-        estimator=estimator,
-        zero_inputs=zero_inputs,
-        tare_known=None if tare_known is None else Path(tare_known),
-    )
-    return export_estimator(inverse_map, output, options)
-
-
 def export_estimator(
-    map_path: str | PathLike[str], fmu_path: str | PathLike[str], options: ExportOptions | None = None
+    map_path: str | PathLike[str],
+    fmu_path: str | PathLike[str],
+    options: ExportOptions | None = None,
+    bus: Callable[[Path], BusPart] | None = None,
 ) -> Literal["linear", "nonlinear"]:
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
-    Returns which estimator it holds. Of kind "c" ``fmu_path`` is a new folder.
+    Returns which estimator it holds. Of kind "c" ``fmu_path`` is a new folder. ``bus`` returns for a map what puts
+    its FMU on a bus, as :func:`strainfmu.can.ecu.export_ecu` does.
 
     Raises
     ------
@@ -248,13 +218,17 @@ def export_estimator(
             linear = Path(folder) / "map.h5"
             built = built_time_of(map_path, SCHEMA, SCHEMA_VERSION)
             save_inverse_map(replace(inverse_map, manifold=None), linear, built)
-            return export_estimator(linear, fmu_path, options)
+            return export_estimator(linear, fmu_path, options, bus)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     if options.kind == "c":
         write_folder_atomically(fmu_path, c_entries(inverse_map, content_hash))
     else:
-        make = _native_estimator if options.kind == "native" else _python_estimator
-        write_archive(fmu_path, make(map_path, inverse_map, content_hash, options))
+        if options.kind == "native":
+            part = None if bus is None else bus(map_path)
+            entries = _native_estimator(map_path, inverse_map, content_hash, options, part)
+        else:
+            entries = _python_estimator(map_path, inverse_map, content_hash, options)
+        write_archive(fmu_path, entries)
     return "linear" if inverse_map.manifold is None else "nonlinear"
 
 
@@ -280,39 +254,48 @@ def _known_bytes(known: KnownStrain | None) -> bytes:
 
 
 def _native_estimator(
-    map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions
+    map_path: Path, inverse_map: InverseMap, content_hash: str, options: ExportOptions, bus: BusPart | None = None
 ) -> dict[str, bytes]:
     from strainfmu.estimator.resource.map_file import native_resource
 
     version = options.fmi_version
     libraries = chosen_libraries("estimator", options.platforms, version)
-    sources = native_sources("estimator", version)
+    sources = native_sources("estimator", version, on_bus=bus is not None)
     scalars, known = estimator_interface(inverse_map), _known_strain(options, inverse_map)
     arrays = estimator_arrays(scalars)
     of_arrays = version == "3" and not options.scalars
     digest = f"{content_hash}{sources_digest(sources)}".encode() + _known_bytes(known)
+    listed = _in_order(arrays, options) if of_arrays else _listed(scalars, inverse_map, options)
+    capabilities = native_package.CAPABILITIES[version]
+    if bus is not None:
+        digest += bus.resource("") + repr(bus.port).encode()
+        listed, capabilities = fed_by_frames(listed), native_package.CAPABILITIES_ON_BUS
+    has_model_exchange = inverse_map.manifold is None and bus is None
     description = FmuDescription(
         model_name=options.model_name,
         description=_described(inverse_map),
-        interface=_in_order(arrays, options) if of_arrays else _listed(scalars, inverse_map, options),
+        interface=listed,
         content_hash=hashlib.sha256(digest).hexdigest(),
         stop_time=_STOP_TIME,
         step_size=_STEP_SIZE,
-        capabilities=native_package.CAPABILITIES[version],
+        capabilities=capabilities,
         fmi_version=version,
         source_files=compiled_files(sources),
-        model_exchange=native_package.MODEL_EXCHANGE[version] if inverse_map.manifold is None else None,
+        model_exchange=native_package.MODEL_EXCHANGE[version] if has_model_exchange else None,
         n_arrays=len(arrays) if options.scalars else None,
         built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
         numbers=value_references(arrays if of_arrays else scalars),
+        port=None if bus is None else bus.port,
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
+    if bus is not None:
+        resource_files["bus.bin"] = bus.resource(description.guid)
     return {
         **native_entries(
             description=description, libraries=libraries, sources=sources, resource_files=resource_files
         ),
         **_estimator_extras(
-            description=description, inverse_map=inverse_map, content_hash=content_hash, kind="native"
+            description=description, inverse_map=inverse_map, content_hash=content_hash, kind="native", bus=bus
         ),
     }
 
@@ -363,21 +346,33 @@ def _terminals(inverse_map: InverseMap) -> dict[str, tuple[tuple[str, ...], str]
 
 
 def _estimator_extras(
-    description: FmuDescription, inverse_map: InverseMap, content_hash: str, kind: str
+    description: FmuDescription,
+    inverse_map: InverseMap,
+    content_hash: str,
+    kind: str,
+    bus: BusPart | None = None,
 ) -> dict[str, bytes]:
     """Return what both kinds hold besides code and data: page, pictures, terminals, reference run."""
     run = reference_run(inverse_map)
-    pages = documentation_files(description, estimator_sections(inverse_map, content_hash, run), kind)
+    sections = estimator_sections(inverse_map, content_hash, run)
+    if bus is not None:
+        sections = [("On the bus", bus.lines), *sections[1:]]
+    pages = documentation_files(description, sections, kind)
     contents = {
         "kind": kind,
         "strainfmu_version": __version__,
         "map": content_hash,
         **estimator_contents(inverse_map),
     }
-    return {
+    common = {
         CONTENTS: json.dumps(contents, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **terminal_files(description, _terminals(inverse_map), "estimator"),
+    }
+    if bus is not None:
+        return {**common, **port_files(bus)}
+    return {
+        **common,
         **layered_standard_files(run, description.interface),
         TRUTH: signal_table(run.time, run.truth, estimator_interface(inverse_map), digits=6),
     }

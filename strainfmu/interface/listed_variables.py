@@ -48,6 +48,15 @@ def with_minimal_inputs(interface: Sequence[Variable]) -> tuple[Variable, ...]:
     return _without(interface, few | {one.name for one in interface if VALID in (one.array, one.name)})
 
 
+def fed_by_frames(interface: Sequence[Variable]) -> tuple[Variable, ...]:
+    """Return outputs, which change at events, and parameters, of an FMU whose inputs come in frames."""
+    inputs = {one.name for one in interface if one.causality == "input"}
+    return tuple(
+        replace(one, variability="discrete") if one.causality == "output" else one
+        for one in _without(interface, inputs)
+    )
+
+
 def _without(interface: Sequence[Variable], left_out: Collection[str]) -> tuple[Variable, ...]:
     """Return ``interface`` without some variables, on which no other depends then."""
 

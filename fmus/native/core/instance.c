@@ -73,6 +73,24 @@ static Model *model_in(const Instance *instance, const char *guid, const char *l
     return model;
 }
 
+/* The node of a port, from the resource in a folder; NULL without one, or after a message. */
+static void *node_in(const Instance *instance, Model *model, const char *location, int *good) {
+    char path[PATH_SIZE], text[MODEL_TEXT_SIZE];
+    size_t length;
+    const char *name = instance->ports != NULL ? instance->ports->resource : NULL;
+    *good = 1;
+    if (name == NULL || !resource_path(location, name, path, sizeof path) || !resource_exists(path)) {
+        return NULL;
+    }
+    unsigned char *bytes = resource_read(path, &length, text);
+    void *node = bytes != NULL ? instance->ports->create(model, bytes, length, text) : NULL;
+    *good = node != NULL;
+    if (!*good) {
+        instance_error(instance, "%.*s %s", SHOWN_PATH, path, text);
+    }
+    return node;
+}
+
 Instance *instance_create(const Instance *requested, const char *guid, const char *location) {
     Model *model = model_in(requested, guid, location);
     if (model == NULL) {
@@ -83,18 +101,28 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
         instance_error(requested, "this FMU is for co-simulation");
         return NULL;
     }
+    int good;
+    void *node = node_in(requested, model, location, &good);
+    if (!good) {
+        model_destroy(model);
+        return NULL;
+    }
     const char *name = requested->name != NULL ? requested->name : "";
     Instance *instance = calloc(1, sizeof *instance);
     char *own_name = malloc(strlen(name) + 1);
     if (instance == NULL || own_name == NULL) {
         free(instance);
         free(own_name);
+        if (node != NULL) {
+            requested->ports->destroy(node);
+        }
         model_destroy(model);
         instance_error(requested, "needs more memory than there is");
         return NULL;
     }
     *instance = *requested;
     instance->model = model;
+    instance->node = node;
     instance->name = instance->own_name = strcpy(own_name, name);
     instance_reset(instance);
     return instance;
@@ -102,6 +130,9 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
 
 void instance_free(Instance *instance) {
     if (instance != NULL) {
+        if (instance->node != NULL) {
+            instance->ports->destroy(instance->node);
+        }
         model_destroy(instance->model);
         free(instance->own_name);
         free(instance);
@@ -113,7 +144,10 @@ void instance_reset(Instance *instance) {
     model->mode = INSTANTIATED;
     model->time = 0.0;
     model_reset(model);
-    instance->stop_time = INFINITY;
+    if (instance->node != NULL) {
+        instance->ports->reset(instance->node);
+    }
+    instance->stop_time = instance->stated_due = INFINITY;
     instance->ending = 0;
 }
 
@@ -179,6 +213,9 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
         return STATUS_ERROR;
     }
     model_end_initialization(instance->model);
+    if (instance->node != NULL) {
+        instance->ports->start(instance->node, instance->model->time);
+    }
     instance->model->mode = mode;
     return STATUS_OK;
 }
@@ -203,7 +240,12 @@ int instance_end_solver_step(Instance *instance, const char *function, int *even
 }
 
 void instance_follow_event(Instance *instance) {
-    if (instance->kind == MODEL_EXCHANGE_2 || instance->kind == MODEL_EXCHANGE_3) {
+    if (instance->node != NULL) {
+        const Floating host = floating_enter();
+        instance->ports->update(instance->node, instance->model->time);
+        floating_leave(&host);
+        instance_log_event(instance);
+    } else if (instance->kind == MODEL_EXCHANGE_2 || instance->kind == MODEL_EXCHANGE_3) {
         model_follow_event(instance->model);
     }
 }
@@ -232,6 +274,10 @@ int instance_step(Instance *instance, const char *function, double start, double
     if (beyond) {
         return instance_error(instance, "%s: the step ends at %.9g s, behind the stop time of the experiment, %.9g s", function,
                               end, instance->stop_time);
+    }
+    if (instance->node != NULL) { /* frames let its model step */
+        model_set_time(instance->model, end);
+        return STATUS_OK;
     }
     char text[MODEL_TEXT_SIZE];
     const int status = model_step(instance->model, start, end, text);

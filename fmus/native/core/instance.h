@@ -3,7 +3,7 @@
 #ifndef INSTANCE_H
 #define INSTANCE_H
 
-#include "model.h"
+#include "ports.h"
 
 #define CATEGORY_ALL "logAll"
 #define CATEGORY_DISCARD "logStatusDiscard"
@@ -29,6 +29,9 @@ struct Instance {
     void (*logger)(void); /* of the importer, NULL for none */
     void *environment;    /* that is passed back to it */
     int events_logged;
+    const Ports *ports; /* of the front, NULL for none */
+    void *node;         /* of the port, NULL without one */
+    double stated_due;  /* tick of its clock that the importer knows of [s] */
 };
 
 /* Fill in an instance of which name, kind, write, logger and environment are set, from the resource in the folder

@@ -76,6 +76,14 @@ int resource_check(const unsigned char *bytes, size_t length, const char *magic,
     return 1;
 }
 
+int resource_exists(const char *path) {
+    FILE *file = open_file(path);
+    if (file != NULL) {
+        fclose(file);
+    }
+    return file != NULL;
+}
+
 unsigned char *resource_read(const char *path, size_t *length, char text[MODEL_TEXT_SIZE]) {
     FILE *file = open_file(path);
     if (file == NULL) {

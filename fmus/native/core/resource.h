@@ -17,6 +17,8 @@
 #define CHECKSUM_AT 24 /* position of the checksum in the header */
 
 /* Read a whole file. Return its bytes, to be freed with free(), or NULL with a text that states what is wrong. */
+int resource_exists(const char *path);
+
 unsigned char *resource_read(const char *path, size_t *length, char text[MODEL_TEXT_SIZE]);
 
 /* Whether the first 32 bytes are as in a file of `length` bytes that starts with the 8 bytes of magic; if not, text

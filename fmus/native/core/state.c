@@ -42,8 +42,13 @@ static size_t model_size(const Instance *instance) {
     return model_state_size(instance->model);
 }
 
+/* Bytes of the node of a port, behind the model's. */
+static size_t node_size(const Instance *instance) {
+    return instance->node != NULL ? instance->ports->state_size(instance->node) : 0;
+}
+
 size_t state_size(const Instance *instance) {
-    return sizeof(SerialHeader) + sizeof(double) + model_size(instance);
+    return sizeof(SerialHeader) + sizeof(double) + model_size(instance) + node_size(instance);
 }
 
 static void write_state(const Instance *instance, unsigned char *bytes) {
@@ -58,6 +63,9 @@ static void write_state(const Instance *instance, unsigned char *bytes) {
     memcpy(header.magic, MAGIC, sizeof MAGIC);
     memcpy(bytes + sizeof header, &model->time, sizeof model->time);
     model_write_state(model, bytes + sizeof header + sizeof model->time);
+    if (instance->node != NULL) {
+        instance->ports->write_state(instance->node, bytes + state_size(instance) - node_size(instance));
+    }
     memcpy(bytes, &header, sizeof header);
     header.checksum = crc32(bytes + CHECKED_FROM, state_size(instance) - CHECKED_FROM);
     memcpy(bytes, &header, sizeof header);
@@ -100,7 +108,11 @@ static const char *state_fault(const Instance *instance, const unsigned char *by
     if (!isfinite(time)) {
         return "holds a time that is not finite";
     }
-    return model_check_state(model, bytes + sizeof header + sizeof time, text) ? NULL : text;
+    if (!model_check_state(model, bytes + sizeof header + sizeof time, text)) {
+        return text;
+    }
+    const unsigned char *of_node = bytes + size - node_size(instance);
+    return instance->node == NULL || instance->ports->check_state(instance->node, of_node, text) ? NULL : text;
 }
 
 static void read_state(Instance *instance, const unsigned char *bytes) {
@@ -110,6 +122,10 @@ static void read_state(Instance *instance, const unsigned char *bytes) {
     model->mode = (Mode)header.mode;
     memcpy(&model->time, bytes + sizeof header, sizeof model->time);
     model_read_state(model, bytes + sizeof header + sizeof model->time);
+    if (instance->node != NULL) {
+        instance->ports->read_state(instance->node, bytes + state_size(instance) - node_size(instance));
+    }
+    instance->stated_due = INFINITY; /* the importer has to hear of it */
     instance->ending = 0;
 }
 

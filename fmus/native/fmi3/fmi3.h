@@ -15,14 +15,23 @@
 /* Value reference of the scalar variable 0; strainfmu/fmu/description/fmi3.py states the same. */
 #define FMI3_FIRST_SCALAR 1000000u
 
+/* Value reference of the first variable of a port: received data, data to send, their clocks, then counters. */
+#define FMI3_FIRST_PORT 2000000u
+
 /* The scalar variables of a value reference; none for time and for what does not exist. */
 static inline Selection fmi3_array(const Instance *instance, fmi3ValueReference reference) {
+    if (reference >= FMI3_FIRST_PORT) {
+        return (Selection){NULL, 0, 0};
+    }
     if (reference >= FMI3_FIRST_SCALAR) {
         const size_t variable = reference - FMI3_FIRST_SCALAR;
         return (Selection){NULL, variable, model_type_of(instance->model, variable) != NO_VARIABLE};
     }
     return model_array(instance->model, reference);
 }
+
+/* Whether a triggered transmit clock ticks now. */
+int fmi3_is_due(const Instance *instance);
 
 /* Log that a variable is of another type; fmi3Error. */
 fmi3Status fmi3_wrong_type(const Instance *instance, const char *function, fmi3ValueReference reference);

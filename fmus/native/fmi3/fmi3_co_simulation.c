@@ -22,7 +22,8 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     }
     const int status = instance_step(s, NAME, currentCommunicationPoint, communicationStepSize);
     if (status != STATUS_ERROR) {
-        *eventHandlingNeeded = *earlyReturn = fmi3False;
+        *eventHandlingNeeded = fmi3_is_due(s) ? fmi3True : fmi3False;
+        *earlyReturn = fmi3False;
         *terminateSimulation = s->ending ? fmi3True : fmi3False;
         *lastSuccessfulTime = s->ending ? s->last_successful_time : s->model->time;
     }

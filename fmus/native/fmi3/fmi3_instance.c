@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+#include "../core/ports.h"
+
 static void write_message(const Instance *instance, int status, const char *category, const char *text) {
     fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
     if (logger != NULL) {
@@ -41,6 +43,7 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         .logger = (void (*)(void))logMessage,
         .environment = environment,
         .events_logged = loggingOn,
+        .ports = &PORTS,
     };
     if (name == NULL || name[0] == '\0') {
         instance_error(&requested, "the instance name is missing");
@@ -50,11 +53,14 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         instance_error(&requested, "this FMU is for co-simulation");
         return NULL;
     }
-    if (kind == CO_SIMULATION_3 && eventModeUsed) {
-        instance_error(&requested, "event mode was requested, which this FMU has in model exchange only");
+    Instance *instance = instance_create(&requested, token, path);
+    if (instance != NULL && kind == CO_SIMULATION_3 && (instance->node != NULL) != (eventModeUsed != 0)) {
+        instance_error(&requested, eventModeUsed ? "event mode was requested, which this FMU has in model exchange only"
+                                                 : "this FMU exchanges frames in event mode: eventModeUsed must be true");
+        instance_free(instance);
         return NULL;
     }
-    return instance_create(&requested, token, path);
+    return instance;
 }
 
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken,
@@ -100,14 +106,14 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean tolera
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     const Instance *s = instance;
-    return (fmi3Status)instance_end_initialization(instance, "fmi3ExitInitializationMode",
-                                                   s != NULL && s->kind == MODEL_EXCHANGE_3 ? EVENT : STEP);
+    const int has_events = s != NULL && (s->kind == MODEL_EXCHANGE_3 || s->node != NULL);
+    return (fmi3Status)instance_end_initialization(instance, "fmi3ExitInitializationMode", has_events ? EVENT : STEP);
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
     const Instance *s = instance;
-    return (fmi3Status)instance_enter(instance, "fmi3EnterEventMode",
-                                      s != NULL && s->kind == MODEL_EXCHANGE_3 ? EVENT | CONTINUOUS_TIME : 0, EVENT);
+    const int from = s == NULL ? 0 : s->kind == MODEL_EXCHANGE_3 ? EVENT | CONTINUOUS_TIME : s->node != NULL ? STEP : 0;
+    return (fmi3Status)instance_enter(instance, "fmi3EnterEventMode", from, EVENT);
 }
 
 fmi3Status fmi3EnterConfigurationMode(fmi3Instance instance) {

@@ -1,4 +1,4 @@
-/* Functions of FMI 3.0 for what this FMU does not have: other types, clocks, structural parameters, partitions.
+/* Functions of FMI 3.0 for what no FMU of this project has: other types, structural parameters, partitions.
 
    Importers need all functions to be there; a list of no variables is no error. */
 
@@ -38,7 +38,6 @@ GET(UInt8)
 GET(Int16)
 GET(UInt16)
 GET(UInt32)
-GET(UInt64)
 GET(String)
 SET(Float32)
 SET(Int8)
@@ -48,42 +47,6 @@ SET(UInt16)
 SET(UInt32)
 SET(UInt64)
 SET(String)
-
-fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         size_t valueSizes[], fmi3Binary values[], size_t nValues) {
-    (void)valueSizes;
-    (void)values;
-    (void)nValues;
-    return no_variables(instance, "fmi3GetBinary", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                         const size_t valueSizes[], const fmi3Binary values[], size_t nValues) {
-    (void)valueSizes;
-    (void)values;
-    (void)nValues;
-    return no_variables(instance, "fmi3SetBinary", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        fmi3Clock values[]) {
-    (void)values;
-    return no_variables(instance, "fmi3GetClock", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
-                        const fmi3Clock values[]) {
-    (void)values;
-    return no_variables(instance, "fmi3SetClock", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, fmi3Float64 intervals[],
-                                  fmi3IntervalQualifier qualifiers[]) {
-    (void)intervals;
-    (void)qualifiers;
-    return no_variables(instance, "fmi3GetIntervalDecimal", valueReferences, nValueReferences);
-}
 
 fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                    size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[],

@@ -78,7 +78,7 @@ OPTIONS: dict[str, dict[str, tuple[str, ...]]] = {
         "Results": ("columns", "residuals", "field", "field_every"),
     },
     "export": {
-        "Kind of FMU": ("kind", "fmi", "scalars", "inputs", "platforms", "estimator"),
+        "Kind of FMU": ("kind", "fmi", "scalars", "inputs", "platforms", "estimator", "bus"),
         "Zero offsets": ("zero_inputs", "tare_known"),
     },
     "bridge": {"Bus": ("bus", "settings", "interface", "channel", "option", "profile")},

@@ -90,6 +90,12 @@ def export(
     platforms: Annotated[
         str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
     ] = "all",
+    bus: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="TOML", help="With --fmi 3: strains and results are CAN frames (FMI-LS-BUS) of a bus file."
+        ),
+    ] = None,
     estimator: Annotated[
         Literal["linear"] | None,
         typer.Option(help="linear: the linear estimator of a map that includes both."),
@@ -135,6 +141,8 @@ def export(
 
         strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
 
+        strainfmu export results/map.h5 -o ecu.fmu --fmi 3 --bus bus.toml
+
         strainfmu export results/map.h5 -o loads_c --kind c
     """
     given = dict(locals())
@@ -149,7 +157,7 @@ def export(
     if kind == "native" and found == "nonlinear":
         note = "note: for co-simulation alone; --estimator linear has model exchange"
         Console().print(note, highlight=False, markup=False, soft_wrap=True)
-    if fmi.removesuffix(".0") == "3" and not scalars:
+    if fmi.removesuffix(".0") == "3" and not scalars and bus is None:
         note = (
             "note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none"
         )

@@ -17,6 +17,7 @@ from strainfmu.fmu.description.fmu_description import (
     number_text,
     root_attributes,
 )
+from strainfmu.fmu.description.port import add_port
 from strainfmu.interface.enumerations import used_enumerations
 from strainfmu.interface.fmi_variables import Variable
 
@@ -50,7 +51,9 @@ def model_description_3(fmu: FmuDescription) -> Element:
     variables = SubElement(root, "ModelVariables")
     for variable in interface:
         variables.append(_variable(references[variable.name], variable))
-    root.append(_model_structure(fmu.interface, references))
+    root.append(structure := _model_structure(fmu.interface, references))
+    if fmu.port is not None:
+        add_port(variables, structure, fmu.port)
     return root
 
 

@@ -40,6 +40,12 @@ CAPABILITIES = {
 }
 """What the library can do: attributes of CoSimulation, by FMI version."""
 
+CAPABILITIES_ON_BUS = {
+    **{name: value for name, value in CAPABILITIES["3"].items() if not name.startswith("provides")},
+    "hasEventMode": "true",
+}
+"""The same of an FMU whose inputs come in frames."""
+
 MODEL_EXCHANGE = {
     version: {name: value for name, value in of_steps.items() if name != "canHandleVariableCommunicationStepSize"}
     for version, of_steps in CAPABILITIES.items()

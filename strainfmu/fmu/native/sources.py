@@ -13,7 +13,7 @@ from importlib import resources
 from importlib.resources.abc import Traversable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from strainfmu.estimator.library_sources import FRONTS, LIBRARIES
+from strainfmu.estimator.library_sources import BESIDE, FRONTS, LIBRARIES
 
 ARITHMETIC_FLAGS = (
     # Without fused multiply-adds every platform computes the same bits.
@@ -30,8 +30,14 @@ _CORE = "core"
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 
 
-def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
+_NO_PORTS = b'#include "core/ports.h"\n\nconst Ports PORTS = {0};\n'
+"""A source for FMUs of FMI 3.0 of the library of the estimator that are on no bus."""
+
+
+def native_sources(library: str, fmi_version: str, on_bus: bool = False) -> dict[str, bytes]:
     """Return content by name inside ``sources/`` of what the FMUs of one library and FMI version have in common.
+
+    Those ``on_bus`` bring what the library has in addition to its model.
 
     The names are those below ``fmus/native``. The standard's headers are there as one file, which CMake uses where
     it knows no others: FMI excludes them by their own names from ``sources/``.
@@ -39,10 +45,12 @@ def native_sources(library: str, fmi_version: str) -> dict[str, bytes]:
     native = resources.files("fmus").joinpath("native")
     front = FRONTS[fmi_version]
     names = ["library.cmake", f"headers/{front}.h"]
-    for folder in (*LIBRARIES[library], front):
+    for folder in (*LIBRARIES[library], *(BESIDE[library] if on_bus else ()), front):
         found = _files_below(native.joinpath(folder))
         names += [f"{folder}/{name}" for name in found if name.endswith((".c", ".h"))]
-    return {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
+    sources = {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
+    is_alone = library in BESIDE and fmi_version == "3" and not on_bus
+    return sources | ({"ports.c": _NO_PORTS} if is_alone else {})
 
 
 def model_sources(library: str) -> dict[str, bytes]:

@@ -1,0 +1,5 @@
+/* Plant, autopilot and schedule are on no bus. */
+
+#include "../core/ports.h"
+
+const Ports PORTS = {NULL};

@@ -1,0 +1,249 @@
+"""Export of an estimator as an ECU: an FMU of FMI 3.0 whose strains and results are CAN frames (FMI-LS-BUS 1.0).
+
+What the compiled ECU reads is made here: the plan of the input, the frames of the results, and which variable
+takes each quantity (``fmus/native/ecu/ecu.h``).
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from strainfmu.can.bus_file import BusDescription, read_bus
+from strainfmu.can.dbc_writer import dbc_text
+from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.machine import Machine
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.result_frames import composition
+from strainfmu.can.result_layouts import STATUS_PERIOD
+from strainfmu.can.setup import all_layouts, make_machine
+from strainfmu.can.signals import SIGNAL, SLOT, signal_table
+from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.step import needs_pressure
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, Q_SOURCE, STD
+from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.signal_names import STRAIN, TARE
+from strainfmu.fmu.description.port import BusPart, Port
+from strainfmu.fmu.export import ExportOptions, export_estimator
+from strainfmu.interface.estimator_variables import estimator_interface
+from strainfmu.interface.fmi_variables import value_references
+
+_VERSION = 1
+_BYTE_ORDER_MARK = 0x01020304
+_HEADER = 32
+
+_ENTRIES_OF_HARDWARE = {
+    "interface": "bus.interface",
+    "channel": "bus.channel",
+    "bus_options": "bus.options",
+    "log_channel": "bus.log_channel",
+    "key_file": "input.key",
+    "freshness_file": "input.freshness",
+    "synchronised": "clock.synchronised_ms",
+    "zeros": "zeros.file",
+    TARE: f"{TARE}.map",
+    "record": "record.file",
+    "publish": "page.publish",
+    "http": "page.http",
+}
+"""Entries of a bus file that an FMU has no use for, by the field that they set."""
+
+_KEY = np.dtype([("key", "u4"), ("slot", "i4")], align=True)
+_QUANTITY = np.dtype([("variable", "i4"), ("is_whole", "i4"), ("value", "f8"), ("fallback", "f8")], align=True)
+_OTHER = np.dtype([("variable", "i4"), ("padding", "i4"), ("step", "f8")], align=True)
+_FRAME = np.dtype(
+    [
+        ("identifier", "u4"),
+        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
+        ("protection", SLOT),
+    ],
+    align=True,
+)
+_ARRAYS = (
+    *(
+        "plan",
+        "slot",
+        "signal",
+        "code",
+        "change",
+        "key",
+        "quantity",
+        "constant",
+        "other",
+        "frame",
+        "sent",
+        "source",
+    ),
+)
+_COUNTS = ("n_keys", "n_constants", "n_others", "n_frames", "n_sent", "n_signals", "n_codes")
+_SETUP = np.dtype(
+    [
+        ("guid", "S96"),
+        *((name, "f8") for name in ("response_time", "status_period", "bridge_alarm")),
+        *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
+        *((name, "i4") for name in ("needs_pressure", "configuration", STRAIN, "first_result")),
+        *((name, "i4") for name in _COUNTS),
+        *((name, "i8") for name in _ARRAYS),
+    ],
+    align=True,
+)
+"""Records of ``ecu.h``."""
+
+
+def export_ecu(
+    map_path: Path, fmu_path: Path, bus_path: Path, options: ExportOptions | None = None
+) -> Literal["linear", "nonlinear"]:
+    """Write the FMU of the map at ``map_path`` on the bus of ``bus_path`` to ``fmu_path``.
+
+    ``options`` are of kind native and FMI 3.0, as by default. Returns which estimator it holds.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, an option cannot be, or the bus file states what hardware alone has.
+    StrainfmuError
+        The FMU could not be written, or cantools is not installed.
+    """
+    options = options or ExportOptions(fmi_version="3")
+    if options.kind != "native" or options.fmi_version != "3":
+        raise InputError("bus: expected an FMU of kind native and FMI 3.0, which alone has clocks: --fmi 3")
+    bus = read_bus(bus_path)
+    for field, entry in _ENTRIES_OF_HARDWARE.items():
+        if bus.stated.get(field) is not None or getattr(bus, field, None) is not None:
+            raise InputError(
+                f"{bus_path}: {entry}: expected no such entry with 'export --bus', which makes an FMU"
+            )
+    return export_estimator(map_path, fmu_path, options, lambda source: ecu_part(source, bus))
+
+
+def ecu_part(map_path: Path, bus: BusDescription) -> BusPart:
+    """Return what puts the FMU of a map on ``bus``.
+
+    Raises
+    ------
+    InputError
+        The map or an entry is wrong.
+    """
+    chosen = bus.options(BridgeOptions(interface="", channel=""))
+    with open_step(map_path) as ready:
+        machine, results, configuration, _ = make_machine(ready.step, chosen, ready.gauge_names, start=0.0)
+        if machine.layout.is_authenticated:
+            raise InputError(f"input.profile: expected one without authenticators in an FMU, got {chosen.profile}")
+        numbers = {
+            "response_time": bus.response_time,
+            "status_period": STATUS_PERIOD,
+            "bridge_alarm": machine.plan.bridge_alarm,
+            "is_triggered": bus.tx_clock == "triggered",
+            "can_rate": 1000 * bus.can_rate,
+            "fd_rate": 1000 * bus.fd_rate if any(one.is_fd for one in results) else 0,
+            "needs_pressure": needs_pressure(ready.step),
+            "configuration": configuration,
+        }
+    inverse_map = load_inverse_map(map_path)
+    references = value_references(estimator_interface(inverse_map))
+    arrays = _arrays(machine, results, references)
+    dbc = dbc_text(all_layouts(map_path, chosen), map_path.name).encode("cp1252", "replace")
+    numbers[STRAIN] = references[f"{STRAIN}[1]"]
+    return BusPart(
+        port=Port(bus.network, bus.tx_clock),
+        resource=lambda guid: _resource(arrays, numbers, guid),
+        dbc=dbc,
+        lines=_lines(bus, machine),
+    )
+
+
+def _lines(bus: BusDescription, machine: Machine) -> tuple[str, ...]:
+    """Return what the page states of the bus."""
+    period, delay = 1e3 * machine.layout.cycle_time, 1e3 * bus.response_time
+    return (
+        f"Connect the terminal <code>{bus.network}</code> to a CAN bus of FMI-LS-BUS 1.0, in an importer with "
+        f"event mode. Strains come in the frames of {machine.layout.name}, a cycle every {period:g} ms; the DBC "
+        "file is in extra/org.fmi-standard.fmi-ls-bus.",
+        f"The transmit clock is {bus.tx_clock}; with a triggered one frames go at the importer's steps. A result "
+        f"goes {delay:g} ms after its strains. Age, counter and CRC belong to the tick.",
+        "Use loads where Usable of the frame, or <code>health.usable</code>, is true. They are NaN without an "
+        "estimate.",
+    )
+
+
+def _arrays(
+    machine: Machine, results: Sequence[FrameLayout], references: Mapping[str, int]
+) -> dict[str, np.ndarray]:
+    """Return the arrays of the file by name."""
+    plan, constants = machine.plan, dict(machine.layout.constants)
+    for angle in MEASURED_ANGLES:
+        if angle in plan.quantities and f"{angle}{STD}" not in plan.quantities:
+            constants.setdefault(f"{angle}{STD}", ANGLE_ERROR)
+    frames, others = composition(tuple(results))
+    keys = [(key, slot) for key, slot in plan.slots.items()] + [(one.key, -1) for one in results]
+    tables = [signal_table(layout) for layout, _, _ in frames]
+    rows = np.zeros(len(frames), dtype=_FRAME)
+    first = 0
+    for row, (layout, kind, sources) in zip(rows, frames, strict=True):
+        protection = layout.protection
+        assert protection is not None
+        row["identifier"], row["is_extended"] = layout.identifier, layout.is_extended
+        row["is_fd"], row["length"], row["kind"] = layout.is_fd, layout.length, kind
+        row["modulus"], row["first"], row["n_signals"] = protection.counter_modulus, first, len(sources)
+        row["protection"]["profile"], row["protection"]["data_id"] = protection.profile, protection.data_id
+        row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
+        first += len(sources)
+    return {
+        "plan": plan.record,
+        **plan.tables,
+        "key": np.array(keys, dtype=_KEY),
+        "quantity": np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
+        "constant": np.array(
+            [_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY
+        ),
+        "other": np.array([(references[name], 0, step) for name, step in others.outputs.items()], dtype=_OTHER),
+        "frame": rows,
+        "sent": np.concatenate(tables).astype(SIGNAL),
+        "source": np.concatenate([sources for _, _, sources in frames]).astype("i4"),
+    }
+
+
+def _taken(name: str, references: Mapping[str, int], value: float = np.nan) -> tuple[int, bool, float, float]:
+    """Return variable, whether it is an enumeration, value, and what stands for a value that is not above 0."""
+    is_angle_error = name in {f"{angle}{STD}" for angle in MEASURED_ANGLES}
+    return references[name], name == Q_SOURCE, value, ANGLE_ERROR if is_angle_error else np.nan
+
+
+def _resource(arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any], guid: str) -> bytes:
+    """Return ``bus.bin``."""
+    setup = np.zeros(1, dtype=_SETUP)
+    counts = {
+        "n_keys": "key",
+        "n_constants": "constant",
+        "n_others": "other",
+        "n_frames": "frame",
+        "n_sent": "sent",
+    }
+    counts |= {"n_signals": "signal", "n_codes": "code"}
+    for name, value in {
+        **numbers,
+        **{count: len(arrays[of]) for count, of in counts.items()},
+        "guid": guid.encode(),
+    }.items():
+        setup[name] = value
+    place, parts = _HEADER + _SETUP.itemsize, []
+    for name in _ARRAYS:
+        content = arrays[name].tobytes()
+        if name == "plan":  # addresses are the reader's
+            record = arrays[name].copy()
+            for address in ("slot", "signal", "code", "change"):
+                record[address] = 0
+            content = record.tobytes()
+        padding = bytes(-place % 8)
+        setup[name] = place + len(padding)
+        parts += [padding, content]
+        place += len(padding) + len(content)
+    body = setup.tobytes() + b"".join(parts)
+    head = b"SFMUBUS\0" + np.array([_VERSION, _BYTE_ORDER_MARK], "<u4").tobytes()
+    head += np.array([_HEADER + len(body)], "<u8").tobytes()
+    return head + np.array([zlib.crc32(body), 0], "<u4").tobytes() + body

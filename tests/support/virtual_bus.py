@@ -1,0 +1,186 @@
+"""A master for FMUs of FMI-LS-BUS on FMPy's interface, operations as bytes, and a sender of strains in Python."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from math import inf
+from pathlib import Path
+from typing import Any, Protocol
+
+from fmpy import extract, read_model_description
+from fmpy.fmi3 import FMU3Slave
+
+from strainfmu.can.frame import Frame
+
+FORMAT_ERROR, CAN, CAN_FD, CONFIRM, CONFIGURATION = 0x01, 0x10, 0x11, 0x20, 0x40
+_CHANGED = 2
+ROUND_OFF = 1e-9
+
+
+def operation(code: int, arguments: bytes) -> bytes:
+    """One operation: code, length, arguments (FMI-LS-BUS 1.0, 5.2)."""
+    return code.to_bytes(4, "little") + (8 + len(arguments)).to_bytes(4, "little") + arguments
+
+
+def transmit(frame: Frame) -> bytes:
+    """The operation that transmits a frame (5.5.1.2)."""
+    head = frame.identifier.to_bytes(4, "little") + bytes([frame.is_extended])
+    head += bytes([frame.is_fd and frame.bitrate_switch, 0]) if frame.is_fd else bytes([frame.is_remote])
+    return operation(CAN_FD if frame.is_fd else CAN, head + len(frame.data).to_bytes(2, "little") + frame.data)
+
+
+def operations(content: bytes) -> Iterator[tuple[int, bytes]]:
+    """Code and arguments of each operation."""
+    at = 0
+    while at < len(content):
+        code, length = (int.from_bytes(content[at + k : at + k + 4], "little") for k in (0, 4))
+        assert 8 <= length <= len(content) - at
+        yield code, content[at + 8 : at + length]
+        at += length
+
+
+def frames_in(content: bytes, time: float) -> list[Frame]:
+    """The frames among operations."""
+    found = []
+    for code, a in operations(content):
+        if code in (CAN, CAN_FD):
+            head = 9 if code == CAN_FD else 8
+            key = {"identifier": int.from_bytes(a[:4], "little"), "is_extended": a[4] != 0}
+            assert int.from_bytes(a[head - 2 : head], "little") == len(a) - head
+            found.append(
+                Frame(**key, data=a[head:], time=time, is_fd=code == CAN_FD, bitrate_switch=code == CAN_FD)
+            )
+    return found
+
+
+class Node(Protocol):
+    """What the master links: when its transmit clock ticks next [s], what it sends then, and what it hears."""
+
+    due: float
+
+    def step(self, time: float, end: float) -> None: ...
+    def event(self, time: float, heard: Sequence[bytes], ticks: bool) -> bytes: ...
+
+
+class FmuNode:
+    """An FMU with one port, in step mode between events; ``messages`` gathers (status, text) of its logger."""
+
+    def __init__(self, path: Path, folder: Path, start: float = 0.0, events: bool = True) -> None:
+        self.description = read_model_description(str(path))
+        self.numbers = {v.name: v.valueReference for v in self.description.modelVariables}
+        (self.port,) = (name[:-8] for name in self.numbers if name.endswith(".Tx_Data"))
+        kinds = {v.name: v.intervalVariability for v in self.description.modelVariables}
+        self.is_triggered = kinds[f"{self.port}.Tx_Clock"] == "triggered"
+        self.messages: list[tuple[int, str]] = []
+        self.fmu: Any = FMU3Slave(
+            guid=self.description.guid,
+            unzipDirectory=extract(str(path), str(folder)),
+            modelIdentifier=self.description.coSimulation.modelIdentifier,
+            instanceName="ecu",
+        )
+        self.fmu.instantiate(
+            loggingOn=True,
+            eventModeUsed=events,
+            logMessage=lambda _, status, __, text: self.messages.append((status, text.decode())),
+        )
+        self.start(start)
+
+    def start(self, time: float) -> None:
+        """Through initialization, and the event at its end."""
+        self.fmu.enterInitializationMode(startTime=time)
+        self.fmu.exitInitializationMode()
+        self.needs_event = False
+        self.due = inf
+        self._end_event(time)
+
+    def counter(self, name: str) -> int:
+        return int(self.fmu.getUInt64([self.numbers[f"{self.port}.{name}"]])[0])
+
+    def step(self, time: float, end: float) -> None:
+        self.needs_event = self.fmu.doStep(time, end - time)[0]
+
+    def event(self, time: float, heard: Sequence[bytes], ticks: bool) -> bytes:
+        fmu, (rx, tx) = self.fmu, (self.numbers[f"{self.port}.{name}"] for name in ("Rx_Data", "Tx_Data"))
+        fmu.enterEventMode()
+        if ticks and not self.is_triggered:
+            fmu.setClock([tx + 2], [True])
+        sends = fmu.getClock([tx + 2])[0] if self.is_triggered else ticks
+        sent = (fmu.getBinary([tx])[0] or b"") if sends else b""
+        for content in heard:
+            fmu.setClock([rx + 2], [True])
+            fmu.setBinary([rx], [content])
+        self._end_event(time)
+        return sent
+
+    def _end_event(self, time: float) -> None:
+        self.fmu.updateDiscreteStates()
+        if not self.is_triggered:
+            interval, qualifier = (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
+            clock = (ctypes.c_uint32 * 1)(self.numbers[f"{self.port}.Tx_Clock"])
+            self.fmu.getIntervalDecimal(clock, interval, qualifier)
+            if qualifier[0] == _CHANGED:
+                self.due = time + interval[0]
+        self.fmu.enterStepMode()
+
+    def close(self) -> None:
+        self.fmu.terminate()
+        self.fmu.freeInstance()
+
+
+class Sender:
+    """Sends ``frames(k)`` at cycle k, each at ``period`` [s], and keeps what it hears as (time, operations)."""
+
+    def __init__(self, frames: Callable[[int, float], Sequence[Frame]], cycles: int, period: float) -> None:
+        self.frames, self._cycles, self._period, self._cycle = frames, cycles, period, 0
+        self.due, self.heard, self.sent = 0.5 * period, list[tuple[float, bytes]](), list[tuple[float, Frame]]()
+
+    def step(self, time: float, end: float) -> None:
+        """Nothing happens between events."""
+
+    def event(self, time: float, heard: Sequence[bytes], ticks: bool) -> bytes:
+        self.heard += [(time, one) for one in heard]
+        if not ticks:
+            return b""
+        frames = self.frames(self._cycle, time)
+        self.sent += [(time, frame) for frame in frames]
+        self._cycle += 1
+        self.due = (0.5 + self._cycle) * self._period if self._cycle < self._cycles else inf
+        return b"".join(map(transmit, frames))
+
+
+class Master:
+    """Links an FMU and a sender directly; ``confirms`` says that frames arrived, as a bus does.
+
+    ``events`` lists the times of the FMU's events, and whether its clock ticked.
+    """
+
+    def __init__(self, ecu: FmuNode, sender: Sender, step: float = 0.01, confirms: bool = False) -> None:
+        self.ecu, self.sender, self.time, self._step, self._confirms = ecu, sender, 0.0, step, confirms
+        self.split: Callable[[bytes], list[bytes]] = lambda content: [content]
+        self.events: list[tuple[float, bool]] = []
+        self._back: list[bytes] = []
+
+    def run(self, stop: float, lag: float = 0.0) -> None:
+        """Go on to ``stop`` [s]; ticks of the FMU come ``lag`` [s] late."""
+        while self.time < stop - ROUND_OFF:
+            grid = self._step * (round(self.time / self._step) + 1)
+            grid = grid - self._step if grid - self._step > self.time + ROUND_OFF else grid
+            target = min(self.ecu.due + lag, self.sender.due, grid, stop)
+            if target > self.time:
+                self.ecu.step(self.time, target)
+            self.time = max(target, self.time)
+            ticks = self.ecu.due + lag <= self.time + 1e-12
+            sends = self.sender.due <= self.time + 1e-12
+            content = self.sender.event(self.time, [], sends) if sends else b""
+            heard = [*self._back, *(self.split(content) if content else [])]
+            self._back = []
+            if ticks or heard or self.ecu.needs_event:
+                self.events.append((self.time, ticks or self.ecu.needs_event))
+                answer = self.ecu.event(self.time, heard, ticks)
+                if answer:
+                    self.sender.event(self.time, [answer], False)
+                    if self._confirms:
+                        sent = frames_in(answer, self.time)
+                        back = (operation(CONFIRM, frame.identifier.to_bytes(4, "little")) for frame in sent)
+                        self._back = [b"".join(back)] if sent else []
