@@ -2,4 +2,4 @@
 
 #include "../core/ports.h"
 
-const Ports PORTS = {NULL};
+const Ports PORTS = {0};
