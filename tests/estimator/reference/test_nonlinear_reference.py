@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from flight_maps import exact_response, whole_map
 from nonlinear_kinds import KINDS, ByReference, by_core, drawn
 
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.reference.nonlinear import NonlinearEstimate
+from strainfmu.estimator.reference.air import AirInputs
+from strainfmu.estimator.reference.nonlinear import NonlinearEstimate, NonlinearReference, Sample
 
 TOLERANCE = 1e-6
 """Largest difference [standard deviations], of standard deviations relative."""
@@ -173,3 +175,16 @@ def main() -> None:
 
 if __name__ == "__main__":
     main()
+
+
+@pytest.mark.fast
+def test_an_error_of_all_gauges_does_not_choose_the_starts() -> None:
+    m = whole_map()
+    n, manifold = m.n_gauges, m.manifold
+    assert manifold is not None
+    flown, mirrored = (exact_response(6.0, u, 0.01, 5500.0)[:n] for u in (0.08, -0.08))
+    inertia = (flown - mirrored) * (1.0 + 0.3 * np.sin(1.7 * np.arange(n)))
+    reference = NonlinearReference(m, manifold, manifold.gauge_covariance + np.outer(inertia, inertia))
+    air = AirInputs(value=np.array([6.0, 5500.0, 138600.0]), std=np.array([0.05, 110.0, 1386.0]))
+    starts = reference.starts(Sample(rows=flown - inertia, used=np.ones(n, dtype=bool), air=air))
+    assert np.all(starts[:, 1] > 0.0)
