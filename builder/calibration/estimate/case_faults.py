@@ -154,7 +154,8 @@ class _Screen:
         columns = np.concatenate([self.columns[k, at] for k, at in rows])
         left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in rows])
         group = np.concatenate([at for _, at in rows])
-        return GaussianModel(weight[:, None] * columns, weight * left, group)
+        columns *= weight[:, None]
+        return GaussianModel(columns, weight * left, group)
 
     def named(self, case: int, wrong: set[int]) -> CaseFault:
         """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""

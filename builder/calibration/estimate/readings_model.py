@@ -202,12 +202,23 @@ class ReadingsModel:
             [left, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
         )
 
-    def slopes(self, used: BoolArray, jacobian: FloatArray, noise: FloatArray | None = None) -> FloatArray:
-        """Return (n, n_vector) derivatives of what :meth:`left` is of, over the same noise."""
-        noise, steps = self.test.reading_stds[used] if noise is None else noise, self._steps(used)
+    def slopes(
+        self,
+        used: BoolArray,
+        jacobian: FloatArray,
+        noise: FloatArray | None = None,
+        entries: IntArray | None = None,
+    ) -> FloatArray:
+        """Return (n, n_entries) derivatives of what :meth:`left` is of, over the same noise, by ``entries``."""
+        at, steps = np.arange(len(self.std)) if entries is None else entries, self._steps(used)
+        found, count = np.zeros((int(used.sum()) + len(steps.value), len(at))), int(used.sum())
+        case, gauge = np.nonzero(used)
+        found[:count] = jacobian[case[:, None], gauge[:, None], at]
+        found[:count] /= (self.test.reading_stds[used] if noise is None else noise)[:, None]
         of_steps = np.zeros((len(steps.value), len(self.std)))
         of_steps[:, self._of_cells] = self._step_slopes(steps) / steps.std[:, None]
-        return np.vstack([jacobian[used] / noise[:, None], of_steps])
+        found[count:] = of_steps[:, at]
+        return found
 
     def gauge_of_rows(self, used: BoolArray) -> IntArray:
         """Return (n,) the gauge of each row of :meth:`left`, -1 of steps."""
@@ -217,8 +228,9 @@ class ReadingsModel:
         self, used: BoolArray, vector: FloatArray, predicted: FloatArray, jacobian: FloatArray
     ) -> GaussianModel:
         """Return the readings ``used``, linear about ``vector``, by unknowns in their standard deviations."""
-        free = self.std > 0.0
-        rows = self.slopes(used, jacobian)[:, free] * self.std[free]
+        free = np.flatnonzero(self.std > 0.0)
+        rows = self.slopes(used, jacobian, entries=free)
+        rows *= self.std[free]
         left = self.left(used, vector, predicted) + rows @ (vector[free] / self.std[free])
         return GaussianModel(rows, left, self.gauge_of_rows(used))
 

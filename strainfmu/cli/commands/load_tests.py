@@ -89,7 +89,8 @@ def loadtest(
     test, to be filled in after it, and a figure. Each load is applied in steps, and removed in steps down to
     zero; check loads, repeated cases and zero readings are part of the file.
 
-    Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
+    For bodies of revolution that are held, with any wall, frames and materials; for others `strainfmu equations`
+    needs no model. Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
     `calibration` of the vehicle file states the tolerances of the vehicle as built.
 
     With --template, writes a file of examples instead, for a test that you have designed or done yourself.
