@@ -10,6 +10,7 @@ from builder.reports.page.html import Cards, Items, Page, Paragraph, Section
 from builder.reports.page.origin import Origin
 from builder.reports.page.tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.signal_names import ZERO
 
 WITHIN = 3.0
 """Standard deviations within which check loads must be predicted."""
@@ -95,7 +96,7 @@ def equations_table_of(found: FittedEquations) -> Table:
         Column("coefficient", f"unit per {unit}"),
         Column("standard error", f"unit per {unit}"),
         Column("T", "", ".3g"),
-        Column("zero", unit),
+        Column(ZERO, unit),
         Column("residual, standard deviation", "unit"),
     )
     caption = "Load = sum of coefficient times (reading less zero)."

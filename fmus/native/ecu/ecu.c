@@ -112,8 +112,8 @@ static void step_estimator(Node *node, double now) {
     const SbPlan *plan = &node->plan;
     const SbState *machine = machine_of(node);
     const double *strain = strain_of(machine), *flow = flow_of(machine);
-    const double cycles = isnan(s->last_step) ? 1.0 : nearbyint((now - s->last_step) / plan->cycle);
-    const double size = plan->cycle * (cycles <= 1.0 ? 1.0 : cycles < LONGEST_STEP ? cycles : LONGEST_STEP);
+    const double cycles = isnan(s->last_step) ? 1.0 : (now - s->last_step) / plan->cycle;
+    const double size = plan->cycle * (cycles <= 1.0 ? 1.0 : cycles < LONGEST_STEP ? (int32_t)(cycles + 0.5) : LONGEST_STEP);
     char text[MODEL_TEXT_SIZE];
     s->last_step = now;
     for (int32_t g = 0; g < plan->n_gauges; g++) {
@@ -142,6 +142,12 @@ static double at_most(double value, double largest) {
     return value > largest ? largest : value;
 }
 
+/* The smallest whole number that is not below x, for x from 0 to 65534. */
+static double whole_above(double x) {
+    const double whole = (double)(int32_t)x;
+    return whole < x ? whole + 1.0 : whole;
+}
+
 /* Loads in addition to the five, and their standard deviations, which are never stated smaller than they are. */
 static void set_others(const Node *node, int published, double *value) {
     char text[MODEL_TEXT_SIZE];
@@ -153,7 +159,7 @@ static void set_others(const Node *node, int published, double *value) {
             (void)model_get_reals(node->model, &which, &found, text);
         }
         const double steps = found / one->step;
-        value[k] = one->step == 0.0 ? found : steps >= 0.0 && steps <= 65534.0 ? one->step * ceil(steps) : NAN;
+        value[k] = one->step == 0.0 ? found : steps >= 0.0 && steps <= 65534.0 ? one->step * whole_above(steps) : NAN;
     }
 }
 

@@ -90,8 +90,8 @@ def loadtest(
     zero; check loads, repeated cases and zero readings are part of the file.
 
     For bodies of revolution that are held, with any wall, frames and materials; for others `strainfmu equations`
-    needs no model. Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle file. Section
-    `calibration` of the vehicle file states the tolerances of the vehicle as built.
+    needs no model. Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle
+    file. Section `calibration` of the vehicle file states the tolerances of the vehicle as built.
 
     With --template, writes a file of examples instead, for a test that you have designed or done yourself.
 
