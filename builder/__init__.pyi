@@ -20,6 +20,7 @@ from builder.figures.scene.picture_files import picture as picture
 from builder.pipeline.load_test_proposal import loadtest as loadtest
 from builder.pipeline.load_test_proposal import loadtest_template as loadtest_template
 from builder.pipeline.calibrate import calibrate as calibrate
+from builder.pipeline.equations import equations as equations
 from builder.pipeline.gauge_placement import place as place
 from builder.pipeline.gauge_placement import review as review
 from builder.pipeline.trials import run_trial as run_trial

@@ -34,8 +34,14 @@ class Equations:
     lines: tuple[str, ...]
 
 
-def run_equations(test_path: Path, output: Path, accept: bool = False) -> Equations:
+def equations(test: str | Path, output: str | Path = "equations.h5", *, accept: bool = False) -> Equations:
     """Fit the load equations of a test; write their map, and next to it the report and the equations as CSV.
+
+    Parameters
+    ----------
+    test : file of the test without a model.
+    output : the map.
+    accept : write the map although the equations do not predict the loads.
 
     Raises
     ------
@@ -44,8 +50,9 @@ def run_equations(test_path: Path, output: Path, accept: bool = False) -> Equati
     StrainfmuError
         The equations do not predict the loads, and that is not accepted; the report is written.
     """
+    test, output = Path(test), Path(output)
     check_output(output)
-    file = equations_file(test_path)
+    file = equations_file(test)
     found = fit_equations(applied_test(file))
     made = equations_map(found)
     page_path, pdf_path, csv_path = report_files(output)
@@ -61,7 +68,7 @@ def run_equations(test_path: Path, output: Path, accept: bool = False) -> Equati
     good, reasons = verdict_lines(found)
     if not good and not accept:
         raise StrainfmuError(
-            f"{test_path}: {'; '.join(reasons)}; see {page_path.name}; no map written, --accept writes it"
+            f"{test}: {'; '.join(reasons)}; see {page_path.name}; no map written, --accept writes it"
         )
     save_inverse_map(made, output)
     lines = (*reasons, redundancy_line(found), *([line] if line else []))

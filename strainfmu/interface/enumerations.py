@@ -51,7 +51,7 @@ TARE_ITEMS = (
     (TareState.REFUSED, "Loads were not known, or the readings are no zeros: zeros as before"),
 )
 
-Q_SOURCE_TYPE = "DynamicPressureSource"
+Q_SOURCE_TYPE = "QSource"
 
 Q_SOURCE_ITEMS = (
     (QSource.AUTO, "Not stated: with a Mach number it counts as computed, without one as measured"),

@@ -10,7 +10,7 @@ import pytest
 from builder.calibration.after_test.equations_map import FittedEquations, equations_map, fit_equations
 from builder.calibration.estimate.regression import load_equation
 from builder.calibration.ground_test.equations_file import applied_test, equations_file
-from builder.pipeline.equations import run_equations
+from builder.pipeline.equations import equations
 from builder.reports.calibration_page.equations_page import redundancy_line, verdict_lines
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
@@ -118,13 +118,13 @@ def test_a_ridge_and_a_selection(tmp_path: Path) -> None:
 
 
 def test_report_map_and_table_are_written_and_bent_gauges_refused(tmp_path: Path) -> None:
-    result = run_equations(written(tmp_path, 9), tmp_path / "cell.h5")
+    result = equations(written(tmp_path, 9), tmp_path / "cell.h5")
     assert {path.name for path in result.files} >= {"cell.h5", "cell.html", "cell_load_equations.csv"}
     assert load_inverse_map(tmp_path / "cell.h5").n_gauges == 9
     assert verdict_lines(result.found)[0]
     bent = written(tmp_path, 9, curve=0.5)
     with pytest.raises(StrainfmuError, match=r"predicted within .* --accept writes it"):
-        run_equations(bent, tmp_path / "bent.h5")
+        equations(bent, tmp_path / "bent.h5")
     assert not (tmp_path / "bent.h5").exists()
     assert (tmp_path / "bent.html").exists()
 

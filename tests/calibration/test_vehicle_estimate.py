@@ -222,7 +222,7 @@ def test_steps_that_do_not_settle_are_named(
     assert estimate(built, usable(built)).unsettled == ""
 
 
-@pytest.mark.parametrize("factor", [-1.0, 1e3])
+@pytest.mark.parametrize("factor", [-1.0, pytest.param(1e3, marks=pytest.mark.slow)])
 def test_readings_that_no_vehicle_has_are_refused(model: tuple[ReadingsModel, np.ndarray], factor: float) -> None:
     """All of the wrong sign or unit: gauges cannot be named, and the steps diverge."""
     built = model[0]

@@ -17,10 +17,10 @@ from strainfmu.cli.commands import program
 pytestmark = pytest.mark.fast
 
 BUDGETS = {
-    "README": 700,
+    "README": 550,
     "start": 450,
     "tutorials": 2_700,
-    "howto": 15_300,
+    "howto": 15_450,
     "explanation": 10_550,
     "evidence": 3_600,
     "reference": 8_750,

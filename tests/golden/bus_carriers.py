@@ -18,7 +18,7 @@ from strainfmu.can.frame import Protection
 from strainfmu.can.frame_layout import FLOAT, FlowSignal, FrameLayout, InputFrame, InputLayout, SignalLayout
 from strainfmu.can.machine import Result, input_machine
 from strainfmu.can.options import BridgeSettings
-from strainfmu.can.profiles import header_5, shared_signal
+from strainfmu.can.profiles import shared_signal
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import other_inputs
 from strainfmu.cosim.systems.master import matching_connections, simulate
@@ -115,13 +115,20 @@ def _layout(n_gauges: int, quantities: Sequence[str]) -> InputLayout:
     )
 
 
+HEADER = {"crc_5": 0, "counter_5": 16, "status": 24, "sample_time": 32}
+"""Signals ahead of the numbers of a frame, with their first bits."""
+
+
 def _frame(name: str, identifier: int, n: int) -> InputFrame:
     numbers = [SignalLayout(name=f"N{k}", start=64 + 64 * k, length=64, kind=FLOAT) for k in range(n)]
     layout = FrameLayout(
         name=name,
         identifier=identifier,
         length=64,
-        signals=(*header_5(), shared_signal("status", 24), shared_signal("sample_time", 32), *numbers),
+        signals=(
+            *(shared_signal(field, bit) for field, bit in HEADER.items()),
+            *numbers,
+        ),
         is_fd=True,
         protection=Protection(5, identifier),
         cycle_time=CYCLE,

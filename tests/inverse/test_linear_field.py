@@ -101,7 +101,7 @@ def test_a_map_without_a_field_refuses() -> None:
     with pytest.raises(InputError, match="holds no pressure field, expected one built with keep_field = true"):
         found.pressure()
     point = np.zeros((3, 3), dtype=np.float32)
-    with pytest.raises(InputError, match="field_std must be 3 finite values of at least 0"):
+    with pytest.raises(InputError, match="field_std must be at least 0"):
         replace(
             held,
             field_mean=point[0],

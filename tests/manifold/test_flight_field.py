@@ -184,5 +184,5 @@ def test_tables_of_other_gauges_are_refused() -> None:
         error_std=np.ones(2),
         table_error_std=np.ones((2, 3), dtype=np.float32),
     )
-    with pytest.raises(InputError, match=r"pressure_field: expected tables of .* for 48 gauges, got .* for 7"):
+    with pytest.raises(InputError, match="pressure_field: expected 48 gauges, got 7"):
         replace(manifold, pressure_field=held)

@@ -176,10 +176,11 @@ def test_lost_sensors_leave_the_tables_built_without_them(
     flown.readings[:, ~valid] = np.nan
     found = estimated(whole, flown, "none")
     expected = estimated(rebuilt, flown._replace(readings=flown.readings[:, valid]), "none")
-    np.testing.assert_allclose((found.loads - expected.loads) / expected.loads_std, 0.0, atol=1e-9)
-    np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-9)
-    np.testing.assert_allclose(found.chi_square, expected.chi_square, rtol=1e-9)
-    np.testing.assert_allclose(found.state, expected.state, atol=1e-12)
+    # A search from another start ends within 1e-8 of the same minimum.
+    np.testing.assert_allclose((found.loads - expected.loads) / expected.loads_std, 0.0, atol=1e-8)
+    np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-8)
+    np.testing.assert_allclose(found.chi_square, expected.chi_square, rtol=1e-8)
+    np.testing.assert_allclose(found.state, expected.state, atol=1e-10)
     assert HealthState.OK not in found.health
 
 

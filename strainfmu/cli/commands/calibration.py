@@ -77,10 +77,10 @@ def equations(
 
         strainfmu equations wing_test.toml -o wing.h5
     """
-    from builder.pipeline.equations import run_equations
+    from builder.pipeline.equations import equations as fit
 
     console = Console()
-    result = run_equations(test, output, accept)
+    result = fit(test, output, accept=accept)
     for line in (*result.lines, ", ".join(str(path) for path in result.files)):
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 

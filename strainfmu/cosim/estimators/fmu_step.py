@@ -32,12 +32,11 @@ from strainfmu.cosim.estimators.description import (
 from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, StepRefused, StepResult
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
-from strainfmu.estimator.air_inputs import ANGLE_ERROR, DYNAMIC_PRESSURE, MEASURED_ANGLES, STD
+from strainfmu.estimator.air_inputs import ANGLE_ERROR, DYNAMIC_PRESSURE, MEASURED_ANGLES, STATIC_PRESSURE, STD
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.signal_names import TEMPERATURE as TEMPERATURE
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.contents import stated_contents
-from strainfmu.interface.input_names import NAVIGATION_INPUTS
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
@@ -102,7 +101,7 @@ class FmuStep:
             raise InputError(f"{path}: expected {self.n_gauges} inputs valid[i], got {len(valid)}")
         pressure = next(v for v in inputs if v.name == DYNAMIC_PRESSURE)
         by_name = {variable.name: variable for variable in inputs}
-        self.needs_pressure = not by_name.keys() >= set(NAVIGATION_INPUTS)  # which nonlinear estimators have
+        self.needs_pressure = STATIC_PRESSURE not in by_name  # an input of nonlinear estimators
         sensors = numbered(inputs, TEMPERATURES) if TEMPERATURE in other_inputs else []
         self.sensor_names = stated_names(sensors, contents.temperature_sensors)
         of_parameters = [name for name in by_name if name.startswith(PARAMETER_PREFIX)]

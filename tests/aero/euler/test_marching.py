@@ -376,6 +376,7 @@ def tiny_flows(interpreted: bool) -> tuple[np.ndarray, int, list[str]]:
     return np.array(values), steps, refused
 
 
+@pytest.mark.slow
 def test_compiled_solver_is_the_interpreted_one() -> None:
     """The same without machine code, to 1e-7: limiters and the extrapolation of the start make round-off grow.
 

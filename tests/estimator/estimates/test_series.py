@@ -225,7 +225,7 @@ def test_a_result_is_shown_in_a_few_lines(n_samples: int | None) -> None:
 def test_a_result_without_loads_is_shown() -> None:
     inverse_map = random_map()
     found = Estimator(inverse_map).estimate(np.full(N_GAUGES, np.nan), Q)
-    assert repr(found).startswith("Estimate: health INVALID, chi-square nan")
+    assert repr(found).startswith("Estimate: health INVALID, chi-square 0,")
     assert "normal_force not known" in repr(found)
     lost = Estimator(inverse_map).estimate(np.full((3, N_GAUGES), np.nan), Q)
     assert "3 INVALID" in repr(lost)
