@@ -101,8 +101,8 @@ def refuse_without_other_model(vehicle: Vehicle) -> None:
 def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Reporter) -> ShapeStructure:
     """Return the gauges in use on the mesh that plays the vehicle that flies.
 
-    That of a body of sections is made finer than the map's; of a surface it is ``structure.checked_by``, whose
-    strains are in ``known``, the structure of the map, if that was made with it.
+    The structure of a body of sections is finer than the map's. The structure of a surface is
+    ``structure.checked_by``, whose strains are in ``known``, the structure of the map, if that was made with it.
 
     Raises
     ------

@@ -59,7 +59,7 @@ def to_si(
     if is_temperature(quantity):
         return TEMPERATURE_UNITS[file.unit(message, signal, tuple(TEMPERATURE_UNITS), "a unit of temperature")]
     if is_parameter(quantity) or is_parameter_std(quantity):
-        return 1.0, 0.0  # their unit is that of the vehicle file, which nobody states
+        return 1.0, 0.0  # the vehicle file has their unit; no mapping states it
     if quantity in readings:
         unit = readings[quantity]
         return file.factor(message, signal, READING_UNITS.get(unit, {unit: 1.0}), f"a unit of {quantity}"), 0.0

@@ -329,7 +329,7 @@ class _Rows:
         self._rows: list[list[float]] = []
 
     def add(self, result: Result) -> None:
-        # As coefficients, those of a result that has none are not known.
+        # A result without coefficients has no such loads.
         known = result.other_outputs if result.quality.has_coefficients else {}
         self._rows.append([*_row(result, known), *(known.get(name, float("nan")) for name in self._others)])
         if len(self._rows) == _BLOCK:

@@ -105,7 +105,7 @@ def export_flight(
 ) -> dict[str, Path]:
     """Write the FMUs of a scenario into ``folder``; return their paths by name of the instance.
 
-    Those of FMI 3.0 have the same scalar variables.
+    FMUs of FMI 3.0 have the same scalar variables.
 
     Raises
     ------

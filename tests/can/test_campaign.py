@@ -171,7 +171,7 @@ def test_live_strains_behind_lost_cycles_are_in_doubt_only_where_too_much_may_hi
         refused = lost >= BridgeSettings().timeout  # a counter so far ahead is out of sequence once
         assert len(behind) == 20 - lost - refused
         hidden = (lost + refused) * CYCLE
-        # Strains may repeat those of a lost cycle, and the sender's clock may have been set ahead meanwhile.
+        # Strains may repeat the strains of a lost cycle, and the sender's clock may have been set ahead meanwhile.
         assert hidden <= behind[0].age_uncertainty - behind[1].age_uncertainty + 1e-4 <= 2.0 * hidden + 2e-4
 
 

@@ -34,7 +34,7 @@ from strainfmu.interface.plant_variables import FlightStart, GaugeFault, Motion
 START = FlightStart(mach_number=6.0, altitude=20e3, angle_of_attack=0.05)
 NATIVE = ("inputs", "trajectory", "short_period", "autopilot", "schedule")
 KINDS = (*NATIVE, *(f"{kind}_3" for kind in NATIVE), "python")
-"""Those of FMI 3.0 end on 3."""
+"""Kinds of FMI 3.0 end on 3."""
 
 SIGNALS = [
     ScheduledSignal(
