@@ -46,6 +46,8 @@ class FaultySender:
     faults : in any order.
     own : a frame of the bridge, for OWN_IDENTIFIER.
     trip : trip counter of authenticated frames; a restart takes the next one.
+
+    The first session is the trip's number, not the second of the clock: the same faults give the same bytes.
     """
 
     def __init__(
@@ -55,7 +57,7 @@ class FaultySender:
         self._faults = sorted(faults, key=lambda fault: fault.start)
         self._next = 0
         self._active: list[Fault] = []
-        self._encoder = StrainEncoder(layout, trip)
+        self._encoder = StrainEncoder(layout, trip, session=trip)
         self._altered = AlteredFrames(layout, self._encoder)
         self._waiting: list[tuple[float, int, Frame]] = []
         self._order = count()
