@@ -37,6 +37,7 @@ def folder(synthetic: SyntheticFiles, tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_table_of_a_short_run(folder: Path) -> None:
     cost, run = core_cost(folder, 200), bus_run(folder, 200.0, 1.0)
     rows = dict(bus_rows(cost, run))

@@ -31,6 +31,8 @@ from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
 RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}
+LONG = ("docs/tutorials/your_vehicle.md", "docs/howto/choose_gauges_and_case.md", "docs/howto/run_campaigns.md")
+"""Pages that solve flows for half a minute; tests/pipeline/test_readme_flows.py runs their commands on less."""
 AFTER_THE_TUTORIAL = ("docs/howto/choose_gauges_and_case.md",)
 """Pages that repeat the build of the second tutorial, in its ``results``: the files are reused."""
 LINE_BY_LINE = ("strainfmu", "printf", "sed")
@@ -180,7 +182,13 @@ def after_the_tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize("name", sorted(RUNNING, key=lambda name: name in AFTER_THE_TUTORIAL))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in LONG else ())
+        for name in sorted(RUNNING, key=lambda name: name in AFTER_THE_TUTORIAL)
+    ],
+)
 def test_page(name: str, folder: Path, after_the_tutorial: Path) -> None:
     """Pages that build a map take more than five seconds each: the commands are those of a reader.
 

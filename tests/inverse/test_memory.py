@@ -35,6 +35,7 @@ def result(what: str, folder: Path) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_maps_of_sixty_thousand_nodes_are_built_in_one_gibibyte(tmp_path: Path) -> None:
     """54 gauges, 243 snapshots, both cases: on disk under 40 MiB with the field, under 1 MiB without."""
     found = result("build", tmp_path)

@@ -60,7 +60,7 @@ def test_chromium_shows_live_data_and_goes_on_after_a_restart(
         counted = []
         for number in (1, 2):  # the second bridge is a new one: the page is not touched meanwhile
             running = threading.Thread(
-                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 400), kwargs={"publish": address}
+                target=live_run, args=(synthetic.estimator_1, f"monitor{number}", 200), kwargs={"publish": address}
             )
             running.start()
             browser.wait("document.getElementById('quality').textContent", lambda found: found == "VALID")

@@ -261,6 +261,9 @@ def test_spacing_grows_outward_by_the_clustering() -> None:
     np.testing.assert_allclose(np.diff(MarchingGrid(clustering=0.0).spacing(24)), 1.0 / 24.0, rtol=1e-12)
 
 
+COARSE = MarchingGrid(n_radial=12, n_circumferential=18)
+
+
 @pytest.mark.parametrize(
     ("pieces", "mach_number", "incidence", "words"),
     [
@@ -278,7 +281,7 @@ def test_condition_out_of_reach_is_named(
     make_body: BodyMaker,
 ) -> None:
     with pytest.raises(FlowReachError) as error:
-        solve_flow(make_body(*pieces), mach_number, radians(incidence))
+        solve_flow(make_body(*pieces), mach_number, radians(incidence), COARSE)
     message = str(error.value)
     for word in words:
         assert word in message
@@ -290,8 +293,7 @@ def test_condition_out_of_reach_is_named(
 
 def test_a_refusal_at_the_tip_states_what_helps(make_body: BodyMaker) -> None:
     """The stated Mach number is the lowest, in steps of 0.1, at which the march gets over this tip."""
-    body, incidence = make_body((1.0, 34.5, 34.5)), radians(6.0)
-    grid = MarchingGrid(n_radial=12, n_circumferential=18)
+    body, incidence, grid = make_body((1.0, 34.5, 34.5)), radians(6.0), COARSE
     with pytest.raises(FlowReachError) as error:
         solve_flow(body, 2.0, incidence, grid)
     message = str(error.value)
