@@ -31,6 +31,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",
+    "can_frames",
     "command_line",
     "docstrings",
     "map_arrays",
@@ -72,16 +73,15 @@ html_title = f"strainfmu {release}"
 html_static_path = ["_static", str(MATH_FONT)]
 html_css_files = ["site.css"]
 html_favicon = "_static/logo.svg"
-html_show_sourcelink = False
-html_copy_source = False
+html_show_sourcelink = html_copy_source = True  # the text of every page, in the site itself
 html_theme_options = {
-    "logo": {"text": "strainfmu", "image_light": "_static/logo.svg", "image_dark": "_static/logo.svg"},
+    "logo": {"text": html_title, "image_light": "_static/logo.svg", "image_dark": "_static/logo.svg"},
     "show_toc_level": 2,
     "navigation_with_keys": False,
     "show_prev_next": True,
     "header_links_before_dropdown": 7,
     "footer_start": ["copyright"],
-    "footer_end": [],
+    "footer_end": ["sourcelink"],
     "secondary_sidebar_items": {"**": ["page-toc"], "index": [], "gallery/index": []},
 }
 html_sidebars = {"index": []}

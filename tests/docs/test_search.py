@@ -31,6 +31,7 @@ EXPECTED = {
     "zero offset": {"howto/tare"},
     "own channel names": {"howto/recorder_channels"},
     "install": {"index", "tutorials/first_map"},
+    "gain": {"explanation/sigma", "howto/calibrate_map", "explanation/calibration"},
     "simulink": {"tutorials/fmu_in_tools"},
     "angle of attack": {"reference/conventions", "explanation/envelope", "explanation/nonlinear_estimator"},
     "virtual bus": {"tutorials/bus", "howto/run_bridge"},
@@ -69,7 +70,7 @@ def found_in(site: Path, profile: Path) -> dict[str, list[str]]:
 
 
 def test_most_words_lead_to_a_page_for_users(results: dict[str, list[str]]) -> None:
-    """At least 20 of the 22."""
+    """At least 21 of the 23."""
     lost = {
         words: pages
         for words, pages in results.items()
@@ -79,6 +80,6 @@ def test_most_words_lead_to_a_page_for_users(results: dict[str, list[str]]) -> N
 
 
 def test_most_words_lead_to_the_page_about_them(results: dict[str, list[str]]) -> None:
-    """At least 20 of the 22."""
+    """At least 21 of the 23."""
     missed = {words: pages for words, pages in results.items() if not EXPECTED[words] & set(pages)}
     assert len(missed) <= 2, missed

@@ -35,13 +35,13 @@ COMMANDS: dict[str, dict[str, str]] = {
     },
     "Bus": {
         "dbc": "docs/reference/can.md",
-        "send": "docs/howto/send_strains.md",
+        "send": "docs/howto/record_and_replay.md",
         "replay": "docs/howto/record_and_replay.md",
     },
     "Studies": {
         "place": "docs/howto/place_gauges.md",
         "review": "docs/howto/place_gauges.md",
-        "study": "docs/howto/trade_study.md",
+        "study": "docs/howto/choose_gauges_and_case.md",
         "trial": "docs/howto/what_a_map_notices.md",
         "stress": "docs/howto/what_a_map_notices.md",
         "compare": "docs/evidence/comparison.md",
