@@ -335,9 +335,11 @@ def compared_world(
 ) -> ComparedWorld:
     """Return the world of a comparison."""
     parts = load_map_parts(vehicle, snapshots, structure, Silent())
+    maps = maps_for(vehicle, *parts, is_exact=False)
     return ComparedWorld(
         **true_world(vehicle, flows, structure),
-        inverse_map=maps_for(vehicle, *parts, is_exact=False)[NONLINEAR],
+        inverse_map=maps[NONLINEAR],
+        made={False: maps},
         conditions=conditions,
         seed=seed,
         snapshots=parts[0],

@@ -117,19 +117,20 @@ class ComparedWorld(World):
     ----------
     snapshots, map_structure : what the maps are built from.
     training : flights that each regression learns from; a third as many are for its bands.
+    made : maps by whether they know of gauge noise alone, and regressions.
     """
 
     snapshots: Snapshots
     map_structure: AnyStructure
     training: int
-    _made: dict[Any, Any] = field(default_factory=dict)
+    made: dict[Any, Any] = field(default_factory=dict)
 
     def maps(self, case: Case) -> dict[str, InverseMap]:
         """Return the maps that know of the errors of ``case``, by estimator."""
         is_exact = not case.built.stated
-        if is_exact not in self._made:
-            self._made[is_exact] = maps_for(self.vehicle, self.snapshots, self.map_structure, is_exact)
-        maps: dict[str, InverseMap] = self._made[is_exact]
+        if is_exact not in self.made:
+            self.made[is_exact] = maps_for(self.vehicle, self.snapshots, self.map_structure, is_exact)
+        maps: dict[str, InverseMap] = self.made[is_exact]
         return maps
 
     def bound(self, case: Case, estimator: str = "") -> FloatArray | None:
@@ -157,7 +158,7 @@ class ComparedWorld(World):
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:
         """Return a regression that is trained on the tables for ``case``."""
         is_exact = not case.built.stated
-        if (key := (is_exact, kind, with_mach)) not in self._made:
+        if (key := (is_exact, kind, with_mach)) not in self.made:
             manifold, random = (
                 self.maps(case)[NONLINEAR].manifold,
                 np.random.default_rng([self.seed, not is_exact]),
@@ -171,8 +172,8 @@ class ComparedWorld(World):
             if not with_mach:
                 known = {DYNAMIC_PRESSURE: training.known[DYNAMIC_PRESSURE]}
                 training = Readings(**{**vars(training), "known": known})
-            self._made[key] = of_regression(kind, training, calibration, self.seed)
-        estimate: EstimateReadings = self._made[key]
+            self.made[key] = of_regression(kind, training, calibration, self.seed)
+        estimate: EstimateReadings = self.made[key]
         return estimate
 
 

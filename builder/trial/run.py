@@ -265,7 +265,7 @@ def run_tasks(
     todo, lines = [task for task in tasks if not files[task.key].is_file()], dict[str, str]()
     run = partial(run_task, refused=refused)
     with reporter.stage(title if len(todo) == len(tasks) else f"{title}: {len(todo)} of {len(tasks)}") as progress:
-        if workers == 1 and scheduler is None:
+        if not todo or (workers == 1 and scheduler is None):
             results: Iterator[tuple[Task, list[Row] | str]] = map(run, todo)
         else:
             results = on_dask(run, todo, scheduler, workers, reporter.note, memory)

@@ -1,4 +1,5 @@
-"""The main job as a user does it: the demonstration of the shipped vehicle, and what it leaves behind."""
+"""The main job as a user does it: the demonstration of the shipped vehicle and of a vehicle as built, and what it
+leaves behind."""
 
 from __future__ import annotations
 
@@ -13,13 +14,16 @@ from time import perf_counter
 
 import numpy as np
 import pytest
+from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
-from ogive import OGIVE
+from ogive import OGIVE, copied_ogive
 from published_run import check_published_run
 
 import strainfmu
+from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.demonstration.flight_trial import score_flight
+from builder.vehicle.file import IC3X
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, SCHEMA, SCHEMA_VERSION, load_inverse_map
 from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
@@ -28,23 +32,9 @@ from strainfmu.files import content_hash_of
 Run = Callable[..., tuple[int, str, str]]
 
 FILES = (
-    "snapshots.h5",
-    "independent_flows.h5",
-    "map.h5",
-    "flight_model.h5",
-    "estimator.fmu",
-    "plant.fmu",
-    "flight.h5",
-    "flight.csv",
-    "overview.png",
-    "pressure_unrolled.png",
-    "pressure_on_body.png",
-    "gauges.png",
-    "coefficients.png",
-    "vehicle.png",
-    "vehicle.glb",
-    "estimators.json",
-    "summary.json",
+    *("snapshots.h5", "independent_flows.h5", "map.h5", "flight_model.h5", "estimator.fmu", "plant.fmu"),
+    *("flight.h5", "flight.csv", "estimators.json", "summary.json", "overview.png", "pressure_unrolled.png"),
+    *("pressure_on_body.png", "gauges.png", "coefficients.png", "vehicle.png", "vehicle.glb"),
 )
 
 
@@ -54,6 +44,7 @@ def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     As the first of the file it waits for the whole demonstration, a minute and more that many files share.
     """
     recording = load_recording(ic3x_demo / "flight.h5")
+    np.testing.assert_allclose(recording.time, np.arange(2001) * 0.01, atol=1e-12)
     score = score_flight(recording)
     of_range = score["rms_error_of_range"]
     assert of_range["C_N"] < 0.015
@@ -67,6 +58,10 @@ def test_accuracy_of_the_flown_estimator(ic3x_demo: Path) -> None:
     assert np.all(np.abs(estimate - truth) < 4.0 * sigma)
     # Bands that hold everything because they are huge would say nothing.
     assert np.all(np.array(list(score["mean_sigma"].values())) < [0.002, 0.0205, 0.0215, 0.0135, 0.0115])
+    with (ic3x_demo / "flight.csv").open(newline="") as stream:
+        rows = list(csv.reader(stream))
+    assert tuple(rows[0]) == ("time", *recording.names)
+    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
 
 
 def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> None:
@@ -84,16 +79,6 @@ def test_both_estimators_are_in_one_table_and_one_figure(ic3x_demo: Path) -> Non
     assert "Linear and nonlinear estimator on the same strains" in readme
 
 
-def test_the_flight_is_20_s_at_100_hz_and_the_csv_says_the_same(ic3x_demo: Path) -> None:
-    recording = load_recording(ic3x_demo / "flight.h5")
-    np.testing.assert_allclose(recording.time, np.arange(2001) * 0.01, atol=1e-12)
-    with (ic3x_demo / "flight.csv").open(newline="") as stream:
-        rows = list(csv.reader(stream))
-    assert rows[0][0] == "time"
-    assert tuple(rows[0][1:]) == recording.names
-    np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], recording.values, rtol=1e-12)
-
-
 def test_the_five_modes_hold_99_percent_of_the_energy_of_the_listed_angles(ic3x_demo: Path) -> None:
     """The paper states 99.1 % for five modes of its set P1; pressure at every roll angle needs more modes."""
     listed = proper_orthogonal_decomposition(load_snapshots(ic3x_demo / "snapshots.h5").pressure)
@@ -102,30 +87,23 @@ def test_the_five_modes_hold_99_percent_of_the_energy_of_the_listed_angles(ic3x_
     assert held == pytest.approx(0.903, abs=0.005)
 
 
-def test_it_names_every_file_and_prints_the_table(ic3x_demo: Path) -> None:
+def test_it_names_every_file_and_a_second_run_reuses_them(ic3x_demo: Path, run: Run) -> None:
     """The terminal has the accuracy in about a dozen lines, README.txt stages, notes and files."""
     printed = (ic3x_demo.parent / "printed.txt").read_text(encoding="utf-8")
     readme = (ic3x_demo / "README.txt").read_text(encoding="utf-8")
     assert len([line for line in printed.splitlines() if line.strip()]) <= 15
-    assert "overview.png" in printed
+    assert all(text in printed for text in ("overview.png", *COEFFICIENT_NAMES))
     for name in FILES:
         assert (ic3x_demo / name).stat().st_size > 0
         assert name in readme
         assert f"{name}: up to date, reused" not in readme
-    for name in COEFFICIENT_NAMES:
-        assert name in printed
     assert set(json.loads((ic3x_demo / "summary.json").read_text())["coverage"]) == set(COEFFICIENT_NAMES)
-
-
-def test_a_second_run_reuses_everything_and_says_so(ic3x_demo: Path, run: Run) -> None:
     before = {name: (ic3x_demo / name).stat().st_mtime_ns for name in FILES}
-    readme = (ic3x_demo / "README.txt").read_bytes()
     code, printed, _ = run("demo", "-o", ic3x_demo, "--verbose")
     assert code == 0
-    for name in FILES:
-        assert printed.count(f"{name}: up to date, reused") == 1
-        assert (ic3x_demo / name).stat().st_mtime_ns == before[name]
-    assert (ic3x_demo / "README.txt").read_bytes() == readme
+    assert all(printed.count(f"{name}: up to date, reused") == 1 for name in FILES)
+    assert {name: (ic3x_demo / name).stat().st_mtime_ns for name in FILES} == before
+    assert (ic3x_demo / "README.txt").read_text(encoding="utf-8") == readme
 
 
 @pytest.mark.slow
@@ -145,17 +123,13 @@ def test_a_damaged_result_is_made_again(ogive_demo: Path, tmp_path: Path, run: R
 
 @pytest.mark.parametrize("name", ["estimator.fmu", "plant.fmu"])
 def test_fmus_are_valid_and_run_alone(ic3x_demo: Path, tmp_path: Path, name: str) -> None:
-    assert validate_fmu(str(ic3x_demo / name)) == []
-    output = tmp_path / "result.csv"
-    for command in (
-        ["validate", str(ic3x_demo / name)],
-        ["simulate", str(ic3x_demo / name), "--stop-time", "1", "--output-file", str(output)],
-    ):
-        finished = subprocess.run(
-            [sys.executable, "-m", "fmpy", *command], capture_output=True, text=True, check=False
-        )
+    path, output = str(ic3x_demo / name), str(tmp_path / "result.csv")
+    assert validate_fmu(path) == []
+    for command in (["validate", path], ["simulate", path, "--stop-time", "1", "--output-file", output]):
+        called = [sys.executable, "-m", "fmpy", *command]
+        finished = subprocess.run(called, capture_output=True, text=True, check=False)
         assert finished.returncode == 0, finished.stdout + finished.stderr
-    with output.open(newline="") as stream:
+    with Path(output).open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     # Alone nothing sets the strains of the estimator: it has no loads, and says so.
     assert all(np.isfinite(float(row["C_N"])) == (name == "plant.fmu") for row in rows)
@@ -171,9 +145,7 @@ def test_the_example_inside_the_fmu_shows_the_estimator_at_work(demo: str, reque
 
 
 def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogive_demo: Path) -> None:
-    from fmpy import simulate_fmu
-
-    random = np.random.default_rng(3)
+    random, how = np.random.default_rng(3), {"stop_time": 0.1, "step_size": 0.1, "output_interval": 0.1}
     for folder in (ic3x_demo, ogive_demo, ic3x_demo):
         estimator = strainfmu.load(folder / "map.h5")
         inverse_map = estimator.inverse_map
@@ -181,9 +153,7 @@ def test_two_vehicles_in_one_process_give_their_own_results(ic3x_demo: Path, ogi
         strain = 0.7 * inverse_map.mean_strain + 1e-6 * random.normal(size=inverse_map.n_gauges)
         start = {f"strain[{i + 1}]": float(value) for i, value in enumerate(strain)}
         start["dynamic_pressure"] = inverse_map.nominal_dynamic_pressure
-        result = simulate_fmu(
-            str(folder / "estimator.fmu"), stop_time=0.1, step_size=0.1, output_interval=0.1, start_values=start
-        )
+        result = simulate_fmu(str(folder / "estimator.fmu"), start_values=start, **how)
         expected = estimator.estimate(strain, inverse_map.nominal_dynamic_pressure).coefficients
         found = [result[name][-1] for name in COEFFICIENT_NAMES]
         # Steps of the nonlinear estimator begin where the last one ended.
@@ -201,25 +171,20 @@ def test_every_command_runs_on_the_result(
     ic3x_demo: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It takes seconds, as ``bench`` trains its rivals, if on a few flights alone."""
-    code, printed, _ = run("inspect", ic3x_demo / "map.h5")
-    assert code == 0
-    assert "IC3X surrogate" in printed
-    code, _, _ = run("export", ic3x_demo / "map.h5", "-o", tmp_path / "again.fmu")
-    assert code == 0
+
+    def printed_by(*arguments: object) -> str:
+        code, printed, _ = run(*arguments)
+        assert code == 0
+        return printed
+
+    assert "IC3X surrogate" in printed_by("inspect", ic3x_demo / "map.h5")
+    printed_by("export", ic3x_demo / "map.h5", "-o", tmp_path / "again.fmu")
     assert validate_fmu(str(tmp_path / "again.fmu")) == []
     monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
     monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
     monkeypatch.setattr("builder.trial.other_estimators.COST_TRAINING", 60)
-    code, printed, _ = run("bench", ic3x_demo)
-    assert code == 0
-    assert "bare product" in printed
-
-
-def test_check_reports_without_solving(run: Run) -> None:
-    from builder.vehicle.file import IC3X
-
-    code, printed, _ = run("check", IC3X)
-    assert code == 0
+    assert "bare product" in printed_by("bench", ic3x_demo)
+    printed = printed_by("check", IC3X)
     assert "90 conditions, 85 distinct flows" in printed
     assert "54 gauges" in printed
 
@@ -227,13 +192,45 @@ def test_check_reports_without_solving(run: Run) -> None:
 def test_a_manoeuvre_outside_the_snapshots_is_said(ogive_demo: Path, tmp_path: Path, run: Run) -> None:
     """Sideslip to the other side is inside, every flow being used at every roll angle; more incidence is not."""
     assert "warning: the manoeuvre" not in (ogive_demo.parent / "printed.txt").read_text(encoding="utf-8")
-    shutil.copytree(OGIVE.parent, tmp_path / "vehicle")
+    vehicle = copied_ogive(tmp_path / "vehicle")
     shutil.copytree(ogive_demo, tmp_path / "demo")
-    (tmp_path / "vehicle" / "manoeuvre.csv").write_text(
+    vehicle.with_name("manoeuvre.csv").write_text(
         "time_s,mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km\n0,4.8,1,0,22\n1,4.6,6.9,-1,22\n"
     )
-    code, printed, _ = run("demo", "--vehicle", tmp_path / "vehicle" / "ogive.toml", "-o", tmp_path / "demo")
+    code, printed, _ = run("demo", "--vehicle", vehicle, "-o", tmp_path / "demo")
     assert code == 0
     words = " ".join(printed.split())
     assert "warning: the manoeuvre flies total incidence 1 to 6.972 deg, the map covers 0 to 6.706 deg" in words
     assert words.count("warning: the manoeuvre") == 1
+
+
+@pytest.mark.slow
+def test_a_tested_vehicle_flies_as_one_that_is_known(tmp_path: Path, run: Run) -> None:
+    """The calibrated map errs less than the drawing's and hardly more than the exact one, and its sigma holds."""
+    folder, command = (
+        tmp_path / "tested",
+        ("demo", "--vehicle", OGIVE, "--as-built", "3", "-o", tmp_path / "tested"),
+    )
+    code, said, _ = run(*command)
+    assert code == 0
+    assert "before and after the ground test" in said
+    for name in ("loadtest.csv", "channels.toml", "zeros.toml", "calibrated.h5", "exact.h5", "as_built.png"):
+        assert (folder / name).is_file()
+    # The vehicle file states no density: a baseline without load stands in for own weight.
+    assert [len(case.load) for case in read_test_file(folder / "loadtest.toml").case] == [0] + [1] * 12
+    states = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["as_built"]
+    assert list(states) == ["before", "after", "exact"]
+    before, after, exact = (np.array([one["rms"][name] for name in COEFFICIENT_NAMES]) for one in states.values())
+    assert np.max(after / exact) < 1.5
+    assert np.count_nonzero(before > 1.5 * after) >= 2
+    assert min(states["after"]["coverage_percent"].values()) > 99.0
+    code, said, _ = run(*command, "--verbose")
+    assert code == 0
+    assert "calibrated.h5: up to date, reused" in said
+
+
+@pytest.mark.fast
+def test_a_vehicle_is_perfect_or_as_built(tmp_path: Path, run: Run) -> None:
+    code, _, message = run("demo", "--perfect", "--as-built", "3", "-o", tmp_path / "demo")
+    assert code == 2
+    assert message.startswith("strainfmu: --as-built: expected without --perfect, got both; see")

@@ -23,12 +23,15 @@ from builder.vehicle.file import Vehicle
 ERRORS = LoadErrors()
 
 
-@pytest.fixture(scope="module", params=[0.05e-6, 0.5e-6], ids=["noise 0.05 um/m", "noise 0.5 um/m"])
+SLOW = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=[0.05e-6, pytest.param(0.5e-6, marks=SLOW)], ids=["0.05 um/m", "0.5 um/m"])
 def model(vehicle: Vehicle, as_built: AsBuiltStructure, request: pytest.FixtureRequest) -> ReadingsModel:
-    """A test of ten pads and four attitudes."""
-    n_d = as_built.n_gauges
+    """A test of ten pads and four attitudes with this noise."""
+    zero = np.zeros(as_built.n_gauges)
     blank = tuple(
-        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, request.param))
+        LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + request.param)
         for name, loads in standard_load_cases(10, 3.6, ERRORS)
     )
     test = LoadTest(gauge_names=as_built.gauges.names, cases=blank, errors=ERRORS)
@@ -44,17 +47,19 @@ def blamed_of(model: ReadingsModel, spoil: Spoil, seed: list[int]) -> tuple[dict
     return {one.where: one.kind for one in named_faults(spoiled, usable(spoiled))}, wanted
 
 
-def test_sound_tests_and_faulty_gauges_blame_no_case(model: ReadingsModel) -> None:
+@pytest.mark.parametrize("draws", [range(1), pytest.param(range(1, 10), marks=SLOW)], ids=["one", "nine"])
+def test_sound_tests_and_faulty_gauges_blame_no_case(model: ReadingsModel, draws: range) -> None:
     sound: Spoil = lambda reading, random, applied: {}  # noqa: E731
-    for draw in range(10):
+    for draw in draws:
         for number, spoil in enumerate((sound, *GAUGE_SPOILS.values())):
             blamed, wanted = blamed_of(model, spoil, [draw, 1, number])
             assert set(blamed) <= set(wanted)
 
 
-def test_each_error_of_a_case_is_named(model: ReadingsModel) -> None:
+@pytest.mark.parametrize("draws", [range(1), pytest.param(range(1, 3), marks=SLOW)], ids=["one", "two"])
+def test_each_error_of_a_case_is_named(model: ReadingsModel, draws: range) -> None:
     for number, (name, spoil) in enumerate(case_spoils(model.test).items()):
-        for draw in range(3):
+        for draw in draws:
             blamed, wanted = blamed_of(model, spoil, [draw, 7, number, 0])
             assert set(blamed) <= set(wanted), name
             assert blamed == wanted or name in ("10 kg more", "mislabelled"), name
@@ -78,15 +83,15 @@ def test_the_vehicle_is_estimated_without_the_case(model: ReadingsModel) -> None
     assert found.agrees
 
 
-def test_a_mass_left_on_a_pad_is_named_before_or_by_the_estimate(model: ReadingsModel) -> None:
-    for draw in range(2):
-        random = np.random.default_rng([draw, 14])
-        reading, vector = drawn_readings(model, random)
-        wanted = case_spoils(model.test)["10 kg more"](reading, random, applied_by(model, vector))
-        _, faults = calibrate_with_faults(model.with_readings(reading))
-        found = {one.where: one.kind for one in faults}
-        # Across a load the mass turns it by a few degrees, which not every test shows.
-        assert found == wanted or (not found and set(wanted.values()) == {"mass"})
+@pytest.mark.parametrize("draw", [0, pytest.param(1, marks=SLOW)])
+def test_a_mass_left_on_a_pad_is_named_before_or_by_the_estimate(model: ReadingsModel, draw: int) -> None:
+    random = np.random.default_rng([draw, 14])
+    reading, vector = drawn_readings(model, random)
+    wanted = case_spoils(model.test)["10 kg more"](reading, random, applied_by(model, vector))
+    _, faults = calibrate_with_faults(model.with_readings(reading))
+    found = {one.where: one.kind for one in faults}
+    # Across a load the mass turns it by a few degrees, which not every test shows.
+    assert found == wanted or (not found and set(wanted.values()) == {"mass"})
 
 
 def test_a_mass_on_every_pad_is_no_fault_of_gauges_and_loads(model: ReadingsModel) -> None:

@@ -31,6 +31,8 @@ from strainfmu.arrays import FloatArray
 
 NOISE = 0.05e-6
 
+EACH_DRAW = pytest.mark.parametrize("draw", [0, pytest.param(1, marks=pytest.mark.slow)])
+
 
 @pytest.fixture(scope="module")
 def structure(vehicle: Vehicle) -> AsBuiltStructure:
@@ -151,14 +153,15 @@ def test_derivatives_are_kept_for_the_last_vector_and_what_is_not_known(model: R
     assert not again[1][:, :, modulus].any()
 
 
-def test_sound_tests_have_no_cause(model: ReadingsModel) -> None:
-    for draw in range(4):
-        reading, _ = drawn_readings(model, np.random.default_rng([draw, 8]))
-        found, faults = calibrate_with_faults(model.with_readings(reading))
-        assert found.model.causes == ()
-        assert faults == ()
+@EACH_DRAW
+def test_sound_tests_have_no_cause(model: ReadingsModel, draw: int) -> None:
+    reading, _ = drawn_readings(model, np.random.default_rng([draw, 8]))
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert found.model.causes == ()
+    assert faults == ()
 
 
+@EACH_DRAW
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
@@ -173,32 +176,33 @@ def test_sound_tests_have_no_cause(model: ReadingsModel) -> None:
         ("hysteresis", "hysteresis: a case reads "),
     ],
 )
-def test_what_gauges_have_in_common_is_named_and_estimated(model: ReadingsModel, kind: str, said: str) -> None:
+def test_what_gauges_have_in_common_is_named_and_estimated(
+    model: ReadingsModel, kind: str, said: str, draw: int
+) -> None:
     change = change_of(model, kind)
-    for draw in range(2):
-        reading, vector = drawn_readings(model, np.random.default_rng([draw, 9]), change)
-        found, faults = calibrate_with_faults(model.with_readings(reading))
-        assert faults == ()
-        assert [one.kind for one in found.model.causes] == [kind]
-        assert any(line.startswith(said) for line in remarks(found))
-        assert 0.85 < found.per_reading < 1.15
-        known = found.std[: model.n_built] > 0.0
-        pull = (found.vector - vector)[: model.n_built][known] / found.std[: model.n_built][known]
-        assert np.sqrt(np.mean(pull**2)) < 1.25
-        at = change != 0.0
-        error = (found.vector - vector)[at] / found.std[at]
-        assert np.sqrt(np.mean(error**2)) < 2.0
+    reading, vector = drawn_readings(model, np.random.default_rng([draw, 9]), change)
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert faults == ()
+    assert [one.kind for one in found.model.causes] == [kind]
+    assert any(line.startswith(said) for line in remarks(found))
+    assert 0.85 < found.per_reading < 1.15
+    known = found.std[: model.n_built] > 0.0
+    pull = (found.vector - vector)[: model.n_built][known] / found.std[: model.n_built][known]
+    assert np.sqrt(np.mean(pull**2)) < 1.25
+    at = change != 0.0
+    error = (found.vector - vector)[at] / found.std[at]
+    assert np.sqrt(np.mean(error**2)) < 2.0
 
 
-def test_a_gain_far_beyond_its_tolerance_is_named(model: ReadingsModel) -> None:
+@EACH_DRAW
+def test_a_gain_far_beyond_its_tolerance_is_named(model: ReadingsModel, draw: int) -> None:
     gauge = 7
     change = np.zeros(len(model.std))
     change[slices(model.structure.counts)["gauge_gain"].start + gauge] = 0.08
-    for draw in range(2):
-        reading, _ = drawn_readings(model, np.random.default_rng([draw, 11]), change)
-        _, faults = calibrate_with_faults(model.with_readings(reading))
-        assert [(one.where, one.kind) for one in faults] == [(model.structure.gauges.names[gauge], "gain")]
-        assert "its gain differs by about +" in faults[0].line
+    reading, _ = drawn_readings(model, np.random.default_rng([draw, 11]), change)
+    _, faults = calibrate_with_faults(model.with_readings(reading))
+    assert [(one.where, one.kind) for one in faults] == [(model.structure.gauges.names[gauge], "gain")]
+    assert "its gain differs by about +" in faults[0].line
 
 
 def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, structure: AsBuiltStructure) -> None:
@@ -213,17 +217,18 @@ def test_a_load_is_called_wrong_from_one_percent(vehicle: Vehicle, structure: As
         assert [one.where for one in faults] == expected
 
 
-def test_a_load_far_beyond_its_statement_blames_no_gauge(vehicle: Vehicle, structure: AsBuiltStructure) -> None:
+@pytest.mark.parametrize("case", [1, *(pytest.param(case, marks=pytest.mark.slow) for case in (4, 6))])
+def test_a_load_far_beyond_its_statement_blames_no_gauge(
+    vehicle: Vehicle, structure: AsBuiltStructure, case: int
+) -> None:
     """3 % off where 0.05 % is stated: without this case the gauges fit."""
     exact = model_of(vehicle, structure, LoadErrors(load=0.0005))
-    at = exact.cell_entries.start - len(exact.loads)
-    for case in (1, 4, 6):
-        change = np.zeros(len(exact.std))
-        (number,) = [k for k, (one, known) in enumerate(exact.loads) if one == case and known.on_load_cell]
-        change[at + number] = 0.03
-        reading, _ = drawn_readings(exact, np.random.default_rng(case), change)
-        _, faults = calibrate_with_faults(exact.with_readings(reading))
-        assert [(one.where, one.kind) for one in faults] == [(exact.test.cases[case].name, "load")]
+    at, change = exact.cell_entries.start - len(exact.loads), np.zeros(len(exact.std))
+    (number,) = [k for k, (one, known) in enumerate(exact.loads) if one == case and known.on_load_cell]
+    change[at + number] = 0.03
+    reading, _ = drawn_readings(exact, np.random.default_rng(case), change)
+    _, faults = calibrate_with_faults(exact.with_readings(reading))
+    assert [(one.where, one.kind) for one in faults] == [(exact.test.cases[case].name, "load")]
 
 
 def test_a_tilted_force_keeps_its_size(model: ReadingsModel) -> None:
@@ -240,16 +245,16 @@ def test_a_tilted_force_keeps_its_size(model: ReadingsModel) -> None:
     np.testing.assert_allclose(found, change, atol=2e-3 * np.abs(change).max())
 
 
-def test_noise_larger_than_stated_blames_nobody(model: ReadingsModel) -> None:
-    for draw in range(2):
-        random = np.random.default_rng([draw, 10])
-        reading, _ = drawn_readings(model, random)
-        reading += np.sqrt(8.0) * NOISE * random.standard_normal(reading.shape)
-        found, faults = calibrate_with_faults(model.with_readings(reading))
-        assert faults == ()
-        assert {one.kind for one in found.model.causes} == {"noise"}
-        assert any("scatter about 3 times as much as stated" in line for line in remarks(found))
-        assert 0.85 < found.per_reading < 1.15
+@EACH_DRAW
+def test_noise_larger_than_stated_blames_nobody(model: ReadingsModel, draw: int) -> None:
+    random = np.random.default_rng([draw, 10])
+    reading, _ = drawn_readings(model, random)
+    reading += np.sqrt(8.0) * NOISE * random.standard_normal(reading.shape)
+    found, faults = calibrate_with_faults(model.with_readings(reading))
+    assert faults == ()
+    assert {one.kind for one in found.model.causes} == {"noise"}
+    assert any("scatter about 3 times as much as stated" in line for line in remarks(found))
+    assert 0.85 < found.per_reading < 1.15
 
 
 @pytest.mark.parametrize("swapped", [True, False])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from builder.study import SCORES, TABLE, designs_of, flows_key, load_study, run_study, vehicle_of
-from builder.vehicle.file import IC3X, Vehicle
+from builder.vehicle.file import IC3X
 from strainfmu.cli.main import main
 from strainfmu.errors import InputError
 
@@ -24,25 +24,22 @@ def write(folder: Path, sweep: str = SWEEP, more: str = "", vehicle: str = "ic3x
 
 
 @pytest.mark.fast
-def test_all_combinations_are_designs(tmp_path: Path) -> None:
-    designs = designs_of(load_study(write(tmp_path)))
+def test_all_combinations_are_designs_with_their_values(tmp_path: Path) -> None:
+    path = write(tmp_path, more='[set]\n"profile.2.end_x_m" = 3.5\n"mass.lateral_g" = 4.0\n')
+    study = load_study(path)
+    designs = designs_of(study)
     assert [tuple(one.values.values()) for one in designs] == [
         (thickness, estimator) for thickness in (3.0, 4.0, 5.0) for estimator in ("linear", "nonlinear")
     ]
-    assert [one.name for one in designs][-1] == "design_0006"
-
-
-@pytest.mark.fast
-def test_values_are_those_of_the_vehicle(tmp_path: Path) -> None:
-    more = '[set]\n"profile.2.end_x_m" = 3.5\n"mass.lateral_g" = 4.0\n'
-    path = write(tmp_path, more=more)
-    study = load_study(path)
-    vehicle = vehicle_of(path, study, designs_of(study)[2])
+    assert designs[-1].name == "design_0006"
+    vehicle = vehicle_of(path, study, designs[2])
     assert (vehicle.structure.wall_thickness_mm, vehicle.map.estimator) == (4.0, "linear")
     assert vehicle.body().length == 3.5
     assert vehicle.mass is not None
     assert vehicle.mass.lateral_g == 4.0
     assert vehicle.manoeuvre() == tmp_path / "ic3x_manoeuvre.csv"
+    with pytest.raises(InputError, match=r"vehicle: expected a vehicle file next to it, got 'other\.toml'"):
+        load_study(write(tmp_path, vehicle="other.toml"))
 
 
 @pytest.mark.fast
@@ -87,21 +84,10 @@ def test_designs_share_flows_that_no_entry_changes(tmp_path: Path, sweep: str, s
 def test_a_wrong_study_is_one_line(tmp_path: Path, sweep: str, more: str, text: str) -> None:
     path = write(tmp_path, sweep, more)
     with pytest.raises(InputError) as refused:
-        vehicles(path)
+        [vehicle_of(path, study, design) for study in [load_study(path)] for design in designs_of(study)]
     assert len(refused.value.lines) == 1
     assert text in str(refused.value)
     assert str(refused.value).startswith(str(path))
-
-
-def vehicles(path: Path) -> list[Vehicle]:
-    study = load_study(path)
-    return [vehicle_of(path, study, design) for design in designs_of(study)]
-
-
-@pytest.mark.fast
-def test_a_missing_vehicle_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"vehicle: expected a vehicle file next to it, got 'other\.toml'"):
-        load_study(write(tmp_path, vehicle="other.toml"))
 
 
 FAST = """
@@ -141,22 +127,19 @@ def rows(folder: Path, load: str) -> list[dict[str, str]]:
         return [row for row in csv.DictReader(file) if row["load"] == load]
 
 
-def test_more_noise_errs_more(done: tuple[Path, Path]) -> None:
+def test_more_noise_errs_more_and_flows_are_solved_once(done: tuple[Path, Path]) -> None:
     for name in ("C_N", "C_Y", "M_P", "M_Y"):
         quiet, noisy = rows(done[1], name)
         assert [row["noise.percent_of_median_strain"] for row in (quiet, noisy)] == ["1", "4"]
         assert float(noisy["sigma"]) > float(quiet["sigma"]) > 0.0
         assert min(float(row["covered_percent"]) for row in (quiet, noisy)) > 95.0
     assert (quiet["samples"], quiet["vehicles"], quiet["flights"]) == ("40", "40", "20")
-
-
-def test_flows_are_solved_once(done: tuple[Path, Path]) -> None:
     folders = sorted(one.name for one in done[1].iterdir() if one.is_dir())
     assert folders == ["design_0001", "design_0002", "flows_0001", SCORES]
     assert not list(done[1].glob("design_*/snapshots.h5"))
 
 
-def test_a_second_run_by_workers_reuses_what_is_there(done: tuple[Path, Path]) -> None:
+def test_a_second_run_reuses_what_is_there(done: tuple[Path, Path]) -> None:
     path, out = done
     before = {one: one.stat().st_mtime_ns for one in (out / SCORES).iterdir()}
     assert len(before) == 2
@@ -164,6 +147,12 @@ def test_a_second_run_by_workers_reuses_what_is_there(done: tuple[Path, Path]) -
     assert {one: one.stat().st_mtime_ns for one in before} == before
     assert found.faults == []
     assert list(dict.fromkeys(row["design"] for row in found.rows)) == [1, 2]
+
+
+@pytest.mark.slow
+def test_workers_give_the_same_rows(done: tuple[Path, Path], tmp_path: Path) -> None:
+    run_study(done[0], tmp_path, workers=2)
+    assert (tmp_path / TABLE).read_bytes() == (done[1] / TABLE).read_bytes()
 
 
 def test_a_design_that_fails_leaves_the_others(

@@ -11,7 +11,6 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.pipeline.built_sensors import flown_sensors
-from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.stages import take_snapshots
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel, structural_model
@@ -104,12 +103,3 @@ def heavy_world(world: World, flown_snapshots: Snapshots) -> World:
     vehicle = world.vehicle.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
     made = linear_map(vehicle, flown_snapshots)
     return other_world(world, vehicle=vehicle, inverse_map=made, conditions=40)
-
-
-@pytest.fixture(scope="session")
-def nonlinear_world(world: World, flown_snapshots: Snapshots) -> World:
-    """The same vehicle with a map of the nonlinear estimator."""
-    vehicle = with_estimator(world.vehicle, "nonlinear")
-    structure = structural_model(vehicle, COARSE, [vehicle.gauges.layout])
-    made = with_manifold(world.inverse_map, vehicle, flown_snapshots, structure)
-    return other_world(world, vehicle=vehicle, inverse_map=made)

@@ -15,14 +15,12 @@ from strainfmu.errors import FaultsError, InputError
 
 pytestmark = pytest.mark.fast
 
-STRESS = load_trial(trial_path("stress"))
+STRESS, SHIPPED = load_trial(trial_path("stress")), load_vehicle(IC3X)
 
 
 def changed(entry: str, **values: object) -> Vehicle:
     """Return the shipped vehicle with a map of the nonlinear estimator, and other values in a section."""
-    vehicle = load_vehicle(IC3X)
-    section = getattr(vehicle, entry)
-    return vehicle.model_copy(update={entry: section.model_copy(update=values)})
+    return SHIPPED.model_copy(update={entry: getattr(SHIPPED, entry).model_copy(update=values)})
 
 
 def of(vehicle: Vehicle, error: str) -> list[Case]:
@@ -32,7 +30,7 @@ def of(vehicle: Vehicle, error: str) -> list[Case]:
 @pytest.mark.parametrize("name", sorted(path.stem for path in FILES.glob("*.toml")))
 def test_shipped_files_have_rows_of_distinct_names(name: str) -> None:
     trial = load_trial(trial_path(name))
-    cases = cases_for(load_vehicle(IC3X), trial)
+    cases = cases_for(SHIPPED, trial)
     assert cases or trial.closed_loop
     assert len({case.name for case in cases}) == len(cases)
     assert {case.group for case in cases} <= {"drawn", "alone", "beyond", "unobservable"}
@@ -54,7 +52,7 @@ def test_every_stated_error_is_tried_alone_and_no_other() -> None:
     assert {kind.noise for kind in IN_NOISE} == set(HARDWARE_ERRORS)
 
     def rows(noise: Noise) -> list[Case]:
-        vehicle = load_vehicle(IC3X).model_copy(update={"noise": noise})
+        vehicle = SHIPPED.model_copy(update={"noise": noise})
         return [case for case in cases_for(vehicle, STRESS) if case.built.signs]
 
     assert len(rows(Noise(std_um_per_m=1.0, wall_thickness_percent=0.0))) == len(ALWAYS_DRAWN) - 1
@@ -64,28 +62,20 @@ def test_every_stated_error_is_tried_alone_and_no_other() -> None:
     assert rows(Noise(std_um_per_m=1.0, model="paper")) == []
 
 
-@pytest.mark.parametrize(("stated", "group"), [(1.0, "alone"), (0.9, "beyond"), (0.0, "beyond")])
-def test_the_class_follows_from_the_stated_size(stated: float, group: str) -> None:
-    (case,) = of(changed("noise", wall_thickness_percent=stated), "wall thickness")[-1:]
-    assert (case.size, case.group) == ("+2 %", group)
-
-
-def test_the_class_of_a_flight_follows_from_the_map() -> None:
-    listed, absolute = (
-        changed("map", estimator="linear", symmetry="listed"),
-        changed("map", estimator="linear", form="absolute"),
-    )
-    assert of(load_vehicle(IC3X), "angles mirrored")[0].group == "alone"
-    assert of(listed, "angles mirrored")[0].group == "beyond"
-    assert {case.group for case in of(load_vehicle(IC3X), "altitude")} == {"alone"}
-    assert {case.group for case in of(absolute, "altitude")} == {"beyond"}
-    assert of(absolute, "dynamic pressure computed") == []
-
-
-def test_sizes_grow_with_what_is_stated() -> None:
-    assert of(load_vehicle(IC3X), "gain of all gauges")[-1].size == "+5 %"
+def test_classes_and_sizes_follow_from_the_file() -> None:
+    for stated, group in ((1.0, "alone"), (0.9, "beyond"), (0.0, "beyond")):
+        (case,) = of(changed("noise", wall_thickness_percent=stated), "wall thickness")[-1:]
+        assert (case.size, case.group) == ("+2 %", group)
+    assert of(SHIPPED, "gain of all gauges")[-1].size == "+5 %"
     case = of(changed("noise", common_gain_percent=2.0), "gain of all gauges")[-1]
     assert (case.size, case.built.set) == ("+10 %", {"common_gain": 10.0})
+    listed = changed("map", estimator="linear", symmetry="listed")
+    absolute = changed("map", estimator="linear", form="absolute")
+    assert of(SHIPPED, "angles mirrored")[0].group == "alone"
+    assert of(listed, "angles mirrored")[0].group == "beyond"
+    assert {case.group for case in of(SHIPPED, "altitude")} == {"alone"}
+    assert {case.group for case in of(absolute, "altitude")} == {"beyond"}
+    assert of(absolute, "dynamic pressure computed") == []
 
 
 def test_the_class_of_inertia_follows_from_the_file() -> None:
@@ -93,20 +83,20 @@ def test_the_class_of_inertia_follows_from_the_file() -> None:
         return [case.group for case in cases_for(vehicle, STRESS) if case.inertia is not None]
 
     assert groups(changed("map", estimator="linear")) == 3 * ["unobservable"]
-    assert groups(load_vehicle(IC3X)) == 3 * ["unobservable"]
-    weak = load_vehicle(IC3X).model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
+    assert groups(SHIPPED) == 3 * ["unobservable"]
+    weak = SHIPPED.model_copy(update={"mass": Mass(lateral_g=1.0, vibration_um_per_m=1.0)})
     assert groups(weak) == ["drawn", "beyond", "alone", *(3 * ["beyond"]), "alone"]
-    strong = load_vehicle(IC3X).model_copy(update={"mass": Mass(unlisted_kg=1.0)})
+    strong = SHIPPED.model_copy(update={"mass": Mass(unlisted_kg=1.0)})
     assert groups(strong) == ["drawn", *(6 * ["alone"])]
 
 
 @pytest.mark.parametrize(
     ("vehicle", "inertia", "flow"),
     [
-        (load_vehicle(IC3X), None, None),
+        (SHIPPED, None, None),
         (changed("map", estimator="linear"), None, 0.1),
         (changed("map", estimator="linear", model_form_percent=0.0), None, None),
-        (load_vehicle(IC3X).model_copy(update={"mass": Mass(lateral_g=3.0, vibration_um_per_m=1.0)}), 3.0, None),
+        (SHIPPED.model_copy(update={"mass": Mass(lateral_g=3.0, vibration_um_per_m=1.0)}), 3.0, None),
     ],
 )
 def test_all_stated_errors_are_drawn_together_first(
@@ -142,20 +132,19 @@ def test_wrong_entries_are_named_a_line_each(tmp_path: Path) -> None:
         "2.faults: unknown entry",
         "3.class: expected 'drawn'",
     ]
-    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a", when = ["not round"] }]')
-    with pytest.raises(InputError, match=r"'a ': expected properties of the vehicle, .*, got 'round'"):
-        load_trial(path)
-    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a", built = { set = { colour = 1.0 } } }]')
-    with pytest.raises(InputError, match=r"'a ': expected kinds of error, .*, got 'colour'"):
-        load_trial(path)
-    path.write_text('[[group]]\nclass = "alone"\ncases = [{ error = "a" }, { error = "a" }]')
-    with pytest.raises(InputError, match="each error and size once, got 'a ' twice"):
-        cases_for(load_vehicle(IC3X), load_trial(path))
+    for entries, message in (
+        ('{ error = "a", when = ["not round"] }', r"'a ': expected properties of the vehicle, .*, got 'round'"),
+        ('{ error = "a", built = { set = { colour = 1.0 } } }', "'a ': expected kinds of error, .*, got 'colour'"),
+        ('{ error = "a" }, { error = "a" }', "each error and size once, got 'a ' twice"),
+    ):
+        path.write_text(f'[[group]]\nclass = "alone"\ncases = [{entries}]')
+        with pytest.raises(InputError, match=message):
+            cases_for(SHIPPED, load_trial(path))
 
 
 def test_names_that_are_unknown_are_answered_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^nothing: expected the path of a file, .* stress, uncertainty"):
         trial_path("nothing")
     with pytest.raises(InputError, match=r"^--only: expected errors of all_stated, .*, got 'colour'$"):
-        cases_for(load_vehicle(IC3X), STRESS, ["colour"])
+        cases_for(SHIPPED, STRESS, ["colour"])
     assert trial_path(tmp_path / "mine.toml") == tmp_path / "mine.toml"

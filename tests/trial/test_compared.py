@@ -38,7 +38,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 
 
 @pytest.mark.fast
-def test_a_jump_at_a_slope_break_is_kept() -> None:
+def test_fields_keep_jumps_at_slope_breaks_and_err_relative_to_the_true_one() -> None:
     source, target = np.array([0.0, 0.5, 1.0, 1.0, 2.0]), np.array([0.0, 0.25, 1.0, 1.0, 1.5, 2.0])
 
     def values(x: np.ndarray) -> np.ndarray:
@@ -46,41 +46,33 @@ def test_a_jump_at_a_slope_break_is_kept() -> None:
         return np.where(behind, 10.0 - x, 1.0 + 2.0 * x)
 
     np.testing.assert_allclose(station_weights(source, target) @ values(source), values(target), rtol=1e-14)
-
-
-@pytest.mark.fast
-def test_the_error_is_relative_to_the_true_field() -> None:
     true = np.array([[3.0, 4.0], [6.0, 8.0]])
     np.testing.assert_allclose(field_errors(true + np.array([[0.0, 0.5], [1.0, 0.0]]), true), [0.1, 0.1])
 
 
-def test_the_field_of_a_linear_map_stands_on_the_ambient_pressure(noise_map: InverseMap) -> None:
-    """The mean strain is that of the mean pressure, at any q_inf."""
-    assert noise_map.field_is_net
-    ratio, p_inf = np.array([0.5, 1.0, 2.0]), np.array([1e3, 2e3, 4e3])
-    made = Estimator(noise_map).estimate(
-        ratio[:, None] * noise_map.mean_strain, ratio * noise_map.nominal_dynamic_pressure
-    )
-    expected = ratio[:, None] * noise_map.field_mean + p_inf[:, None]
-    np.testing.assert_allclose(estimated_fields(made, p_inf), expected, rtol=1e-12)
-
-
-def test_the_nonlinear_estimator_states_the_fields_of_the_snapshots(
+def test_a_linear_field_stands_on_the_ambient_pressure_and_a_nonlinear_one_is_the_snapshots(
     noise_map: InverseMap, noise_only: Vehicle, snapshots: Snapshots, structure: StructuralModel
 ) -> None:
-    """Its field is absolute: nothing is added to it."""
+    """The mean strain is that of the mean pressure, at any q_inf. To an absolute field nothing is added."""
+    assert noise_map.field_is_net
+    ratio, p_inf = np.array([0.5, 1.0, 2.0]), np.array([1e3, 2e3, 4e3])
+    strain = ratio[:, None] * noise_map.mean_strain
+    made = Estimator(noise_map).estimate(strain, ratio * noise_map.nominal_dynamic_pressure)
+    expected = ratio[:, None] * noise_map.field_mean + p_inf[:, None]
+    np.testing.assert_allclose(estimated_fields(made, p_inf), expected, rtol=1e-12)
     full = with_manifold(inverse_map=noise_map, vehicle=noise_only, snapshots=snapshots, structure=structure)
     conditions = snapshots.conditions()
     rows = [number for number, one in enumerate(conditions) if one.sideslip_angle > 0.0][::9]
-    chosen, pressure = [conditions[row] for row in rows], snapshots.pressure[rows]
     p_inf, q, mach = (
-        np.array([getattr(one, name) for one in chosen])
+        np.array([getattr(conditions[row], name) for row in rows])
         for name in ("ambient_pressure", "dynamic_pressure", "mach_number")
     )
-    strain = (pressure - p_inf[:, None]) @ inverse_problem(noise_only, snapshots, structure).strain_operator.T
+    operator = inverse_problem(noise_only, snapshots, structure).strain_operator
+    strain = (snapshots.pressure[rows] - p_inf[:, None]) @ operator.T
     made = Estimator(full).estimate(strain, q, mach_number=mach, static_pressure=p_inf)
     assert not made.is_linear.any()
-    assert field_errors(estimated_fields(made, np.full(len(rows), np.nan)), pressure).max() < 0.01
+    field = estimated_fields(made, np.full(len(rows), np.nan))
+    assert field_errors(field, snapshots.pressure[rows]).max() < 0.01
 
 
 def test_the_true_field_is_the_field_of_the_snapshots(
@@ -98,15 +90,8 @@ def test_the_true_field_is_the_field_of_the_snapshots(
         for row, one in enumerate(snapshots.conditions())
         if 5.25 <= one.mach_number <= 6.75 and 0.03 < one.total_incidence <= table.incidence_knots[-1]
     ]
-    world = ComparedWorld(
-        vehicle=vehicle,
-        structure=true_model,
-        flows=table,
-        inverse_map=noise_map,
-        snapshots=snapshots,
-        map_structure=structure,
-        training=1200,
-    )
+    parts = {"vehicle": vehicle, "structure": true_model, "flows": table, "inverse_map": noise_map}
+    world = ComparedWorld(**parts, snapshots=snapshots, map_structure=structure, training=1200)
     flights = SimpleNamespace(conditions=tuple(snapshots.conditions()[row] for row in chosen))
     monkeypatch.setattr(world, "flights", lambda case: flights)
     field = world.fields(Case(error="any", group="alone"))
@@ -114,7 +99,7 @@ def test_the_true_field_is_the_field_of_the_snapshots(
 
 
 @pytest.mark.fast
-def test_maps_know_of_the_errors_that_are_drawn() -> None:
+def test_maps_know_of_the_errors_that_are_drawn_and_unknown_estimators_are_refused() -> None:
     shipped = load_vehicle(IC3X)
     exact, whole = (knowing(shipped, is_exact, 2) for is_exact in (True, False))
     assert exact.noise.gauge_gain_percent == exact.noise.dynamic_pressure_percent == 0.0
@@ -122,10 +107,6 @@ def test_maps_know_of_the_errors_that_are_drawn() -> None:
     assert (exact.map.case, exact.map.estimator, exact.map.keep_field) == (2, "nonlinear", True)
     assert exact.map.discrepancy_percent == 0.8
     assert whole.map.discrepancy_percent == shipped.map.discrepancy_percent
-
-
-@pytest.mark.fast
-def test_an_unknown_estimator_is_refused() -> None:
     for name in ("neural network", "nonlinear, M only"):
         with pytest.raises(InputError, match=f"estimators: expected linear Case 1, .*; got '{name}'"):
             refuse_unknown(["nonlinear, q_inf only", name])
@@ -136,48 +117,35 @@ def cone() -> ComparedWorld:
     """The elliptic cone, its structure a closed form; flow and maps are real."""
     vehicle, snapshots = knowing(shape_vehicle(), is_exact=False, case=1), grid_snapshots()
     structure = shape_structure(snapshots.surface)
-    conditions = flown_conditions(Where(), vehicle, None, 15, np.random.default_rng(1))
-    flows = flown(conditions)
-    return ComparedWorld(
-        vehicle=vehicle,
-        structure=beam(flows.surface),
-        flows=flows,
-        inverse_map=maps_for(vehicle, snapshots, structure, is_exact=False)[NONLINEAR],
-        conditions=15,
-        snapshots=snapshots,
-        map_structure=structure,
-        training=1200,
-    )
+    flows = flown(flown_conditions(Where(), vehicle, None, 15, np.random.default_rng(1)))
+    maps = maps_for(vehicle, snapshots, structure, is_exact=False)
+    parts = {"vehicle": vehicle, "structure": beam(flows.surface), "flows": flows, "inverse_map": maps[NONLINEAR]}
+    how = {"conditions": 15, "training": 1200, "made": {False: maps}}
+    return ComparedWorld(**parts, **how, snapshots=snapshots, map_structure=structure)
 
 
 @pytest.mark.parametrize("stated", [0.0, 1.0])
 def test_estimators_are_scored_with_rolling_moment_field_and_air_data(cone: ComparedWorld, stated: float) -> None:
     names = ["linear Case 2", NONLINEAR, "nonlinear, q_inf only", "nonlinear, M and p_inf only", "Kalman filter"]
-    case = Case(
-        error="any",
-        group="alone",
-        built=Built(stated=stated),
-        over_time={"steps": 5},
-        air={"drawn": True},
-        tenths_by=["mach_number"],
+    how = {"over_time": {"steps": 5}, "air": {"drawn": True}, "tenths_by": ["mach_number"]}
+    case, plan = (
+        Case(error="any", group="alone", built=Built(stated=stated), **how),
+        Plan(vehicles=2, estimators=names),
     )
-    plan = Plan(vehicles=2, estimators=names)
-    rows = {
-        name: {row["load"]: row for row in of_name}
-        for name, of_name in scored(cone, case, plan, make_estimators=compared_estimators).items()
-    }
-    nonlinear, linear = rows[NONLINEAR], rows["linear Case 2"]
+    linear, nonlinear, without_air, without_q, filtered = (
+        {row["load"]: row for row in rows}
+        for rows in scored(cone, case, plan, make_estimators=compared_estimators).values()
+    )
     loads = ("C_A", "C_N", "C_Y", "M_P", "M_Y", ROLLING)
     assert min(nonlinear[load]["covered_percent"] for load in loads) > 99.0
     assert nonlinear["C_A"]["rms"] < linear["C_A"]["rms"]
     assert nonlinear["all"]["samples"] == 30
     assert 0.0 < nonlinear[FIELD]["median"] <= nonlinear[FIELD]["p95"] < 0.02
     assert nonlinear["angle_of_attack"]["p95"] < np.radians(0.2)
-    assert nonlinear["static_pressure"]["rms"] < rows["nonlinear, q_inf only"]["static_pressure"]["rms"]
-    assert nonlinear["dynamic_pressure"]["rms"] < rows["nonlinear, M and p_inf only"]["dynamic_pressure"]["rms"]
-    assert nonlinear["C_N"]["bound"] < rows["nonlinear, M and p_inf only"]["C_N"]["bound"]
+    assert nonlinear["static_pressure"]["rms"] < without_air["static_pressure"]["rms"]
+    assert nonlinear["dynamic_pressure"]["rms"] < without_q["dynamic_pressure"]["rms"]
+    assert nonlinear["C_N"]["bound"] < without_q["C_N"]["bound"]
     assert nonlinear["all, tenth 1 by mach_number"]["rms_C_N"] > 0.0
     assert "angle_of_attack" not in linear
-    filtered = rows["Kalman filter"]
     assert {ROLLING, FIELD, "angle_of_attack"}.isdisjoint(filtered)
     assert "bound" not in filtered["C_A"]

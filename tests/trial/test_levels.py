@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import chi2, genpareto
-from trial_cases import case_of
+from trial_cases import case_of, other_world
 
 from builder.inverse.envelope.tail_quantile import tail_quantile
 from builder.trial.cases import Plan
 from builder.trial.estimators import of_map
 from builder.trial.levels import (
     RATE,
+    _ratios,
     alarm_levels,
     alarm_scales,
     level_readings,
@@ -25,6 +26,7 @@ from builder.trial.readings import Readings
 from builder.trial.run import scored
 from builder.trial.score import Row
 from builder.trial.world import World
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap
 
@@ -41,20 +43,22 @@ def test_tail_quantile_is_that_of_the_law(law: object, probability: float) -> No
     assert probability / 1.3 < beyond < probability * 1.3
 
 
+def ratios_of(random: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return chi-square of 49 degrees of freedom and the largest of 54 squared normals (n,), over their levels."""
+    chi_square = random.chisquare(49, size=n) / chi_square_limit(49)
+    return chi_square, np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
+
+
 @pytest.mark.fast
 def test_levels_of_the_theory_are_found_on_data_of_the_theory() -> None:
-    """Chi-square and the largest of 54 squared normals, independent: each has half of the rate."""
-    random, n, freedom = np.random.default_rng(3), 300_000, 49
-    chi_square = random.chisquare(freedom, size=n) / chi_square_limit(freedom)
-    outlier = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
+    """Both tests are independent: each has half of the rate."""
+    random, n, half = np.random.default_rng(3), 300_000, 0.5 * RATE
+    chi_square, outlier = ratios_of(random, n)
     scales, slope = alarm_levels(chi_square, outlier, np.ones(n), random.uniform(size=n))
     assert slope == 0.0
-    half = 0.5 * RATE
-    expected = chi2(freedom).isf(half) / chi_square_limit(freedom)
-    assert scales[0] == pytest.approx(expected, abs=0.06)
+    assert scales[0] == pytest.approx(chi2(49).isf(half) / chi_square_limit(49), abs=0.06)
     assert scales[1] == pytest.approx(chi2(1).isf(half / 54) / chi2(1).isf(1e-4 / 54), abs=0.12)
-    rate = np.mean((chi_square > scales[0]) | (outlier > scales[1]))
-    assert 0.5 * RATE < rate < 2.0 * RATE
+    assert 0.5 * RATE < np.mean((chi_square > scales[0]) | (outlier > scales[1])) < 2.0 * RATE
 
 
 @pytest.mark.fast
@@ -64,12 +68,10 @@ def test_levels_follow_what_rises_with_the_incidence() -> None:
     Of the other half the rate in each tenth is at most 3 times the mean; with constant factors half of all alarms
     are in the last tenth.
     """
-    random, n, freedom = np.random.default_rng(5), 600_000, 49
+    random, n = np.random.default_rng(5), 600_000
     incidence = random.uniform(size=n)
     expected = np.exp(1.5 * incidence**2 - 0.5)
-    rise = 0.7 + 0.3 * expected
-    of_gauge = np.max(random.standard_normal((n, 54)) ** 2, axis=1) / chi2(1).isf(1e-4 / 54)
-    ratios = np.stack([random.chisquare(freedom, size=n) / chi_square_limit(freedom), of_gauge]) * rise
+    ratios = np.stack(ratios_of(random, n)) * (0.7 + 0.3 * expected)
     one, other = slice(0, n // 2), slice(n // 2, n)
     scales, slope = alarm_levels(*ratios[:, one], expected[one], incidence[one])
     assert slope == pytest.approx(0.3, abs=0.06)
@@ -83,11 +85,9 @@ def test_levels_follow_what_rises_with_the_incidence() -> None:
 
 @pytest.mark.fast
 def test_three_tests_share_the_rate() -> None:
-    random = np.random.default_rng(4)
-    ratios = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 400_000)) ** 2
-    scales = alarm_scales(ratios)
-    again = np.array([[0.05], [0.1], [0.2]]) * random.standard_normal((3, 2_000_000)) ** 2
-    rates = np.mean(again > scales[:, None], axis=1)
+    random, size = np.random.default_rng(4), np.array([[0.05], [0.1], [0.2]])
+    scales = alarm_scales(size * random.standard_normal((3, 400_000)) ** 2)
+    rates = np.mean(size * random.standard_normal((3, 2_000_000)) ** 2 > scales[:, None], axis=1)
     assert 0.5 * RATE < rates.sum() < 2.0 * RATE
     assert np.all(np.abs(rates / rates.mean() - 1.0) < 0.7)
 
@@ -106,29 +106,23 @@ def counted(world: World, made: InverseMap, estimator: str, vehicles: int = 50) 
     """Return the rows of the shipped trial on as many samples."""
     plan = Plan(vehicles=vehicles, estimators=[estimator])
     case = case_of(world.vehicle, "false alarms", trial="false_alarms")
-    (rows,) = scored(replace(world, inverse_map=made, _flights={}, _bounds={}), case, plan).values()
+    (rows,) = scored(other_world(world, inverse_map=made), case, plan).values()
     return rows
 
 
-def test_steps_and_searches_find_the_same_tail(full_map: InverseMap, flights: Readings) -> None:
+def test_steps_and_searches_find_the_same_tail(
+    full_map: InverseMap, calibrated: InverseMap, flights: Readings
+) -> None:
     """A step of two iterations from the state of the flight leaves up to a quarter more than a search does."""
-    from builder.trial.levels import _ratios
-    from strainfmu.estimator.estimator import Estimator
-
     of_steps, estimator = tail_ratios(full_map, flights), Estimator(full_map)
     known = {name: value for name, value in flights.known.items() if name != "altitude"}
     of_searches = _ratios(estimator, estimator.estimate(flights.strain, **known))
     assert of_steps.shape == of_searches.shape == (3, 10_000)
     np.testing.assert_allclose(alarm_scales(of_steps), alarm_scales(of_searches), rtol=0.25)
-
-
-@pytest.mark.parametrize("estimator", ["nonlinear", "nonlinear stepping"])
-def test_a_search_finds_the_flight_that_a_step_starts_from(
-    estimator: str, calibrated: InverseMap, flights: Readings
-) -> None:
-    health = of_map(calibrated, estimator)(flights.rows(np.arange(200))).health
-    assert health is not None
-    assert np.all(health == HealthState.OK)
+    for name in ("nonlinear", "nonlinear stepping"):
+        health = of_map(calibrated, name)(flights.rows(np.arange(200))).health
+        assert health is not None
+        assert np.all(health == HealthState.OK)
 
 
 def test_other_flights_raise_few_alarms(calibrated: InverseMap, full_world: World) -> None:

@@ -40,30 +40,20 @@ def test_bands_hold_the_stated_share() -> None:
     half = conformal_half_width(random.standard_normal((20_000, 2)))
     np.testing.assert_allclose(half, 3.0, atol=0.15)
     assert np.mean(np.abs(random.standard_normal((50_000, 2))) <= half) == pytest.approx(LEVEL, abs=1e-3)
-
-
-@pytest.mark.fast
-def test_too_few_residuals_give_no_band() -> None:
-    assert np.isinf(conformal_half_width(np.ones((300, 1)))).all()
-    assert np.isfinite(conformal_half_width(np.ones((400, 1)))).all()
+    # Too few residuals give no band.
+    assert [bool(np.isfinite(conformal_half_width(np.ones((n, 1)))).all()) for n in (300, 400)] == [False, True]
 
 
 def test_drawn_errors_have_the_covariance_of_the_estimator() -> None:
-    manifold, k = flight_map(discrepancy=0.05, hardware=True), 20_000
-    pressure = np.full(k, 5e3)
-    state = np.array([[6.0, 0.08, 0.03, np.log(5e3)]])
-    at = evaluate(manifold.tables, state).value
-    n_d = manifold.tables.n_gauges
-    strain, loads = np.repeat(at[:, :n_d], k, axis=0), np.repeat(at[:, n_d:], k, axis=0)
-    read, drawn = with_drawn_errors(
-        manifold=manifold, pressure=pressure, strain=strain, loads=loads, random=np.random.default_rng(3)
-    )
+    manifold, state = flight_map(discrepancy=0.05, hardware=True), np.array([[6.0, 0.08, 0.03, np.log(5e3)]])
+    strain, loads = np.split(evaluate(manifold.tables, state).value, [manifold.tables.n_gauges], axis=1)
+    pressure, *many = (np.repeat(one, 20_000, axis=0) for one in (np.array([5e3]), strain, loads))
+    read, drawn = with_drawn_errors(manifold, pressure, *many, random=np.random.default_rng(3))
     expected = strain_covariance(manifold, manifold.gauge_covariance, state)[0]
-    found = np.cov(read.T)
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-    assert np.abs((found - expected) / size).max() < 0.06
-    of_load = np.cov(drawn.T)
-    np.testing.assert_allclose(np.diag(of_load), 5e3**2 * np.diag(manifold.load_covariance), rtol=0.1, atol=1e-9)
+    assert np.abs((np.cov(read.T) - expected) / size).max() < 0.06
+    of_loads = 5e3**2 * np.diag(manifold.load_covariance)
+    np.testing.assert_allclose(np.diag(np.cov(drawn.T)), of_loads, rtol=0.1, atol=1e-9)
 
 
 def test_training_flights_of_a_shape_are_inside_the_ranges_of_both_angles() -> None:
@@ -75,10 +65,19 @@ def test_training_flights_of_a_shape_are_inside_the_ranges_of_both_angles() -> N
     assert np.all(np.ptp(angles, axis=0) > [7.5, 3.7])
 
 
+@pytest.fixture
+def few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gradient boosting of a tenth of the trees: its training takes longer than all else."""
+    pytest.importorskip("sklearn")
+    module, kind, arguments = REGRESSIONS["gradient boosting"]
+    monkeypatch.setitem(REGRESSIONS, "gradient boosting", (module, kind, {**arguments, "max_iter": 20}))
+    monkeypatch.setattr(other_estimators, "COST_TRAINING", 200)
+
+
+@pytest.mark.usefixtures("few_trees")
 @pytest.mark.parametrize("name", REGRESSIONS)
 def test_a_regression_learns_loads_and_angles(name: str) -> None:
     """The tree without Mach number."""
-    pytest.importorskip("sklearn")
     manifold, random = flight_map(), np.random.default_rng(4)
     training, calibration, flown = (
         training_flights(manifold, ALTITUDES_KM, count, random) for count in (1500, 600, 400)
@@ -94,13 +93,11 @@ def test_a_regression_learns_loads_and_angles(name: str) -> None:
         assert (estimates.others[angle][0] - flown.truth[:, column]).std() < np.radians(2.5)
 
 
-def test_the_cost_of_a_step_of_each_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("sklearn")
-    monkeypatch.setattr(other_estimators, "COST_TRAINING", 200)
+@pytest.mark.usefixtures("few_trees")
+def test_the_cost_of_a_step_of_each_is_its_own() -> None:
     costs = list(step_costs(flight_map(hardware=True)).values())
-    assert len(costs) == len(REGRESSIONS)
+    assert len(set(costs)) == len(costs) == len(REGRESSIONS)
     assert all(0.0 < cost < 1.0 for cost in costs)
-    assert len(set(costs)) == len(costs)
 
 
 def readings_of(inverse_map: InverseMap, count: int) -> Readings:
@@ -121,16 +118,13 @@ def readings_of(inverse_map: InverseMap, count: int) -> Readings:
 
 
 def test_one_reading_without_a_walk_is_case_2(noise_map: InverseMap, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(other_estimators, "STEP_STD", 0.0)
-    read = readings_of(noise_map, 1)
-    mean, _ = after_reading(noise_map, before_readings(noise_map, 3), read.last, np.ones(3))
-    expected = read.last @ state_gain(noise_map).T + state_offset(noise_map)
-    np.testing.assert_allclose(mean, expected, atol=1e-6 * np.abs(expected).max())
-
-
-def test_more_readings_are_better_and_inside_the_band(noise_map: InverseMap) -> None:
-    many = readings_of(noise_map, 20)
-    first, last = (of_random_walk(noise_map)(read) for read in (readings_of(noise_map, 1), many))
+    """More readings are better, and inside the band."""
+    one, many = readings_of(noise_map, 1), readings_of(noise_map, 20)
+    first, last = (of_random_walk(noise_map)(read) for read in (one, many))
     assert np.all(last.std < first.std)
     assert np.all(np.abs(last.value - many.truth) <= 4.0 * last.std)
     assert last.health is None
+    monkeypatch.setattr(other_estimators, "STEP_STD", 0.0)
+    mean, _ = after_reading(noise_map, before_readings(noise_map, 3), one.last, np.ones(3))
+    expected = one.last @ state_gain(noise_map).T + state_offset(noise_map)
+    np.testing.assert_allclose(mean, expected, atol=1e-6 * np.abs(expected).max())

@@ -100,24 +100,20 @@ def test_normal_errors_of_the_stated_size() -> None:
 def test_errors_are_those_of_many_trials() -> None:
     """20 vehicles in 30 flights, each with an error of its own: the clustered error is the spread of the mean.
 
-    It is 0.93 to 1 of it: 20 vehicles are few. An error of independent samples would be 0.2 of it.
+    It is 0.93 to 1 of it: 20 vehicles are few. An error of independent samples would be 0.2 of it. What never
+    occurs has an upper limit.
     """
     random, vehicles, flights = np.random.default_rng(2), 20, 30
     vehicle, flight = (one.ravel() for one in np.meshgrid(np.arange(vehicles), np.arange(flights), indexing="ij"))
-    clusters, means, errors = Clusters(vehicle, flight), [], []
+    clusters, found = Clusters(vehicle, flight), []
     for _ in range(400):
         value = random.standard_normal(vehicles)[vehicle] + 0.5 * random.standard_normal(flights)[flight]
-        mean, error = clusters.mean(value + 0.2 * random.standard_normal(len(value)))
-        means.append(mean)
-        errors.append(error)
+        found.append(clusters.mean(value + 0.2 * random.standard_normal(len(value))))
+    means, errors = np.transpose(found)
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(means), rel=0.1)
     independent = Clusters(np.arange(len(vehicle)), np.arange(len(vehicle))).mean(value)[1]
     assert independent < 0.3 * np.std(means)
-
-
-def test_what_never_occurs_has_an_upper_limit() -> None:
-    clusters = Clusters(np.arange(300) % 30, np.arange(300))
-    row = clusters.percent("undetected", np.zeros(300, dtype=bool))
+    row = Clusters(np.arange(300) % 30, np.arange(300)).percent("undetected", np.zeros(300, dtype=bool))
     assert row == {"undetected_percent": 0.0, "undetected_percent_error": 1.0, "undetected_percent_upper": 1.0}
     assert np.isnan(Clusters(np.zeros(3, dtype=int), np.arange(3)).mean(np.arange(3.0))[1])
 
@@ -143,26 +139,22 @@ def rows(z: float, n: int, vehicles: int, undetected: int = 0) -> list[Row]:
     ],
 )
 def test_verdicts(group: str, z: float, n: int, undetected: int, verdict: str, why: str) -> None:
-    case = Case.model_validate({"error": "e", "class": group})
-    found, text = judged(case, rows(z, n, n, undetected))
+    found, text = judged(Case(error="e", group=group), rows(z, n, n, undetected))
     assert found == verdict
     assert text.startswith(why)
 
 
 def test_few_samples_leave_a_verdict_open() -> None:
-    case = Case.model_validate({"error": "e", "class": "beyond"})
+    case = Case(error="e", group="beyond")
     assert judged(case, rows(0.9, 40, 20))[0] == "open"
-    strict = Case.model_validate({"error": "e", "class": "beyond", "flagged_at_least": 50.0})
-    assert judged(strict, rows(0.9, 40, 20))[0] == "missed"
+    assert judged(case.model_copy(update={"flagged_at_least": 50.0}), rows(0.9, 40, 20))[0] == "missed"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".json"])
 def test_the_table_is_written_and_read_back(suffix: str, tmp_path: Path) -> None:
     import pandas
 
-    table = labelled(
-        Case.model_validate({"error": "e", "size": "1 %", "class": "beyond"}), "linear", six_samples()
-    )
+    table = labelled(Case(error="e", size="1 %", group="beyond"), "linear", six_samples())
     path = tmp_path / f"trial{suffix}"
     write_table(table, path)
     back = {".csv": pandas.read_csv, ".parquet": pandas.read_parquet, ".json": pandas.read_json}[suffix](path)
@@ -228,15 +220,13 @@ def test_an_estimator_that_knows_the_flow_reaches_it() -> None:
 
 
 def test_what_is_not_known_makes_it_larger_and_the_flow_does_not() -> None:
+    """There is none without tables nor beyond them."""
     whole = bound_of(small_map())
     np.testing.assert_allclose(bound_of(small_map(discrepancy=1e-2)), whole, rtol=1e-12)
     for known in (("dynamic_pressure",), ("mach_number", "altitude")):
         fewer = bound_of(small_map(), known)
         assert np.all(fewer >= whole)
         assert np.max(fewer / whole) > 1.05
-
-
-def test_there_is_none_without_tables_nor_beyond_them() -> None:
     assert cramer_rao_bound(scaled_map(2, 1, N_D), FLOWN, KNOWN) is None
     beyond = (FlightCondition(8.0, 0.0, 0.0, 20e3), FlightCondition(6.0, radians(15.0), 0.0, 20e3), FLOWN[0])
     found = cramer_rao_bound(small_map(), beyond, KNOWN)
@@ -254,15 +244,8 @@ def test_errors_have_the_covariance_that_the_map_states() -> None:
     assert manifold is not None
     n, n_d = 80_000, manifold.n_gauges
     flight = np.arange(n) % 2
-    read = Readings(
-        strain=np.ones((n, n_d)),
-        known={},
-        truth=np.ones((n, 5)),
-        vehicle=np.arange(n),
-        flight=flight,
-        conditions=CONDITIONS,
-    )
-    found = with_map_errors(inverse_map, read, np.random.default_rng(1))
+    true = replace(read(np.ones((n, 5))), strain=np.ones((n, n_d)), flight=flight, conditions=CONDITIONS)
+    found = with_map_errors(inverse_map, true, np.random.default_rng(1))
     for number, condition in enumerate(CONDITIONS):
         rows = flight == number
         to_load = condition.dynamic_pressure * manifold.references
@@ -272,9 +255,6 @@ def test_errors_have_the_covariance_that_the_map_states() -> None:
         assert tables is not None
         of_tables = evaluate(tables, found.states[rows][:1]).value.T
         root = np.hstack([condition.ambient_pressure * columns, of_tables])[: n_d + 5]
-        expected = root @ root.T
-        size = np.sqrt(np.diag(expected))
-        np.testing.assert_allclose(
-            np.cov(errors.T) / np.outer(size, size), expected / np.outer(size, size), atol=0.03
-        )
+        size = np.linalg.norm(root, axis=1)
+        np.testing.assert_allclose(np.cov((errors / size).T), (root @ root.T) / np.outer(size, size), atol=0.03)
         np.testing.assert_allclose(errors.mean(axis=0) / size, 0.0, atol=0.03)

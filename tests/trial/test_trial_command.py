@@ -5,9 +5,11 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 from changed_vehicle import change
@@ -57,59 +59,84 @@ def vehicle_file(tmp_path: Path) -> Path:
     return path
 
 
+def rows_in(folder: Path) -> dict[tuple[str, str, str], dict[str, str]]:
+    """Return the rows of a table by case, estimator and load."""
+    with (folder / "trial.csv").open(encoding="utf-8", newline="") as stream:
+        return {(row["case"], row["estimator"], row["load"]): row for row in csv.DictReader(stream)}
+
+
+def without(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
+    """Let trials run as if ``packages`` were not installed; figures cost half of a short trial."""
+    monkeypatch.setattr(trial_run, "find_spec", lambda name: None if name in packages else find_spec(name))
+
+
+def entries_in(folder: Path) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = json.loads((folder / "stress.json").read_text(encoding="utf-8"))
+    return found
+
+
 @pytest.mark.usefixtures("compiled_solver", "few_knots")
-def test_from_vehicle_file_to_table(vehicle_file: Path, tmp_path: Path, run: Run) -> None:
-    folder = tmp_path / "stress"
-    command = ("stress", vehicle_file, "-o", folder, "--conditions", 3, "--draws", 1)
-    code, out, message = run(*command)
+def test_from_vehicle_file_to_table(
+    vehicle_file: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, given, own = tmp_path / "stress", tmp_path / "given.h5", tmp_path / "own.toml"
+    code, out, message = run("stress", vehicle_file, "-o", folder, "--conditions", 3, "--draws", 1)
     assert (code, message) == (0, "")
     assert "nothing wrong" in out
     assert "flagged, the largest of" in out
-    entries = json.loads((folder / "stress.json").read_text(encoding="utf-8"))
+    entries = entries_in(folder)
     assert len(entries) >= 24
     for one in entries:
         assert one["class"] in ("within", "outside", "unobservable")
         assert 0.0 <= one["undetected_percent"] <= one["wrong_percent"] <= 100.0
         assert one["detected_percent"] == pytest.approx(100.0 - one["health"].get("OK", 0.0), abs=1e-3)
-    with (folder / "trial.csv").open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    assert [row["error"] for row in rows if row["load"] == "all"] == [one["error"] for one in entries]
+    errors = [row["error"] for (_, _, load), row in rows_in(folder).items() if load == "all"]
+    assert errors == [one["error"] for one in entries]
     assert (folder / "trial.png").read_bytes().startswith(b"\x89PNG")
     assert not (folder / "trial_flows.h5.journal").exists()
 
-    # An interrupted run goes on; the map as a file gives the same numbers.
-    before, kept = (folder / "trial.csv").read_bytes(), sorted((folder / CASES).iterdir())
-    kept[3].unlink()
-    code, out, _ = run(*command)
+    # A file of the user's on the same map and flows; when it was interrupted it goes on.
+    without(monkeypatch, "matplotlib")
+    own.write_text(SHORT)
+    command = ("trial", own, vehicle_file, "--format", "csv", "--format", "json")
+    before = set((folder / CASES).iterdir())
+    code, out, _ = run(*command, "-o", folder)
+    assert code == 0
+    assert "too fast, : left out: Mach number:" in out
+    content = [(folder / name).read_bytes() for name in ("trial.csv", "trial.json")]
+    (set((folder / CASES).iterdir()) - before).pop().unlink()
+    code, out, _ = run(*command, "-o", folder)
     assert code == 0
     for name in ("snapshots.h5", "map.h5", "trial_flows.h5"):
         assert f"{name}: up to date, reused" in out
-    assert f"Cases: 1 of {len(kept)}" in out
-    assert (folder / "trial.csv").read_bytes() == before
-    (tmp_path / "given.h5").write_bytes((folder / "map.h5").read_bytes())
-    code, out, _ = run(*command, "--map", tmp_path / "given.h5")
+    assert "Cases: 2 of 3" in out  # the one that is left out, too
+    assert [(folder / name).read_bytes() for name in ("trial.csv", "trial.json")] == content
+
+    # The map and flows as files give the same numbers.
+    given.write_bytes((folder / "map.h5").read_bytes())
+    command = (*command, "--map", given, "--flows", folder / "trial_flows.h5", "-o", tmp_path / "two")
+    code, out, _ = run(*command)
     assert code == 0
     assert "snapshots.h5" not in out
-    assert "trial_flows.h5: up to date, reused" in out
-    assert (folder / "trial.csv").read_bytes() == before
-
-    # A file of the user's, on two workers, with the map and flows there.
-    (tmp_path / "mine.toml").write_text(SHORT)
-    own = ("trial", tmp_path / "mine.toml", vehicle_file, "--map", tmp_path / "given.h5", "--format", "csv")
-    own = (*own, "--flows", folder / "trial_flows.h5", "--format", "json")
-    code, out, _ = run(*own, "-o", tmp_path / "one")
-    assert code == 0
-    assert "too fast, : left out: Mach number:" in out
-    code, *_ = run(*own, "-o", tmp_path / "two", "--workers", 2)
-    assert code == 0
-    for name in ("trial.csv", "trial.json"):
-        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-    code, out, _ = run(*own, "-o", tmp_path / "one", "--only", "three gauges lost", "--estimators", "linear")
+    assert [(tmp_path / "two" / name).read_bytes() for name in ("trial.csv", "trial.json")] == content
+    code, out, _ = run(*command, "--only", "three gauges lost", "--estimators", "linear")
     assert code == 0
     assert "bias of one gauge" not in out
-    code, _, message = run("stress", "-o", folder, "--map", tmp_path / "given.h5")
+    code, _, message = run("stress", "-o", folder, "--map", given)
     assert code == 2
     assert "gauges of layout 'configuration_2', got" in message
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("compiled_solver", "few_knots")
+def test_two_workers_give_the_same_bytes(vehicle_file: Path, tmp_path: Path, run: Run) -> None:
+    (tmp_path / "own.toml").write_text(SHORT)
+    command, files = ("trial", tmp_path / "own.toml", vehicle_file, "-o", tmp_path / "out"), list[bytes]()
+    for workers in (1, 2):
+        shutil.rmtree(tmp_path / "out" / CASES, ignore_errors=True)
+        assert run(*command, "--workers", workers)[0] == 0
+        files.append((tmp_path / "out" / "trial.csv").read_bytes())
+    assert files[0] == files[1]
 
 
 @pytest.mark.usefixtures("few_knots")
@@ -153,10 +180,7 @@ def test_ended_flows_go_on(vehicle_file: Path, tmp_path: Path, monkeypatch: pyte
         (("compare", OGIVE, "--snapshots", "none.h5"), "none.h5: no such file"),
         (("trial", "compare", OGIVE, "--map", "map.h5"), "--map: expected none, this trial makes maps"),
         (("trial", "compare", OGIVE, "--estimators", "map"), "estimators: expected linear Case 1"),
-        (
-            ("trial", "ground_test", "--map", "map.h5"),
-            "--map: expected none, this trial makes maps",
-        ),
+        (("trial", "ground_test", "--map", "map.h5"), "--map: expected none, this trial makes maps"),
         (("trial", "ground_test", "--estimators", "map"), "estimators: expected linear Case 1, linear Case 2"),
         (("trial", "no_name", OGIVE), "no_name: expected the path of a file, or a trial that is shipped"),
         (("trial", "none.toml", OGIVE), "none.toml: no such file"),
@@ -178,19 +202,20 @@ def test_wrong_options_are_refused_in_one_line(
 
 
 @pytest.mark.slow
-def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run) -> None:
-    command = ("stress", VEHICLES / "finned_body.toml", "-o", tmp_path, "--conditions", 20, "--draws", 4)
-    code, _, _ = run(*command, "--estimator", "nonlinear")
-    assert code == 0
-    entries = json.loads((tmp_path / "stress.json").read_text(encoding="utf-8"))
-    of = {(one["error"], one["size"]): one for one in entries}
+def test_the_finned_body_from_file_to_table(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Faults on its map, then estimators without regressions."""
+    vehicle, how = VEHICLES / "finned_body.toml", ("-o", tmp_path, "--conditions", 20)
+    assert run("stress", vehicle, *how, "--draws", 4, "--estimator", "nonlinear")[0] == 0
+    of = {(one["error"], one["size"]): one for one in entries_in(tmp_path)}
     assert of["nothing wrong", "vehicle of the file"]["undetected_percent"] <= 10.0
     assert of["bias of one gauge", "+50 um/m"]["detected_percent"] == 100.0
     assert of["Mach number below its least", "-20 %"]["detected_percent"] >= 95.0
-    (tmp_path / "given.h5").write_bytes((tmp_path / "map.h5").read_bytes())
-    code, *_ = run(*command, "--map", tmp_path / "given.h5")
-    assert code == 0
-    assert json.loads((tmp_path / "stress.json").read_text(encoding="utf-8")) == entries
+    without(monkeypatch, "sklearn")
+    assert run("compare", vehicle, *how, "--draws", 2)[0] == 0
+    rows, case = rows_in(tmp_path), "installation errors, drawn at their stated sizes"
+    assert float(rows[case, "nonlinear", "M_R"]["covered_percent"]) >= 97.5
+    assert float(rows[case, "nonlinear", "C_A"]["rms"]) < 0.5 * float(rows[case, "linear Case 2", "C_A"]["rms"])
+    assert float(rows[case, "nonlinear", "pressure field"]["median"]) < 0.015
 
 
 PRODUCT = (
@@ -203,12 +228,6 @@ PRODUCT = (
 )
 
 OTHERS = [f"{name}{end}" for name in REGRESSIONS for end in ("", ", q_inf only")][1:]
-
-
-def rows_in(folder: Path) -> dict[tuple[str, str, str], dict[str, str]]:
-    """Return the rows of a table by case, estimator and load."""
-    with (folder / "trial.csv").open(encoding="utf-8", newline="") as stream:
-        return {(row["case"], row["estimator"], row["load"]): row for row in csv.DictReader(stream)}
 
 
 @pytest.mark.usefixtures("compiled_solver", "few_knots")
@@ -241,6 +260,7 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     assert (folder / "trial.png").read_bytes().startswith(b"\x89PNG")
     before = (folder / "trial.csv").read_bytes()
 
+    without(monkeypatch, "matplotlib")
     code, out, _ = run(*command)
     assert code == 0
     for name in ("snapshots.h5", "trial_flows.h5"):
@@ -248,9 +268,8 @@ def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pyte
     assert (folder / "trial.csv").read_bytes() == before
 
     # Without scikit-learn the same command leaves its estimators out and says so.
-    with monkeypatch.context() as patched:
-        patched.setattr(trial_run, "find_spec", lambda name: None if name == "sklearn" else find_spec(name))
-        code, out, _ = run(*command, "--only", "gauge noise")
+    without(monkeypatch, "matplotlib", "sklearn")
+    code, out, _ = run(*command, "--only", "gauge noise")
     assert code == 0
     assert "left out, they need strainfmu[rivals]: regression tree" in out
     assert {estimator for _, estimator, _ in rows_in(folder)} == set(PRODUCT)
@@ -277,20 +296,6 @@ def test_a_mesh_does_not_check_itself(
     assert (code, message.count("\n")) == (2, 1)
     assert message.startswith(f"strainfmu: {path}: {line}")
     assert not (tmp_path / "out" / "structure.h5").exists()
-
-
-@pytest.mark.slow
-def test_estimators_of_the_finned_body(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trial_run, "find_spec", lambda name: None)
-    code, _, _ = run("compare", VEHICLES / "finned_body.toml", "-o", tmp_path, "--conditions", 20, "--draws", 2)
-    assert code == 0
-    rows, case = rows_in(tmp_path), "installation errors, drawn at their stated sizes"
-    nonlinear = {
-        load: row for (of, estimator, load), row in rows.items() if (of, estimator) == (case, "nonlinear")
-    }
-    assert float(nonlinear["M_R"]["covered_percent"]) >= 97.5
-    assert float(nonlinear["C_A"]["rms"]) < 0.5 * float(rows[case, "linear Case 2", "C_A"]["rms"])
-    assert float(nonlinear["pressure field"]["median"]) < 0.015
 
 
 AIMS = {

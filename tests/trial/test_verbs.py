@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import degrees, radians
 from typing import Any
 
 import numpy as np
 import pytest
-from trial_cases import case_of
+from trial_cases import case_of, other_world
 
 from builder.aero.engines.local_inclination import largest_pressure_coefficient
 from builder.trial.added import AddedStrain
@@ -33,47 +32,53 @@ N = 8
 GAUGES = Gauges(
     station=np.array([0.5, 1.5, 2.5, 3.5] * 2), roll_angle=np.repeat([0.0, np.pi], 4), noise_std=np.full(N, 0.1)
 )
+LEEWARD = np.linspace(0.0, 3.0, 10)
 
 
 def read(**fault: Any) -> tuple[np.ndarray, np.ndarray]:
     """Return strain (10, 8) and what is read of it with a fault."""
     random = np.random.default_rng(1)
     strain = random.standard_normal((10, N))
-    return strain, Fault(**fault).readings(strain, GAUGES, np.linspace(0.0, 3.0, 10), random)
+    return strain, Fault(**fault).readings(strain, GAUGES, LEEWARD, random)
 
 
 @pytest.mark.fast
-def test_readings_change_as_they_say() -> None:
-    strain, found = read(of=3, add_um_per_m=2e6)
-    assert sorted(np.round((found - strain)[0], 12).tolist()) == 5 * [0.0] + 3 * [2.0]
-    strain, found = read(of=1, times=-1.0)
-    assert np.count_nonzero(np.all(found == -strain, axis=0)) == 1
-    strain, found = read(times=1e3)
-    np.testing.assert_array_equal(found, 1e3 * strain)
-    _, found = read(of=2, frozen=True)
-    assert np.count_nonzero(np.ptp(found, axis=0) == 0.0) == 2
-    _, found = read(of=3, lost=True)
-    assert np.count_nonzero(np.isnan(found[0])) == 3
+@pytest.mark.parametrize(
+    ("fault", "changed", "expected"),
+    [
+        ({"of": 3, "add_um_per_m": 2e6}, 3, lambda strain: strain + 2.0),
+        ({"of": 1, "add_sigmas": 20.0}, 1, lambda strain: strain + 2.0),
+        ({"of": 1, "times": -1.0}, 1, lambda strain: -strain),
+        ({"times": 1e3}, N, lambda strain: 1e3 * strain),
+        ({"of": 3, "lost": True}, 3, lambda strain: np.nan * strain),
+        ({"exchanged": "all"}, N, lambda strain: np.roll(strain, 4, axis=1)),
+        ({"add_um_per_m": 3e6, "shape": "linear"}, N - 2, lambda strain: strain + 2 * [0.0, 1.0, 2.0, 3.0]),
+        (
+            {"add_um_per_m": -2e6, "shape": "cosine"},
+            N,
+            lambda strain: strain - 2.0 * np.cos(GAUGES.roll_angle - LEEWARD[:, None]),
+        ),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
+)
+def test_readings_change_as_they_say(fault: Any, changed: int, expected: Any) -> None:
+    strain, found = read(**fault)
+    other = np.any(found != strain, axis=0)
+    assert np.count_nonzero(other) == changed
+    np.testing.assert_allclose(found[:, other], expected(strain)[:, other])
+
+
+@pytest.mark.fast
+def test_readings_of_another_source() -> None:
+    assert np.count_nonzero(np.ptp(read(of=2, frozen=True)[1], axis=0) == 0.0) == 2
     strain, found = read(of=2, swapped=True)
     np.testing.assert_array_equal(np.sort(found, axis=1), np.sort(strain, axis=1))
     assert np.count_nonzero(np.any(found != strain, axis=0)) == 2
-    strain, found = read(of=1, add_sigmas=20.0)
-    assert (found - strain)[0].max() == pytest.approx(2.0)
-    strain, found = read(add_um_per_m=3e6, shape="linear")
-    np.testing.assert_allclose((found - strain)[0], [0.0, 1.0, 2.0, 3.0] * 2)
-    strain, found = read(add_um_per_m=-2e6, shape="cosine")
-    np.testing.assert_allclose((found - strain)[:, 4], 2.0 * np.cos(np.linspace(0.0, 3.0, 10)))
     strain, found = read(noise_times=3.0)
     assert np.std(found - strain) == pytest.approx(np.sqrt(8.0) * 0.1, rel=0.2)
-
-
-@pytest.mark.fast
-def test_opposite_rows_are_exchanged() -> None:
-    strain, found = read(exchanged="all")
-    np.testing.assert_array_equal(found, np.roll(strain, 4, axis=1))
     square = Gauges(GAUGES.station, np.repeat([0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi], 2), GAUGES.noise_std)
     found = Fault(exchanged="nearest").readings(strain, square, np.full(10, 1.5), np.random.default_rng(1))
-    moved = np.any(found != strain, axis=0)  # no two rows have equal stations but those of 90 and 270 deg
+    moved = np.any(found != strain, axis=0)  # no two rows have equal stations but the ones of 90 and 270 deg
     assert moved.tolist() == [False, False, True, True, False, False, True, True]
 
 
@@ -96,27 +101,25 @@ def test_the_knots_go_beyond_the_envelope() -> None:
     assert rows.sum() * columns.sum() == 0
 
 
-def incidence_of(vehicle: Vehicle, motion: Motion) -> np.ndarray:
-    found = motion.conditions(vehicle, np.random.default_rng(1))
-    return np.array([condition.total_incidence for condition in found])
+def test_motion_has_its_rate_and_size(flown: Vehicle) -> None:
+    """A turn inside the envelope, steps and gusts."""
 
+    def incidence(**motion: Any) -> np.ndarray:
+        found = Motion(seconds=4.0, **motion).conditions(flown, np.random.default_rng(1))
+        return np.array([condition.total_incidence for condition in found])
 
-@pytest.mark.parametrize("rate", [5.0, 40.0])
-def test_a_turn_reaches_its_rate_inside_the_envelope(flown: Vehicle, rate: float) -> None:
-    incidence = incidence_of(flown, Motion(seconds=4.0, turn_deg_s=rate))
-    assert np.max(np.abs(np.diff(incidence))) / 0.01 == pytest.approx(radians(rate), rel=0.05)
-    assert np.max(incidence) <= envelope_incidence(flown)
-
-
-def test_steps_and_gusts_have_their_size(flown: Vehicle) -> None:
-    step = np.abs(np.diff(incidence_of(flown, Motion(seconds=4.0, step_deg=2.0))))
+    for rate in (5.0, 40.0):
+        turn = incidence(turn_deg_s=rate)
+        assert np.max(np.abs(np.diff(turn))) / 0.01 == pytest.approx(radians(rate), rel=0.05)
+        assert np.max(turn) <= envelope_incidence(flown)
+    step = np.abs(np.diff(incidence(step_deg=2.0)))
     assert np.count_nonzero(step > 1e-9) in (3, 4)
     assert np.max(step) <= radians(2.0) * (1.0 + 1e-9)
-    gust = np.abs(np.diff(incidence_of(flown, Motion(seconds=4.0, gust_deg=2.0))))
+    gust = np.abs(np.diff(incidence(gust_deg=2.0)))
     assert np.max(gust) == pytest.approx(radians(2.0) * 0.01 / RISE, rel=0.01)
 
 
-def test_rows_and_all_strain_get_lost(world: World) -> None:
+def test_rows_and_all_strain_get_lost_and_air_data_drift(world: World) -> None:
     roll, random = world.gauges.roll_angle, np.random.default_rng(2)
     two = Motion(seconds=4.0, lost_rows=2).gives(roll, random)
     assert two[:199].all()
@@ -127,9 +130,6 @@ def test_rows_and_all_strain_get_lost(world: World) -> None:
     nothing = np.isnan(read_motion(world, case, 0, random).strain).all(axis=1)
     assert np.count_nonzero(nothing) == pytest.approx(50, abs=1)
     assert nothing[200]
-
-
-def test_drifts_are_those_of_what_is_given(world: World) -> None:
     for error, name, rate in (
         ("drift of the given M", "mach_number", 0.05),
         ("drift of the given p_inf", "static_pressure", 0.02),
@@ -190,41 +190,37 @@ def test_drawn_flows_lie_between_and_beyond_the_two(world: World) -> None:
     assert 0.5 < np.std(share[:, 0]) < 1.5
 
 
-def added_field(flown: Vehicle, flow_beyond: FlowTable, spot: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return stations, roll angles and the field that a spot adds to p / p_inf."""
-    added = Flow(spot=spot).table(flown, flow_beyond).harmonic[1, 2] - flow_beyond.harmonic[1, 2]
-    surface = truth_surface(flown)
-    field = added @ np.cos(np.outer(np.arange(added.shape[1]), surface.roll_angle))
-    return surface.x, surface.roll_angle, field
-
-
-def test_a_bump_lies_windward_at_mid_body(flown: Vehicle, flow_beyond: FlowTable) -> None:
-    flow = case_of(flown, "local pressure, windward", "+10 % of p_inf").flow
+@pytest.mark.parametrize(
+    ("error", "size", "place", "added", "tolerance"),
+    [
+        ("local pressure, windward", "+10 % of p_inf", 0.5, 0.1, 0.1),
+        ("vortex pair, leeward", "-30 % of p_inf at 0.7 L", 0.7, -0.3, 0.2),
+    ],
+)
+def test_a_spot_lies_where_it_should(
+    flown: Vehicle, flow_beyond: FlowTable, error: str, size: str, place: float, added: float, tolerance: float
+) -> None:
+    """A bump windward, suction to both sides of the leeward meridian; size over p_inf, place over the length."""
+    flow, surface = case_of(flown, error, size).flow, truth_surface(flown)
     assert flow is not None
-    x, roll, field = added_field(flown, flow_beyond, flow.spot)
-    station, around = np.unravel_index(np.argmax(field), field.shape)
-    assert x[station] == pytest.approx(0.5 * x[-1], abs=0.05)
-    assert roll[around] == pytest.approx(np.pi)
-    assert field.max() == pytest.approx(0.1, rel=0.1)
-
-
-def test_a_vortex_pair_sucks_to_both_sides_of_the_leeward_meridian(flown: Vehicle, flow_beyond: FlowTable) -> None:
-    flow = case_of(flown, "vortex pair, leeward", "-30 % of p_inf at 0.7 L").flow
-    assert flow is not None
-    x, roll, field = added_field(flown, flow_beyond, flow.spot)
-    station, _ = np.unravel_index(np.argmin(field), field.shape)
-    assert x[station] == pytest.approx(0.7 * x[-1], abs=0.05)
-    around = np.degrees(np.minimum(roll, 2.0 * np.pi - roll))
-    np.testing.assert_allclose(around[np.argsort(field[station])[:2]], 25.0, atol=10.0)
-    assert field.min() == pytest.approx(-0.3, rel=0.2)
+    harmonic = flow.table(flown, flow_beyond).harmonic[1, 2] - flow_beyond.harmonic[1, 2]
+    field = harmonic @ np.cos(np.outer(np.arange(harmonic.shape[1]), surface.roll_angle))
+    station, around = np.unravel_index(np.argmax(np.sign(added) * field), field.shape)
+    assert surface.x[station] == pytest.approx(place * surface.x[-1], abs=0.05)
+    assert field[station, around] == pytest.approx(added, rel=tolerance)
     np.testing.assert_allclose(field[station], np.roll(field[station][::-1], 1), atol=1e-12)
+    if added > 0.0:
+        assert surface.roll_angle[around] == pytest.approx(np.pi)
+    else:
+        angle = np.degrees(np.minimum(surface.roll_angle, 2.0 * np.pi - surface.roll_angle))
+        np.testing.assert_allclose(angle[np.argsort(field[station])[:2]], 25.0, atol=10.0)
 
 
 def test_flights_have_the_places_that_a_case_asks_for(world: World) -> None:
     low = world.flights(case_of(world.vehicle, "incidence", "0.25 to 0.5 deg", "incidence")).conditions
     angles = np.degrees([condition.total_incidence for condition in low])
     assert 0.25 <= angles.min() <= angles.max() <= 0.5
-    few = replace(world, conditions=5, _flights={}, _bounds={})
+    few = other_world(world, conditions=5)
     assert {c.altitude for c in few.flights(case_of(world.vehicle, "altitude", "12 km")).conditions} == {12e3}
 
 

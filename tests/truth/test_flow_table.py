@@ -21,7 +21,7 @@ from builder.truth.revolution.flow_table import (
     truth_surface,
 )
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
+from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -52,22 +52,16 @@ def polynomial(mach: FloatArray, incidence: FloatArray) -> FloatArray:
     return in_mach * np.where(odd, first * a + second * a**3, first + second * a**2)
 
 
-def test_knots_are_met_exactly() -> None:
-    """At every knot the table's own harmonics: 1e-12."""
-    table = random_table()
+def test_knots_and_cubics_between_them_are_met_from_zero_incidence_on() -> None:
+    """At every knot the table's own harmonics; a cubic of the flow's symmetry is its own spline: 1e-12."""
     mach, incidence = (grid.ravel() for grid in np.meshgrid(MACH, INCIDENCE, indexing="ij"))
+    table, values = random_table(), polynomial(mach, incidence)
     found = harmonics_at(table, mach, incidence)
     np.testing.assert_allclose(found, table.harmonic.reshape(-1, N_X, N_M), rtol=0.0, atol=1e-12)
-
-
-def test_cubics_are_met_between_the_knots_and_at_zero_incidence() -> None:
-    """A cubic of the flow's symmetry is its own spline, from a_T = 0 on: 1e-12."""
-    mach, incidence = (grid.ravel() for grid in np.meshgrid(MACH, INCIDENCE, indexing="ij"))
-    values = polynomial(mach, incidence).reshape(len(MACH), len(INCIDENCE), N_X, N_M)
     random = np.random.default_rng(3)
     at_mach, at_incidence = random.uniform(5.0, 7.0, 40), random.uniform(0.0, 0.2, 40)
     at_incidence[:5] = 0.0
-    found = harmonics_at(table_of(values), at_mach, at_incidence)
+    found = harmonics_at(table_of(values.reshape(table.harmonic.shape)), at_mach, at_incidence)
     np.testing.assert_allclose(found, polynomial(at_mach, at_incidence), rtol=0.0, atol=1e-12)
 
 
@@ -98,59 +92,45 @@ def test_outside_the_knots_nothing_is_known(mach: float, incidence: float, messa
         harmonics_at(random_table(), np.array([mach]), np.array([incidence]))
 
 
-def test_a_table_is_read_as_it_was_written(tmp_path: Path) -> None:
-    table = random_table()
-    save_flow_table(table, tmp_path / "flow.h5")
-    loaded = load_flow_table(tmp_path / "flow.h5")
+def test_a_table_is_read_as_it_was_written_and_no_other(tmp_path: Path) -> None:
+    """A blunt tip has more stations than the vehicle file states; flows with these stations are the vehicle's."""
+    path, table = tmp_path / "flow.h5", random_table()
+    save_flow_table(table, path)
+    loaded = load_flow_table(path)
     np.testing.assert_array_equal(loaded.harmonic, table.harmonic)
     assert loaded.vehicle == "random"
-
-
-def blunt_cone_table(blunt_cone: Vehicle, n_harmonics: int, name: str) -> FlowTable:
-    n_x = len(truth_surface(blunt_cone).x)
-    values = np.zeros((len(MACH), len(INCIDENCE), n_x, n_harmonics + 1))
-    return replace(table_of(values), vehicle=name)
-
-
-def test_flows_of_a_blunt_body_are_taken(tmp_path: Path) -> None:
-    """A blunt tip has more stations than the vehicle file states; flows with these stations are the vehicle's."""
-    vehicle = load_vehicle(VEHICLES / "blunt_cone.toml")
-    truth = vehicle.resolution.truth
-    assert len(truth_surface(vehicle).x) > truth.surface_stations
-    save_flow_table(blunt_cone_table(vehicle, truth.harmonics, vehicle.name), tmp_path / "flow.h5")
-    load_truth_flows(tmp_path / "flow.h5", vehicle)
-    for harmonics, name in ((truth.harmonics - 1, vehicle.name), (truth.harmonics, "another")):
-        save_flow_table(blunt_cone_table(vehicle, harmonics, name), tmp_path / "flow.h5")
-        with pytest.raises(InputError, match=f"expected flows of '{vehicle.name}' at .* got flows of '{name}'"):
-            load_truth_flows(tmp_path / "flow.h5", vehicle)
-
-
-def test_values_that_are_no_table_are_refused() -> None:
-    table = random_table()
     with pytest.raises(InputError, match=r"expected shape \(4, 4, stations, harmonics\), got \(4, 4, 3\)"):
         replace(table, harmonic=table.harmonic[..., 0])
-    broken = table.harmonic.copy()
-    broken[1, 2, 0, 3] = np.nan
     with pytest.raises(InputError, match="harmonic: not all values are finite"):
-        replace(table, harmonic=broken)
+        replace(table, harmonic=np.where(table.harmonic > 1.0, np.nan, table.harmonic))
+    vehicle = load_vehicle(VEHICLES / "blunt_cone.toml")
+    truth, n_x = vehicle.resolution.truth, len(truth_surface(vehicle).x)
+    assert n_x > truth.surface_stations
+    for n_m, name in (
+        (truth.harmonics + 1, vehicle.name),
+        (truth.harmonics, vehicle.name),
+        (truth.harmonics + 1, ""),
+    ):
+        save_flow_table(replace(table_of(np.zeros((len(MACH), len(INCIDENCE), n_x, n_m))), vehicle=name), path)
+        if n_m > truth.harmonics and name:
+            load_truth_flows(path, vehicle)
+            continue
+        with pytest.raises(InputError, match=f"expected flows of '{vehicle.name}' at .* got flows of '{name}'"):
+            load_truth_flows(path, vehicle)
 
 
-def test_harmonics_of_a_flow_are_its_pressure(true_model: TrueStructure, truth_flows: dict[FlowKey, Flow]) -> None:
-    """All harmonics that 16 cells resolve add up to the pressure in the cells: 1e-12."""
-    flow = truth_flows[max(truth_flows, key=lambda key: key[1])]
-    harmonic = pressure_harmonics(flow, true_model.surface, 15)
-    found = harmonic @ np.cos(np.outer(np.arange(16), flow.arrays["roll_angle"]))
-    np.testing.assert_allclose(found, pressure_at_stations(pieces(flow), true_model.surface), rtol=1e-12)
-    # What the cells do not resolve is zero.
-    assert not np.any(pressure_harmonics(flow, true_model.surface, 18)[:, 16:])
-
-
-def test_a_table_of_flows_holds_their_harmonics(
+def test_harmonics_of_a_flow_are_its_pressure(
     table: FlowTable, true_model: TrueStructure, truth_flows: dict[FlowKey, Flow]
 ) -> None:
+    """All harmonics that 16 cells resolve add up to the pressure in the cells, and the table holds them: 1e-12."""
+    surface, flow = true_model.surface, truth_flows[max(truth_flows, key=lambda key: key[1])]
+    found = pressure_harmonics(flow, surface, 15) @ np.cos(np.outer(np.arange(16), flow.arrays["roll_angle"]))
+    np.testing.assert_allclose(found, pressure_at_stations(pieces(flow), surface), rtol=1e-12)
+    # What the cells do not resolve is zero.
+    assert not np.any(pressure_harmonics(flow, surface, 18)[:, 16:])
     mach, incidence = table.mach_knots[1], table.incidence_knots[2]
     flow = truth_flows[round(float(mach), 9), float(incidence)]
-    expected = pressure_harmonics(flow, true_model.surface, table.harmonic.shape[3] - 1)
+    expected = pressure_harmonics(flow, surface, table.harmonic.shape[3] - 1)
     np.testing.assert_array_equal(table.harmonic[1, 2], expected)
     found = harmonics_at(table, np.array([mach]), np.array([incidence]))[0]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())

@@ -10,126 +10,41 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from trial_cases import case_of, health_of, other_world
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.build import with_manifold
 from builder.pipeline.stages import solve_structure
-from builder.structure.as_built.vehicle import exactly_built
 from builder.structure.fourier.model import StructuralModel
-from builder.trial.cases import Plan, cases_for, load_trial, trial_path
-from builder.trial.conditions import held_out_conditions
-from builder.trial.run import scored
+from builder.trial.cases import Built, Case, Plan
+from builder.trial.conditions import Where
+from builder.trial.estimators import of_map
+from builder.trial.readings import Readings, joined, read_own_vehicles
+from builder.trial.run import readings_of, scored
+from builder.trial.score import rows_of
 from builder.trial.world import World
-from builder.truth.flights import drawn
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import TrueStructure, true_flights
+from builder.truth.revolution.flow_table import load_flow_table
+from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
-from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.flight_condition import FlightCondition
 
-ALTITUDES = (12e3, 15e3, 20e3, 25e3, 30e3)
+ALTITUDES_KM = (12.0, 15.0, 20.0, 25.0, 30.0)
 
-KINDS = ("linear", pytest.param("nonlinear", marks=pytest.mark.slow))
-"""Estimators; an estimate of the nonlinear one takes a hundred times as long."""
-
-
-@pytest.fixture(scope="module")
-def shipped() -> Vehicle:
-    return load_vehicle(IC3X)
+SLOW = pytest.mark.slow
+EACH_KIND = pytest.mark.parametrize("kind", ["linear", pytest.param("nonlinear", marks=SLOW)])
+"""Of estimator; an estimate of the nonlinear one takes a hundred times as long."""
 
 
 @pytest.fixture(scope="module")
-def flows(ic3x_demo: Path) -> FlowTable:
-    return load_flow_table(ic3x_demo / "independent_flows.h5")
-
-
-@pytest.fixture(scope="module")
-def whole(ic3x_truth: TrueStructure) -> TrueStructure:
-    return ic3x_truth
-
-
-@pytest.fixture(scope="module")
-def whole_map(ic3x_demo: Path) -> InverseMap:
-    """The map of both estimators."""
-    found = load_inverse_map(ic3x_demo / "map.h5")
-    assert found.manifold is not None
-    return found
-
-
-@pytest.fixture
-def inverse_map(kind: str, whole_map: InverseMap) -> InverseMap:
-    """The map for the estimator ``kind``."""
-    return whole_map if kind == "nonlinear" else replace(whole_map, manifold=None)
-
-
-def flown(
-    inverse_map: InverseMap,
-    vehicle: Vehicle,
-    structure: TrueStructure,
-    flows: FlowTable,
-    conditions: list[FlightCondition],
-    vehicles: int,
-    seed: int = 5,
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return errors and sigmas (n, 5) of the coefficients and health (n,); 0 vehicles stands for the exact one."""
-    random, n = np.random.default_rng(seed), inverse_map.n_gauges
-    flights, estimator = true_flights(vehicle, structure, flows, conditions), Estimator(inverse_map)
-    built = [drawn(vehicle.noise, n, random) for _ in range(vehicles)] or [exactly_built(n)] * 5
-    found = []
-    for one in built:
-        strain = flights.read(one)
-        strain = strain + inverse_map.noise_std * random.standard_normal(strain.shape)
-        found.append(
-            estimator.estimate(
-                strain,
-                flights.dynamic_pressure * (1.0 + one.dynamic_pressure),
-                mach_number=np.array([condition.mach_number for condition in conditions]),
-                altitude=np.array([condition.altitude for condition in conditions]),
-            )
-        )
-    error = np.concatenate([one.coefficients - flights.coefficients for one in found])
-    sigma = np.concatenate([one.coefficients_std for one in found])
-    return error, sigma, np.concatenate([one.health for one in found])
-
-
-def held_out(
-    vehicle: Vehicle, flows: FlowTable, count: int, altitude: float | None = None
-) -> list[FlightCondition]:
-    conditions = held_out_conditions(vehicle, flows, count, np.random.default_rng(3))
-    return conditions if altitude is None else [replace(one, altitude=altitude) for one in conditions]
-
-
-def covered(error: FloatArray, sigma: FloatArray) -> FloatArray:
-    return np.asarray(np.mean(np.abs(error) <= 3.0 * sigma, axis=0))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(
-    inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
-) -> None:
-    """200 conditions x 15 vehicles, each with its own errors: 99 to 100 % of every coefficient."""
-    error, sigma, health = flown(inverse_map, shipped, whole, flows, held_out(shipped, flows, 200), vehicles=15)
-    assert np.all(covered(error, sigma) >= 0.99)
-    assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
-    silent = np.any(np.abs(error) > 3.0 * sigma, axis=1) & (health == HealthState.OK)
-    assert np.mean(silent) <= 0.03
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("altitude", ALTITUDES)
-def test_one_map_holds_at_every_altitude(
-    altitude: float, inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
-) -> None:
-    """The map is of 20 km: 3 sigma hold at least 99 % of every coefficient from 12 to 30 km."""
-    conditions = held_out(shipped, flows, 200, altitude)
-    for vehicles in (8, 0):
-        error, sigma, health = flown(inverse_map, shipped, whole, flows, conditions, vehicles)
-        assert np.all(covered(error, sigma) >= 0.99)
-        assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
+def world(ic3x_demo: Path, ic3x_truth: TrueStructure) -> World:
+    """The shipped vehicle with the map of both estimators."""
+    made = load_inverse_map(ic3x_demo / "map.h5")
+    assert made.manifold is not None
+    flows = load_flow_table(ic3x_demo / "independent_flows.h5")
+    return World(vehicle=load_vehicle(IC3X), structure=ic3x_truth, flows=flows, inverse_map=made, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -138,25 +53,47 @@ def snapshots(ic3x_demo: Path) -> Snapshots:
 
 
 @pytest.fixture(scope="module")
-def fourier(shipped: Vehicle) -> StructuralModel:
-    found = solve_structure(shipped)
+def fourier(world: World) -> StructuralModel:
+    found = solve_structure(world.vehicle)
     assert isinstance(found, StructuralModel)
     return found
 
 
-def with_noise(vehicle: Vehicle, inverse_map: InverseMap) -> Vehicle:
-    """Return the vehicle with the map's gauge noise as a number, which is the same at every altitude."""
-    noise = vehicle.noise.model_copy(
-        update={"percent_of_median_strain": None, "std_um_per_m": 1e6 * float(inverse_map.noise_std[0])}
-    )
-    return vehicle.model_copy(update={"noise": noise})
+def case_at(altitude_km: float | None = None, stated: float = 1.0) -> Case:
+    """Return a case of vehicles with errors as stated, each with its own; exactly known ones for 0."""
+    where, built = Where(altitude_km=altitude_km), Built(stated=stated)
+    return Case(error="as built", group="alone", where=where, built=built)
 
 
-def map_of(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, like: InverseMap) -> InverseMap:
-    """Return a map from other inputs; its linear map is that beside tables, which it has where ``like`` does."""
-    found = build_inverse_map(vehicle, snapshots, structure)
-    whole = with_manifold(found, vehicle, snapshots, structure)
-    return whole.without_tables() if like.manifold is None else whole
+def read_in(world: World, case: Case, vehicles: int) -> Readings:
+    return joined(list(readings_of(world, case, Plan(vehicles=vehicles))))
+
+
+def assert_honest(inverse_map: InverseMap, kind: str, read: Readings) -> None:
+    """99 to 100 % of every coefficient inside three sigma, next to none outside the envelope or undetected."""
+    every, *loads = rows_of(COEFFICIENT_NAMES, of_map(inverse_map, kind)(read), read)
+    assert min(row["covered_percent"] for row in loads) >= 99.0
+    assert health_of(every).get("OUTSIDE", 0.0) <= 0.1
+    assert every["undetected_percent"] <= 3.0
+
+
+@EACH_KIND
+def test_three_sigma_cover_the_truth_with_hardware_errors_drawn(kind: str, world: World) -> None:
+    """200 conditions x 15 vehicles."""
+    assert_honest(world.inverse_map, kind, read_in(world, case_at(), 15))
+
+
+@EACH_KIND
+@pytest.mark.parametrize("altitude_km", ALTITUDES_KM)
+def test_one_map_holds_at_every_altitude(altitude_km: float, kind: str, world: World) -> None:
+    """The map is of 20 km."""
+    for vehicles, stated in ((8, 1.0), (5, 0.0)):
+        assert_honest(world.inverse_map, kind, read_in(world, case_at(altitude_km, stated), vehicles))
+
+
+def map_of(vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel) -> InverseMap:
+    linear = build_inverse_map(vehicle, snapshots, structure)
+    return with_manifold(linear, vehicle, snapshots, structure)
 
 
 def moved(snapshots: Snapshots, altitude: float) -> Snapshots:
@@ -164,87 +101,55 @@ def moved(snapshots: Snapshots, altitude: float) -> Snapshots:
     condition = snapshots.condition.copy()
     condition[:, 3] = altitude
     before = np.array([one.ambient_pressure for one in snapshots.conditions()])
-    after = np.array([FlightCondition(*map(float, row)).ambient_pressure for row in condition])
-    ratio = after / before
-    return replace(
-        snapshots,
-        condition=condition,
-        pressure=ratio[:, None] * snapshots.pressure,
-        internal_pressure=ratio * snapshots.internal_pressure,
-    )
+    ratio = np.array([FlightCondition(*map(float, row)).ambient_pressure for row in condition]) / before
+    pressure, inside = ratio[:, None] * snapshots.pressure, ratio * snapshots.internal_pressure
+    return replace(snapshots, condition=condition, pressure=pressure, internal_pressure=inside)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("altitude", [12e3, *(pytest.param(a, marks=pytest.mark.slow) for a in ALTITUDES[1:])])
+@SLOW
+@pytest.mark.parametrize("kind", ["linear", "nonlinear"])
+@pytest.mark.parametrize("altitude_km", ALTITUDES_KM)
 def test_accuracy_is_that_of_a_map_built_for_the_altitude(
-    altitude: float,
-    inverse_map: InverseMap,
-    shipped: Vehicle,
-    whole: TrueStructure,
-    flows: FlowTable,
-    snapshots: Snapshots,
-    fourier: StructuralModel,
+    altitude_km: float, kind: str, world: World, snapshots: Snapshots, fourier: StructuralModel
 ) -> None:
-    """Rms errors of every coefficient within 2 %, at the same flights; solving the structure takes seconds.
+    """Rms errors of every coefficient within 2 %, at the same flights; building the map takes seconds.
 
     A false alarm of one map alone leaves a gauge out: then they do not use the same gauges. It is rare.
     """
-    own = map_of(with_noise(shipped, inverse_map), moved(snapshots, altitude), fourier, inverse_map)
-    conditions = held_out(shipped, flows, 200, altitude)
-    flights = [flown(one, shipped, whole, flows, conditions, vehicles=10) for one in (inverse_map, own)]
-    alike = flights[0][2] == flights[1][2]
+    # The gauge noise of the map as a number is the same at every altitude.
+    noise = {"percent_of_median_strain": None, "std_um_per_m": 1e6 * float(world.inverse_map.noise_std[0])}
+    vehicle = world.vehicle.model_copy(update={"noise": world.vehicle.noise.model_copy(update=noise)})
+    own = map_of(vehicle, moved(snapshots, 1e3 * altitude_km), fourier)
+    read = read_in(world, case_at(altitude_km), 10)
+    made = [of_map(one, kind)(read) for one in (world.inverse_map, own)]
+    alike = np.equal(made[0].health, made[1].health)
     assert alike.mean() >= 0.998
-    rms = [np.sqrt(np.mean(error[alike] ** 2, axis=0)) for error, _, _ in flights]
+    rms = [np.sqrt(np.mean((one.value - read.truth)[alike] ** 2, axis=0)) for one in made]
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@EACH_KIND
 def test_a_map_of_sideslip_to_one_side_holds_on_both(
-    inverse_map: InverseMap,
-    shipped: Vehicle,
-    whole: TrueStructure,
-    flows: FlowTable,
-    snapshots: Snapshots,
-    fourier: StructuralModel,
+    kind: str, world: World, snapshots: Snapshots, fourier: StructuralModel
 ) -> None:
     """Conditions with sideslip 0 and 5 deg alone, flown from -5 to 5 deg; building that map takes seconds."""
-    angles = snapshots.condition[:, 2]
-    rows = np.flatnonzero((angles >= 0.0) & (angles < np.deg2rad(6.0)) & (snapshots.condition[:, 1] < 0.15))
-    number = {int(old): new for new, old in enumerate(rows)}
-    first = np.array(
-        [number.get(int(one), number[int(row)]) for row, one in zip(rows, snapshots.flow[rows], strict=True)]
-    )
-    few = replace(
-        snapshots,
-        **{
-            name: getattr(snapshots, name)[rows]
-            for name in ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")
-        },
-        mass_error=None if snapshots.mass_error is None else snapshots.mass_error[rows],
-        flow=first,
-    )
-    one_sided = map_of(shipped, few, fourier, inverse_map)
+    alpha, beta = snapshots.condition[:, 1], snapshots.condition[:, 2]
+    few = snapshots.chosen(np.flatnonzero((beta >= 0.0) & (beta < np.deg2rad(6.0)) & (alpha < 0.15)))
     random = np.random.default_rng(8)
     conditions = [
         FlightCondition(float(mach), float(alpha), float(beta), 20e3)
         for mach, alpha, beta in random.uniform([5.3, 0.0, -0.087], [6.7, 0.13, 0.087], size=(200, 3))
     ]
-    error, sigma, health = flown(one_sided, shipped, whole, flows, conditions, vehicles=10)
-    assert np.all(covered(error, sigma) >= 0.99)
-    assert np.mean(health == HealthState.OUTSIDE) <= 1e-3
+    read = joined(list(read_own_vehicles(world, case_at(), world.fly(conditions), 10, random)))
+    assert_honest(map_of(world.vehicle, few, fourier), kind, read)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["linear", "nonlinear"])
-def test_false_alarms_are_as_stated(
-    inverse_map: InverseMap, shipped: Vehicle, whole: TrueStructure, flows: FlowTable
-) -> None:
+@SLOW
+@pytest.mark.parametrize("estimator", ["linear", "nonlinear stepping"])
+def test_false_alarms_are_as_stated(estimator: str, world: World) -> None:
     """1e6 samples, every one of a vehicle of its own, seeds that the levels were not set with: a factor 2."""
-    name = "linear" if inverse_map.manifold is None else "nonlinear stepping"
-    plan = Plan(vehicles=100, estimators=[name])
-    world = World(
-        vehicle=shipped, structure=whole, flows=flows, inverse_map=inverse_map, conditions=10_000, seed=2
-    )
-    (case,) = cases_for(shipped, load_trial(trial_path("false_alarms")))
-    rate = 0.01 * scored(world, case, plan)[name][0]["alarm_percent"]
+    many = other_world(world, conditions=10_000, seed=2)
+    case = case_of(world.vehicle, "false alarms", trial="false_alarms")
+    (rows,) = scored(many, case, Plan(vehicles=100, estimators=[estimator])).values()
+    rate = 0.01 * rows[0]["alarm_percent"]
     assert 0.5 * FALSE_ALARM_PROBABILITY <= rate <= 2.0 * FALSE_ALARM_PROBABILITY

@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import asin, atan2, cos, radians, sin
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 from ensembles import listed_ensemble
 
 from builder.aero.loads.operator import coefficients_of, load_operator
-from builder.inverse.noise.hardware_errors import hardware_errors
+from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.revolved import SHIFT
 from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
@@ -24,13 +24,7 @@ from builder.structure.fourier.strain_operator import harmonic_response, strain_
 from builder.structure.wall import wall_of
 from builder.truth.flights import drawn
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
-from builder.truth.revolution.strain import (
-    WALL_STEP,
-    TrueFlights,
-    TrueStructure,
-    true_flights,
-    true_structure,
-)
+from builder.truth.revolution.strain import WALL_STEP, TrueFlights, TrueStructure, true_flights, true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
@@ -43,12 +37,8 @@ N_GAUGES = 54
 def condition_at(incidence_deg: float, roll: float, mach: float = 6.2, altitude: float = 18e3) -> FlightCondition:
     """Return the condition of a total incidence [deg] with the leeward meridian at ``roll`` [rad]."""
     total = radians(incidence_deg)
-    return FlightCondition(
-        mach_number=mach,
-        angle_of_attack=atan2(sin(total) * cos(roll), cos(total)),
-        sideslip_angle=-asin(sin(total) * sin(roll)),
-        altitude=altitude,
-    )
+    alpha, beta = atan2(sin(total) * cos(roll), cos(total)), -asin(sin(total) * sin(roll))
+    return FlightCondition(mach, alpha, beta, altitude)
 
 
 CONDITIONS = [
@@ -57,25 +47,43 @@ CONDITIONS = [
     condition_at(11.0, -2.2, 5.4, 24e3),
     condition_at(8.0, 1.9, 6.7, 14e3),
 ]
+INSIDE = np.array([[one.ambient_pressure] for one in CONDITIONS])
+
+
+class Flown(NamedTuple):
+    """The coarse vehicle of the independent model; (k, n_p) ``pressure`` of the flights at its nodes [Pa]."""
+
+    vehicle: Vehicle
+    model: TrueStructure
+    table: FlowTable
+    flights: TrueFlights
+    pressure: FloatArray
+
+    @property
+    def operator(self) -> FloatArray:
+        """Z_p of the structure that flies."""
+        layout = self.vehicle.gauges.layout
+        return structural_model(self.vehicle, self.vehicle.resolution.truth, [layout]).strain_operator(layout)
+
+    def columns(self, noise: Noise) -> list[HardwareError]:
+        """Return the errors of strain that a map includes for ``noise``."""
+        model = structural_model(self.vehicle, self.vehicle.resolution.map, [self.vehicle.gauges.layout])
+        operator = model.strain_operator(self.vehicle.gauges.layout)
+        stated = self.vehicle.model_copy(update={"noise": noise})
+        return hardware_errors(stated, model, operator, listed_ensemble(self.pressure - INSIDE))
 
 
 @pytest.fixture(scope="module")
-def flights(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable) -> TrueFlights:
-    return true_flights(vehicle, true_model, table, CONDITIONS)
-
-
-@pytest.fixture(scope="module")
-def pressure(true_model: TrueStructure, table: FlowTable) -> FloatArray:
-    """(k, n_p) absolute pressure of the flights at the nodes [Pa]."""
-    mach = np.array([one.mach_number for one in CONDITIONS])
-    incidence = np.array([one.total_incidence for one in CONDITIONS])
-    harmonic = harmonics_at(table, mach, incidence)
-    roll = true_model.surface.roll_angle
-    fields = []
+def flown(vehicle: Vehicle, true_model: TrueStructure, table: FlowTable) -> Flown:
+    mach, incidence = (
+        np.array([getattr(one, name) for one in CONDITIONS]) for name in ("mach_number", "total_incidence")
+    )
+    harmonic, roll, fields = harmonics_at(table, mach, incidence), true_model.surface.roll_angle, []
     for one, of_flow in zip(CONDITIONS, harmonic, strict=True):
         phase = np.outer(np.arange(harmonic.shape[2]), roll - one.leeward_roll_angle)
         fields.append(one.ambient_pressure * (of_flow @ np.cos(phase)).ravel())
-    return np.array(fields)
+    flights = true_flights(vehicle, true_model, table, CONDITIONS)
+    return Flown(vehicle, true_model, table, flights, np.array(fields))
 
 
 def built(**errors: Any) -> AsBuilt:
@@ -87,153 +95,97 @@ def close(found: FloatArray, expected: FloatArray, tolerance: float = 1e-10) -> 
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
 
 
-def test_coefficients_are_the_loads_of_the_pressure(
-    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
-) -> None:
-    """C of the same pressure by the load operator, ambient pressure inside: 1e-10 of the largest."""
-    reference = vehicle.reference_quantities()
-    loads = load_operator(true_model.surface, reference.moment_station)
-    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
-    expected = coefficients_of(pressure - inside, loads, CONDITIONS, reference)
-    for found, wanted in zip(flights.coefficients.T, expected.T, strict=True):
-        close(found, wanted)
+def change_of(flights: TrueFlights, exact: AsBuilt, **errors: Any) -> FloatArray:
+    """Return half the difference of both signs: without what is of second order."""
+    above, below = (
+        flights.read(exact.changed(**{name: sign * value for name, value in errors.items()}))
+        for sign in (1.0, -1.0)
+    )
+    return 0.5 * (above - below)
 
 
-def test_coefficients_hold_a_stated_internal_pressure(
-    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, pressure: FloatArray
-) -> None:
-    structure = vehicle.structure.model_copy(update={"internal_pressure_Pa": 2e4})
-    closed = vehicle.model_copy(update={"structure": structure})
-    reference = vehicle.reference_quantities()
-    loads = load_operator(true_model.surface, reference.moment_station)
-    expected = coefficients_of(pressure - 2e4, loads, CONDITIONS, reference)
-    found = true_flights(closed, true_model, table, CONDITIONS)
-    close(found.coefficients[:, 0], expected[:, 0])
-    z_p = structural_model(vehicle, vehicle.resolution.truth, [vehicle.gauges.layout])
-    strain = (pressure - 2e4) @ z_p.strain_operator(vehicle.gauges.layout).T
-    close(found.read(exactly_built(N_GAUGES)), strain)
-
-
-def test_exactly_built_reads_the_strain_operator_times_the_pressure(
-    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
-) -> None:
-    layout = vehicle.gauges.layout
-    z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
-    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
-    close(flights.read(exactly_built(N_GAUGES)), (pressure - inside) @ z_p.T)
+@pytest.mark.parametrize("inside", ["ambient", 2e4])
+def test_coefficients_are_the_loads_of_the_pressure(inside: Any, flown: Flown) -> None:
+    """C and strain of the same pressure by the operators of loads and strain: 1e-10 of the largest."""
+    structure = flown.vehicle.structure.model_copy(update={"internal_pressure_Pa": inside})
+    vehicle = flown.vehicle.model_copy(update={"structure": structure})
+    found = true_flights(vehicle, flown.model, flown.table, CONDITIONS)
+    reference, net = vehicle.reference_quantities(), flown.pressure - (INSIDE if inside == "ambient" else inside)
+    loads = load_operator(flown.model.surface, reference.moment_station)
+    expected = coefficients_of(net, loads, CONDITIONS, reference)
+    for coefficient, wanted in zip(found.coefficients.T, expected.T, strict=True):
+        close(coefficient, wanted)
+    close(found.read(built()), net @ flown.operator.T)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_another_wall_is_the_structure_solved_with_it(
-    sign: float, vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
-) -> None:
-    """4 % thinner and thicker, pressure from both sides on the same wall: 1e-10."""
-    layout, factor = vehicle.gauges.layout, 1.0 + sign * WALL_STEP
-    thickness = factor * vehicle.structure.wall_thickness_mm
-    structure = vehicle.structure.model_copy(update={"wall_thickness_mm": thickness})
-    other = vehicle.model_copy(update={"structure": structure})
-    model = structural_model(other, vehicle.resolution.truth, [layout])
-    # The gauges' directions are those of the wall of the file: its inner surface has the same slopes.
-    z_p = strain_operator(model.response, true_model.placed, model.surface)
-    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
-    found = flights.read(built(wall_thickness=sign * WALL_STEP))
-    close(found, (pressure - inside) @ z_p.T)
+def test_another_wall_and_shifted_gauges_are_the_structure_solved_so(sign: float, flown: Flown) -> None:
+    """A wall of 4 % less and more, pressure from both sides on it; gauges 1 mm round the body: 1e-10.
 
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_shifted_gauges_are_those_of_the_structure_solved_there(
-    sign: float, vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights, pressure: FloatArray
-) -> None:
-    """1 mm along the meridian, by a line through both sides, and round the body: 1e-10 of the largest strain.
-
-    Along the meridian 1e-3 at gauges beside the edge of an element, where strain has a kink that the line does not
-    follow, and 2e-5 in nine of ten.
+    1 mm along the meridian, by a line through both sides: 1e-3 of the largest strain at gauges next to the edge of
+    an element, where strain has a kink that the line does not follow, and 2e-5 in nine of ten.
     """
-    resolution, placed = vehicle.resolution.truth, true_model.placed
-    wall = wall_of(vehicle)
+    vehicle, model, resolution = flown.vehicle, flown.model, flown.vehicle.resolution.truth
+    thickness = (1.0 + sign * WALL_STEP) * vehicle.structure.wall_thickness_mm
+    structure = vehicle.structure.model_copy(update={"wall_thickness_mm": thickness})
+    other = structural_model(
+        vehicle.model_copy(update={"structure": structure}), resolution, [vehicle.gauges.layout]
+    )
+    # The gauges' directions are those of the wall of the file: its inner surface has the same slopes.
+    z_p = strain_operator(other.response, model.placed, other.surface)
+    close(flown.flights.read(built(wall_thickness=sign * WALL_STEP)), (flown.pressure - INSIDE) @ z_p.T)
+    wall, placed = wall_of(vehicle), model.placed
     mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    inside = np.array([[one.ambient_pressure] for one in CONDITIONS])
     along = sign * SHIFT * inner_surface_points(mesh, placed.x).tangent[:, 0]
+    around = sign * SHIFT / model.on_wall.radius
     for shift, moved, tolerance in (
         ("axial_shift", replace(placed, x=placed.x + along), 1e-3),
-        (
-            "circumferential_shift",
-            replace(placed, roll_angle=placed.roll_angle + sign * SHIFT / true_model.on_wall.radius),
-            1e-10,
-        ),
+        ("circumferential_shift", replace(placed, roll_angle=placed.roll_angle + around), 1e-10),
     ):
-        response = harmonic_response(mesh, wall.material, moved.x, true_model.surface.x, resolution.harmonics)
-        z_p = strain_operator(response, moved, true_model.surface)
-        found = flights.read(built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
-        expected = (pressure - inside) @ z_p.T
+        response = harmonic_response(mesh, wall.material, moved.x, model.surface.x, resolution.harmonics)
+        expected = (flown.pressure - INSIDE) @ strain_operator(response, moved, model.surface).T
+        found = flown.flights.read(built(**{shift: np.full(N_GAUGES, sign * SHIFT)}))
         close(found, expected, tolerance)
         assert np.quantile(np.abs(found - expected), 0.9) < 2e-5 * np.abs(expected).max()
 
 
-def test_a_turned_layout_sees_the_wind_from_the_other_side(
-    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
-) -> None:
-    """Gauges turned by 20 deg read what they read with the wind turned back: 1e-10."""
-    turn = radians(20.0)
+def test_turned_layouts_and_gauges_read_what_others_do(flown: Flown) -> None:
+    """A layout turned by 20 deg what it reads with the wind turned back, gauges turned by 90 deg the other one."""
+    turn, layout = radians(20.0), flown.vehicle.gauges.layout
     ahead, behind = (
-        true_flights(vehicle, true_model, table, [condition_at(9.0, roll)]) for roll in (0.5, 0.5 - turn)
+        true_flights(flown.vehicle, flown.model, flown.table, [condition_at(9.0, roll)])
+        for roll in (0.5, 0.5 - turn)
     )
-    found = ahead.read(built(layout_roll=turn))
-    close(found, behind.read(exactly_built(N_GAUGES)))
-
-
-def test_gauges_turned_by_a_right_angle_read_the_other_direction(
-    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
-) -> None:
-    """Axial gauges become the hoop gauges at the same place, and those the axial ones."""
-    layout = vehicle.gauges.layout
-    names = structural_model(vehicle, vehicle.resolution.truth, [layout]).layouts[layout].names
-    axial = [names.index(f"axial_180deg_{i}") for i in range(1, 10)]
-    hoop = [names.index(f"hoop_180deg_{i}") for i in range(1, 10)]
-    straight = flights.read(exactly_built(N_GAUGES))
-    turned = flights.read(built(orientation=np.full(N_GAUGES, np.pi / 2.0)))
+    close(ahead.read(built(layout_roll=turn)), behind.read(built()))
+    names = structural_model(flown.vehicle, flown.vehicle.resolution.truth, [layout]).layouts[layout].names
+    axial, hoop = ([names.index(f"{way}_180deg_{i}") for i in range(1, 10)] for way in ("axial", "hoop"))
+    straight = flown.flights.read(built())
+    turned = flown.flights.read(built(orientation=np.full(N_GAUGES, np.pi / 2.0)))
     close(turned[:, axial], straight[:, hoop])
     close(turned[:, hoop], straight[:, axial])
 
 
-def test_gains_apparent_strain_and_internal_pressure_by_the_book(
-    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
-) -> None:
-    layout = vehicle.gauges.layout
-    z_p = structural_model(vehicle, vehicle.resolution.truth, [layout]).strain_operator(layout)
-    straight = flights.read(exactly_built(N_GAUGES))
-    gain = 0.01 * np.random.default_rng(1).standard_normal(N_GAUGES)
-    found = flights.read(built(gauge_gain=gain, common_gain=0.02))
-    close(found, straight * (1.0 + gain) * 1.02, 1e-14)
-    apparent = np.full(N_GAUGES, 5e-6)
-    close(flights.read(built(apparent_strain=apparent)), straight + apparent, 1e-14)
-    found = flights.read(built(internal_pressure=0.05))
-    close(found, straight - 0.05 * np.outer(flights.ambient_pressure, z_p.sum(axis=1)))
-
-
-def test_many_vehicles_at_once_are_those_one_by_one(
-    vehicle: Vehicle, true_model: TrueStructure, flights: TrueFlights
-) -> None:
-    """Every flight alone with 3 vehicles of all errors: 1e-12 of the largest strain."""
-    entry = Noise(std_um_per_m=0.4)
-    many = drawn(entry, N_GAUGES, np.random.default_rng(7), count=3)
-    for number in range(len(CONDITIONS)):
-        found = flights.read(many, slice(number, number + 1))
-        for which in range(3):
-            one = many.one_of(which)
-            close(found[which], flights.read(one)[number], 1e-12)
-
-
-def test_strain_of_uniform_pressure_is_that_of_the_vehicle_as_built(
-    true_model: TrueStructure, flights: TrueFlights
-) -> None:
-    """5 % of p_inf more inside, on the wall as built: less of the gain, the strain of that pressure alone."""
+def test_gains_apparent_strain_and_internal_pressure_by_the_book(flown: Flown) -> None:
+    read, straight = flown.flights.read, flown.flights.read(built())
+    gain, apparent = 0.01 * np.random.default_rng(1).standard_normal(N_GAUGES), np.full(N_GAUGES, 5e-6)
+    close(read(built(gauge_gain=gain, common_gain=0.02)), straight * (1.0 + gain) * 1.02, 1e-14)
+    close(read(built(apparent_strain=apparent)), straight + apparent, 1e-14)
+    ambient = flown.flights.ambient_pressure
+    close(read(built(internal_pressure=0.05)), straight - 0.05 * np.outer(ambient, flown.operator.sum(axis=1)))
+    # 5 % of p_inf more inside, on a wall as built: the strain of that pressure alone.
     one = drawn(Noise(std_um_per_m=0.4), N_GAUGES, np.random.default_rng(8))
-    more = one.changed(internal_pressure=one.internal_pressure + 0.05)
-    difference = flights.read(more) - flights.read(one)
-    of_unit = true_model.parts(one).even[:, 0].sum(axis=0)
-    gain = (1.0 + one.gauge_gain) * (1.0 + one.common_gain)
-    close(difference, -0.05 * np.outer(flights.ambient_pressure, gain * of_unit), 1e-8)
+    more = read(one.changed(internal_pressure=one.internal_pressure + 0.05)) - read(one)
+    of_unit = (1.0 + one.gauge_gain) * (1.0 + one.common_gain) * flown.model.parts(one).even[:, 0].sum(axis=0)
+    close(more, -0.05 * np.outer(ambient, of_unit), 1e-8)
+
+
+def test_many_vehicles_at_once_are_those_one_by_one(flown: Flown) -> None:
+    """Every flight alone with 3 vehicles of all errors: 1e-12 of the largest strain."""
+    many = drawn(Noise(std_um_per_m=0.4), N_GAUGES, np.random.default_rng(7), count=3)
+    for number in range(len(CONDITIONS)):
+        found = flown.flights.read(many, slice(number, number + 1))
+        for which in range(3):
+            close(found[which], flown.flights.read(many.one_of(which))[number], 1e-12)
 
 
 @pytest.mark.fast
@@ -255,83 +207,56 @@ def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
     ):
         values = np.array([getattr(one, name) for one in vehicles])
         assert np.sqrt(np.mean(values**2)) == pytest.approx(2.0 * size, rel=0.12), name
-    one = vehicles[0]
-    assert np.ptp(one.apparent_strain) == 0.0
-    assert np.ptp(one.gauge_gain) > 0.0
+    assert np.ptp(vehicles[0].apparent_strain) == 0.0
+    assert np.ptp(vehicles[0].gauge_gain) > 0.0
     none = drawn(entry.without_hardware_errors(), 50, random)
     assert not any(value.any() for value in none.errors.values())
 
 
-def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(
-    vehicle: Vehicle, true_model: TrueStructure, table: FlowTable, flights: TrueFlights, pressure: FloatArray
-) -> None:
+def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(flown: Flown) -> None:
     """Its error columns predict what a vehicle reads whose clamp yields; a structure without it refuses one."""
-    layout = vehicle.gauges.layout
-    noise = vehicle.noise.without_hardware_errors().model_copy(update={"clamp_compliance_mm": 2.0})
-    yields = vehicle.model_copy(update={"noise": noise})
-    drawn_one, same = (drawn(one, N_GAUGES, np.random.default_rng(4)) for one in (noise, vehicle.noise))
-    assert 0.0 < abs(drawn_one.clamp_axial.item()) < 8e-3
+    noise = flown.vehicle.noise.without_hardware_errors().model_copy(update={"clamp_compliance_mm": 2.0})
+    soft, same = (drawn(one, N_GAUGES, np.random.default_rng(4)) for one in (noise, flown.vehicle.noise))
+    assert 0.0 < abs(soft.clamp_axial.item()) < 8e-3
     assert same.clamp_axial.item() == same.clamp_transverse.item() == 0.0
-    model = structural_model(vehicle, vehicle.resolution.map, [layout])
-    net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
-    found = hardware_errors(yields, model, model.strain_operator(layout), listed_ensemble(net))
+    found = flown.columns(noise)
     assert [one.name for one in found] == ["clamp, along", "clamp, across"]
-    structure = true_structure(yields)
-    flown = true_flights(yields, structure, table, CONDITIONS)
+    yields = flown.vehicle.model_copy(update={"noise": noise})
+    flights = true_flights(yields, true_structure(yields), flown.table, CONDITIONS)
     for one, kind in zip(found, ("clamp_axial", "clamp_transverse"), strict=True):
-        change = flown.read(built(**{kind: 2e-3})) - flown.read(built())
+        change = flights.read(built(**{kind: 2e-3})) - flights.read(built())
         assert np.linalg.norm(one.strain - change) < 3e-3 * np.linalg.norm(change)
         assert np.linalg.norm(change) > 0.0
     with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
-        flights.read(built(clamp_axial=1e-3))
+        flown.flights.read(built(clamp_axial=1e-3))
 
 
-@pytest.mark.parametrize(
-    ("name", "errors", "tolerance"),
-    [
-        ("gauge gain", {"gauge_gain": 0.01}, 1e-9),
-        ("common gain", {"common_gain": 0.01}, 1e-9),
-        ("wall thickness", {"wall_thickness": 0.01}, 3e-3),
-        ("layout roll", {"layout_roll": radians(0.5)}, 3e-3),
-        ("gauge position, axial", {"axial_shift": 1e-3}, 3e-3),
-        ("gauge position, circumferential", {"circumferential_shift": 1e-3}, 3e-3),
-        ("gauge orientation", {"orientation": radians(1.0)}, 3e-3),
-        ("transverse sensitivity", {"transverse_sensitivity": 0.01}, 3e-3),
-    ],
-)
-def test_operators_of_hardware_errors_predict_vehicles_built_so(
-    name: str,
-    errors: dict[str, float],
-    tolerance: float,
-    vehicle: Vehicle,
-    true_model: TrueStructure,
-    flights: TrueFlights,
-    pressure: FloatArray,
-) -> None:
+def test_operators_of_hardware_errors_predict_vehicles_built_so(flown: Flown) -> None:
     """One standard deviation of each error, gauges of random signs: change of strain, 3e-3 in norm."""
-    layout = vehicle.gauges.layout
-    model = structural_model(vehicle, vehicle.resolution.map, [layout])
-    net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
-    noise = vehicle.noise.model_copy(update={"transverse_sensitivity_percent": 1.0})
-    stated = vehicle.model_copy(update={"noise": noise})
-    found = hardware_errors(stated, model, model.strain_operator(layout), listed_ensemble(net))
-    assert len(found) == 8
-    error = next(one for one in found if one.name == name)
-    (entry, size), sign = *errors.items(), np.ones(N_GAUGES)
-    if not error.common:
-        sign = np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES)
-    value = size if error.common else size * sign
-    # Half the difference of both signs: without what is of second order.
-    above, below = (flights.read(built(**{entry: way * value})) for way in (1.0, -1.0))
-    change = 0.5 * (above - below)
-    # Beside the slope break strain bends within a step of any size.
-    away = np.abs(true_model.placed.x - 1.75) > 0.1
-    assert np.linalg.norm((sign * error.strain - change)[:, away]) < tolerance * np.linalg.norm(change[:, away])
+    noise = flown.vehicle.noise.model_copy(update={"transverse_sensitivity_percent": 1.0})
+    sizes = {
+        "gauge gain": ("gauge_gain", 0.01, 1e-9),
+        "common gain": ("common_gain", 0.01, 1e-9),
+        "wall thickness": ("wall_thickness", 0.01, 3e-3),
+        "layout roll": ("layout_roll", radians(0.5), 3e-3),
+        "gauge position, axial": ("axial_shift", 1e-3, 3e-3),
+        "gauge position, circumferential": ("circumferential_shift", 1e-3, 3e-3),
+        "gauge orientation": ("orientation", radians(1.0), 3e-3),
+        "transverse sensitivity": ("transverse_sensitivity", 0.01, 3e-3),
+    }
+    found = flown.columns(noise)
+    assert {one.name for one in found} == sizes.keys()
+    # Next to the slope break strain bends within a step of any size.
+    away = np.abs(flown.model.placed.x - 1.75) > 0.1
+    for error in found:
+        entry, size, tolerance = sizes[error.name]
+        sign = np.ones(N_GAUGES) if error.common else np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES)
+        change = change_of(flown.flights, built(), **{entry: size if error.common else size * sign})[:, away]
+        off = np.linalg.norm((sign * error.strain)[:, away] - change)
+        assert off < tolerance * np.linalg.norm(change), error.name
 
 
-def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
-    vehicle: Vehicle, table: FlowTable, pressure: FloatArray
-) -> None:
+def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(flown: Flown) -> None:
     """Columns predict what vehicles read that are built so: 3 % in norm. Other numbers of a draw stay."""
     entries = {
         "row_orientation_deg": 1.0,
@@ -341,31 +266,27 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(
         "region_modulus_percent": 1.0,
         "joint_softness_mm": 2.0,
     }
-    noise = vehicle.noise.without_hardware_errors().model_copy(update=entries)
-    joints = vehicle.calibration.model_copy(update={"joint_stations_m": (1.2,)})
-    by_region = vehicle.model_copy(update={"noise": noise, "calibration": joints})
+    noise = flown.vehicle.noise.without_hardware_errors().model_copy(update=entries)
+    joints = flown.vehicle.calibration.model_copy(update={"joint_stations_m": (1.2,)})
+    by_region = flown.vehicle.model_copy(update={"noise": noise, "calibration": joints})
     structure = true_structure(by_region)
     assert structure.counts == Counts(gauge=N_GAUGES, region=4, row=4, joint=1)
-    model = structural_model(vehicle, vehicle.resolution.map, [vehicle.gauges.layout])
-    net = pressure - np.array([[one.ambient_pressure] for one in CONDITIONS])
-    z = model.strain_operator(vehicle.gauges.layout)
-    found = hardware_errors(by_region, model, z, listed_ensemble(net))
+    found = flown._replace(vehicle=flown.vehicle.model_copy(update={"calibration": joints})).columns(noise)
     kinds = [kind for kind in IN_NOISE if kind.noise in entries]
     keys = [(kind, k) for kind in kinds for k in range(structure.counts.of(kind))]
     assert [one.name for one in found] == [kind.in_words for kind, _ in keys]
     assert all(one.common for one in found)
-    flown, exact = true_flights(by_region, structure, table, CONDITIONS), exactly_built(structure.counts)
+    flights = true_flights(by_region, structure, flown.table, CONDITIONS)
     for error, (kind, k) in zip(found, keys, strict=True):
         size = kind.noise_std(noise) * np.eye(structure.counts.of(kind))[k]
-        above, below = (flown.read(exact.changed(**{kind.name: sign * size})) for sign in (1.0, -1.0))
-        change = 0.5 * (above - below)
+        change = change_of(flights, exactly_built(structure.counts), **{kind.name: size})
         assert np.linalg.norm(error.strain - change) < 0.03 * np.linalg.norm(change), (kind.name, k)
     stated = noise.model_copy(update={"gauge_gain_percent": 1.0})
-    one, plain = (drawn(of, structure.counts, np.random.default_rng(3)) for of in (stated, vehicle.noise))
+    one, plain = (drawn(of, structure.counts, np.random.default_rng(3)) for of in (stated, flown.vehicle.noise))
     np.testing.assert_array_equal(one.gauge_gain, plain.gauge_gain)
     many = drawn(stated, structure.counts, np.random.default_rng(4), count=3)
-    read = flown.read(many, slice(1, 2))
+    read = flights.read(many, slice(1, 2))
     for number in range(3):
-        close(read[number], flown.read(many.one_of(number))[1], 1e-12)
+        close(read[number], flights.read(many.one_of(number))[1], 1e-12)
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):
-        counts_in_flight(vehicle.model_copy(update={"noise": noise}), structure.placed.roll_angle)
+        counts_in_flight(flown.vehicle.model_copy(update={"noise": noise}), structure.placed.roll_angle)
