@@ -201,7 +201,7 @@ def run_study(
 ) -> StudyResult:
     """Build and try every design of a study; write the table and its figure to the folder ``output``.
 
-    What is up to date in the folder of a design is not made again, so that a study that was interrupted goes on.
+    An interrupted study continues: designs that are up to date are reused.
 
     Parameters
     ----------

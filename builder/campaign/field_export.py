@@ -35,7 +35,7 @@ _DECLARED = {
 def convert(
     snapshots: str | Path, output: str | Path, *, file_format: Literal["vtu", "triq", "csv"] = "vtu"
 ) -> list[Path]:
-    """Write every snapshot of a file into the folder ``output``, as :func:`export_snapshots` does."""
+    """Write every snapshot of a file into the folder ``output``, for other programs."""
     return export_snapshots(load_snapshots(snapshots), Path(output), file_format)
 
 

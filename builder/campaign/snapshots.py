@@ -95,7 +95,7 @@ class Snapshots:
 
     @property
     def total_incidence(self) -> FloatArray:
-        """(N,) angle between axis and wind [rad]."""
+        """(N,) total angle of attack [rad]."""
         return np.array([condition.total_incidence for condition in self.conditions()])
 
     def __post_init__(self) -> None:
@@ -166,7 +166,7 @@ class Snapshots:
 
 @dataclass(frozen=True, eq=False)
 class KeptFlows:
-    """The solved flows that a snapshot file holds besides the pressures, for later campaigns.
+    """The solved flows of a snapshot file, for later campaigns.
 
     Attributes
     ----------

@@ -79,7 +79,7 @@ class Calibration:
     Attributes
     ----------
     inverse_map : of the vehicle as built.
-    estimate, faults, outside : what the test says.
+    estimate, faults, outside : results of the test.
     files : that were written.
     notes : lines for the user.
     verdict : of the report, where one was written.
@@ -126,11 +126,11 @@ def calibrate(
     ----------
     inverse_map : the map as built from the drawing.
     test : ``loadtest.toml``.
-    output : of the calibrated map. The zeros of the gauges are written next to it, ``.._zeros.toml``.
+    output : of the calibrated map. The zero offsets are written next to it, ``.._zeros.toml``.
     vehicle : the vehicle file; by default the one that the test names.
     snapshots : snapshots of the map; by default the ones next to it. The flows of the independent model,
-        which alarm levels are measured with, are next to the snapshots.
-    accept : make the map although no error with a name explains the readings.
+        which detection thresholds are measured with, are next to the snapshots.
+    accept : make the map although no named error explains the readings.
     progress : True for progress bars.
 
     Raises

@@ -46,7 +46,7 @@ from strainfmu.files import write_bytes_atomically
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProposedGauges:
-    """A proposed layout with the study behind it, and curves where they are wanted."""
+    """A proposed layout with its study, and curves if requested."""
 
     study: Study
     placement: Placement
@@ -307,7 +307,7 @@ def review(
     snapshots: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> Review:
-    """Review a gauge layout: what it observes, what each gauge contributes, which losses it does not bear.
+    """Review a gauge layout: observed pressure, value of each gauge, critical losses.
 
     Parameters
     ----------

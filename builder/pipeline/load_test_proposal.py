@@ -64,7 +64,7 @@ TEMPLATE_HEAD = (
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoadTestProposal:
-    """A proposed ground test: its load cases, lines on what it leaves and the time it takes, and its files."""
+    """A proposed ground test: load cases, lines on what they leave undetermined and on their time, and files."""
 
     plan: LoadPlan
     lines: tuple[str, ...]

@@ -72,14 +72,14 @@ def build(
     estimator: Estimators | None = None,
     progress: AnyProgress = None,
 ) -> Path:
-    """Make the files up to the inverse map and the report next to it; return the map's path.
+    """Build the inverse map of a vehicle and its report, with all files they need; return the map's path.
 
     Parameters
     ----------
     vehicle : vehicle file.
-    output : folder. Snapshots and structure that are in it and were made by a command of their own are used.
+    output : folder. Its snapshots.h5 and structure.h5 are used where they fit.
     snapshots, structure : files to use, from anywhere.
-    rebuild : whether the files of the folder are made again from the vehicle file, whatever options made them.
+    rebuild : whether the files of the folder are made again from the vehicle file.
     estimator : replaces the entry of the section [map].
     progress : True for progress bars.
 

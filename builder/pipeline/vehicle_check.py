@@ -66,7 +66,7 @@ class _Faults:
 
 @dataclass(frozen=True, kw_only=True)
 class VehicleCheck:
-    """What follows from a vehicle file: rows of name and value, and lines on what to know."""
+    """Findings on a vehicle file: rows of name and value, and lines for the user."""
 
     name: str
     rows: tuple[tuple[str, str], ...]

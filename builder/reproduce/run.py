@@ -103,11 +103,11 @@ class _Stages:
 def reproduce_paper(
     output: str | Path = "reproduction", *, quick: bool = False, progress: AnyProgress = None
 ) -> Reproduction:
-    """Compute what is not up to date, draw it and compare it with the source.
+    """Repeat the studies of the source paper, draw them and compare them with the published numbers.
 
     Parameters
     ----------
-    output : folder of the results; snapshots, strain operators and studies are kept there.
+    output : folder of the results. Files that are up to date are reused.
     quick : use coarse grids.
     progress : True for progress bars.
 

@@ -29,9 +29,9 @@ class MappedStructure:
     description : the structure's model and resolution.
     layouts : per layout name, the gauges in body axes.
     operators : per layout name Z_p H (n_d, n_p) [1/Pa], with H the interpolation from the snapshots' surface.
-    error_operators : per layout name the error (n_d, n_p) [1/Pa] by the mesh: what another one says of the same
-        gauges less this; empty where there is no other.
-    checked_against : that other one, in words.
+    error_operators : per layout name the error (n_d, n_p) [1/Pa] by the mesh: strain by another discretisation
+        less strain by this one; empty where there is no other.
+    checked_against : name of the other discretisation.
     is_external : whether another structural code made it, so that the vehicle file's wall is not its wall.
     """
 

@@ -215,7 +215,7 @@ def symmetry_responses(
     """Return the response of a layout to each of :data:`SYMMETRIES`, pressures up to ``degree`` in x.
 
     A singular value counts where it is above ``threshold`` times the greatest of all classes. A layout of rank 0
-    in a class is blind to it: its strains hold nothing of such a pressure.
+    in a class does not observe such pressure.
     """
     low = response.degree <= degree
     found = [

@@ -35,7 +35,7 @@ _SIZES = (("degrees_of_freedom", "dofs"), ("load_cases", "load cases"), ("loaded
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Structure:
-    """Z_p of a vehicle's gauges, with the surface it takes pressure on.
+    """Strain per pressure of a vehicle's gauges, Z_p, and the surface that carries the pressure.
 
     Attributes
     ----------

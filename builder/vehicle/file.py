@@ -46,7 +46,7 @@ IC3X = VEHICLES / "ic3x.toml"
 
 
 class Vehicle(Section):
-    """A vehicle file, whole."""
+    """A vehicle: the contents of a vehicle file."""
 
     name: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(one_line)]
     description: str = ""

@@ -77,12 +77,12 @@ class StrainEncoder:
         self._sent = [_holds_pressure(frame) for frame in layout.flow_frames]
 
     def begin(self) -> None:
-        """Begin a new run: nothing has been heard in it."""
+        """Begin a new run, in which no result was heard yet."""
         self.trip, self.session = self.trip + 1, (self.session + 1) % _SESSIONS
         self._heard, self._ticks = None, {}
 
     def hear(self, answered: int, counter: int, when: float) -> None:
-        """Take in that a result was heard.
+        """Record that a result was heard.
 
         Parameters
         ----------

@@ -101,7 +101,7 @@ def estimate(
     date_order : what stands first in dates of figures.
     filter_seconds, smooth : time constant of a filter [s], and whether it filters from both ends.
     zeros : zero offsets of the gauges (TOML), subtracted.
-    bus : bus file of a CAN log that no bridge recorded. A log takes ``dynamic_pressure`` and ``zeros`` besides.
+    bus : bus file of a CAN log that no bridge recorded. A log takes ``dynamic_pressure`` and ``zeros`` too.
     progress : takes how much is done, and how much there is.
 
     Raises

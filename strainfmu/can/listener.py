@@ -112,7 +112,7 @@ class BusListener:
     # --- in ------------------------------------------------------------------------------------------------------
 
     def on_message_received(self, message: Any) -> None:
-        """Take in a message of python-can."""
+        """Process a message of python-can."""
         self.take(message, self._clock())
 
     __call__ = on_message_received

@@ -40,7 +40,7 @@ class LoadListener:
     on_result : called with every result, which must not block.
     bus : python-can's, on which results are sent; without it none are, and a sender that is started again waits
         for :meth:`confirm`.
-    loop : asyncio's, as of the Notifier; None: a thread looks at the time.
+    loop : asyncio's, equal to the Notifier's; None for a thread of its own.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class LoadListener:
             loop.call_soon(self._look)
 
     def __call__(self, message: Any) -> None:
-        """Take in a message of python-can."""
+        """Process a message of python-can."""
         with self._lock:
             if not self._stopped.is_set():
                 self._listener.take(message, time.monotonic())
@@ -118,12 +118,12 @@ class LoadListener:
         return self._listener.last
 
     def confirm(self) -> None:
-        """Take the sender for the true one and its delay for the smallest: you have checked both."""
+        """Confirm the sender and its present delay, which you have checked."""
         with self._lock:
             self._machine.confirm()
 
     def stop(self) -> None:
-        """End: no result comes any more."""
+        """Stop: no more results come."""
         with self._lock:
             if not self._stopped.is_set():
                 self._stopped.set()

@@ -74,7 +74,7 @@ class AirData(NamedAirData):
     ----------
     names : of the quantities.
     value, std : (k, 7) or (7,) in :data:`AIR_DATA_UNITS`: rad, rad, rad, rad, 1, Pa, Pa.
-    is_identified : (k, 7) whether strain and navigation say more of it than the ranges of the map do.
+    is_identified : (k, 7) whether strain and air-data inputs determine it better than the ranges of the map.
     """
 
     names: ClassVar[tuple[str, ...]] = AIR_DATA_NAMES

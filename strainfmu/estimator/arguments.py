@@ -16,7 +16,7 @@ from strainfmu.estimator.signal_names import STRAIN
 
 
 class SampleInputs(TypedDict, total=False):
-    """What may be known of a sample besides strain and dynamic pressure: arguments of ``estimate`` and ``track``.
+    """Inputs of a sample in addition to strain and dynamic pressure: arguments of ``estimate`` and ``track``.
 
     Each is one value for all samples, or one of each; NaN or left out where it is not known.
     """

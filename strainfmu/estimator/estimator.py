@@ -420,7 +420,7 @@ class Estimator:
         return Estimate(record, self, records, samples.mask)
 
     def track_again(self, samples: FloatArray, mask: BoolArray | None, time: FloatArray) -> Estimate:
-        """Return estimates of k samples that an estimator of the same map has seen before, as :meth:`track`.
+        """Return estimates of k samples along time from the inputs that an estimator of the same map recorded.
 
         ``samples`` (k, n_inputs) are the inputs of its estimates, ``mask`` (k, n_d) the sensors that were not left
         out, None for all, ``time`` (k,) [s].
@@ -431,7 +431,7 @@ class Estimator:
         return Estimate(record, self, samples, mask)
 
     def restart(self) -> None:
-        """Forget the samples that :meth:`track` has seen."""
+        """Begin a new sequence of samples for :meth:`track`."""
         if self._tracks is not None:
             self._tracks.restart()
 
@@ -614,7 +614,7 @@ class Estimator:
     ) -> Tare:
         """Return the zero offsets of the strain gauges from a window of readings while the loads are known.
 
-        The estimator keeps its own; :meth:`with_zeros` takes those that are found.
+        The estimator's own zero offsets stay; :meth:`with_zeros` applies the new ones.
 
         Parameters
         ----------

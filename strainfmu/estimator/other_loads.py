@@ -98,7 +98,7 @@ class LoadFamily:
 
 @dataclass(frozen=True)
 class LoadGroup:
-    """One load of a family at all ``places`` of a map, rows ``first`` and on of the loads behind the five."""
+    """One load of a family at all ``places`` of a map: rows from ``first`` on of the loads behind the five."""
 
     family: LoadFamily
     load: LoadKind

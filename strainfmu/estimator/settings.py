@@ -25,11 +25,11 @@ class EstimatorSettings:
     Attributes
     ----------
     reference_area : S [m2] that coefficients are referred to.
-    reference_length : L [m] that moment coefficients are referred to besides.
+    reference_length : L [m] that moment coefficients are also referred to.
     moment_station : x [m] of the moment point on the axis, aft from the nose tip.
     sensor_range : largest |strain| of a working gauge [m/m].
-    alarm_scale : factor on the alarm level of chi-square, and on the square of the level of the largest |z| [1]. 4
-        is twice the noise in every gauge before the same rate of false alarms.
+    alarm_scale : factor on the detection threshold of chi-square, and on the square of the one of |z| [1]. 4
+        allows twice the noise in every gauge.
     """
 
     reference_area: float

@@ -131,9 +131,9 @@ class ExportOptions:
     inputs : "minimal" for strains, dynamic pressure, Mach number, altitude and static pressure, and what the map
         needs in addition; "full" for ``valid`` of each gauge and all other air data too.
     estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
-        that which the map was built for.
-    zero_inputs : whether an FMU of scalars lists zeros of the gauges, their standard deviations, and the zeros
-        that a tare has taken; one of arrays always does.
+        the one that the map was built for.
+    zero_inputs : whether an FMU of scalars lists zero offsets, their standard deviations, and the ones that a
+        tare has measured; an FMU of arrays always does.
     tare_known : file, in the form of zeros, of the strain of the loads that act while the FMU takes a tare, as own
         weight; None for none.
     """

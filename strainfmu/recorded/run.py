@@ -63,12 +63,12 @@ class EstimationSummary:
     refused : number of steps that the FMU refused; their outputs are NaN.
     results : number of samples that have coefficients.
     fields : number of pressure fields written.
-    account : number of samples by state, and the gauges to blame.
+    account : number of samples by state, and the suspect gauges.
     history : the course of the flight: when loads are not usable, largest loads, gauges that do not fit.
-    faults : what was checked: strains that no gauge has measured, by gauge.
+    faults : strains that no gauge has measured, by gauge.
     gaps : gaps between samples, and the time from sample to sample.
     unused : columns of the data that were not read.
-    notes : what else is to be known of the data.
+    notes : remarks on the data.
     """
 
     samples: int = 0
@@ -133,14 +133,14 @@ def estimate_file(
     ----------
     output : CSV, HDF5, Parquet or MF4.
     dynamic_pressure : q_inf of the whole file [Pa], instead of its column; NaN where it is not known.
-    residuals : whether to write the standardised residual of every gauge, and its alarm level. Needs a map.
+    residuals : whether to write the standardised residual of every gauge, and its limit. Needs a map.
     ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
     channels : file that states which channel is which gauge (channels.toml); None where gauges name them.
-    check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
+    check_level : whether to refuse strains so far from the map's range that their unit must be another.
     field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
     time_constant : of a filter over time [s], None for none. Needs a map.
-    smooth : whether to smooth what it has filtered. The output says both.
-    zeros : file of what the gauges read without strain (zeros.toml), None for what ``source`` holds.
+    smooth : whether to filter from both ends. The output states both.
+    zeros : zero offsets of the gauges (zeros.toml); None for the ones in ``source``.
     accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
     exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels; "auto"
         for all that repeat their reading while others change.

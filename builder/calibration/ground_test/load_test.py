@@ -35,7 +35,7 @@ class KnownLoad:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadErrors:
-    """Standard deviations of what a test says of its loads.
+    """Standard deviations of the loads of a ground test.
 
     Attributes
     ----------

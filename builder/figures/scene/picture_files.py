@@ -26,7 +26,7 @@ def picture(
     ----------
     folder : with map.h5 and snapshots.h5, as :func:`builder.build` and :func:`builder.demo` leave it.
     output : file to write: .png, .glb or .vtp.
-    case : number of the snapshot from 1 whose pressure is shown; None for the one of greatest incidence.
+    case : number of the snapshot from 1 whose pressure is shown; None for the greatest total angle of attack.
     excluded : gauges to draw in black.
 
     Raises

@@ -98,7 +98,7 @@ class DemoResult:
     files : names of the files, in the order of the stages, with what each holds.
     reused : files that were up to date.
     physics : the flow model that flies, and the flow model of the map.
-    errors_in_sigma : names of the errors that the stated sigmas hold.
+    errors_in_sigma : names of the errors that the stated sigmas include.
     summary : ``summary.json``: accuracy of the flown FMU; where there are any, ``held_out`` on imported results
         that maps are made without, ``estimators`` of a map with tables on the flown strains, and ``as_built``, the
         map of a vehicle that was tested on the ground before and after the test and if all were known.
@@ -154,10 +154,10 @@ def demo(
     output : folder for the results.
     vehicle : vehicle file; None for the shipped one.
     snapshots, structure, rebuild : as :func:`build` takes them.
-    perfect : whether exactly the vehicle of the file flies. Otherwise hardware errors are drawn at the sizes of
-        the section [noise].
+    perfect : whether exactly the vehicle of the file flies. Otherwise installation errors are drawn at the sizes
+        of the section [noise].
     as_built : seed of a vehicle drawn from the section [calibration] instead, which is tested on the ground and
-        flies with the map that the test calibrates.
+        flies with the calibrated map.
     estimator : replaces the entry of the section [map].
     can : whether plant and estimator fly once more over a CAN bus, as sender and bridge, two processes.
     can_duration : of that flight [s].

@@ -359,7 +359,7 @@ def as_built_structure(
     surface: SurfaceGrid | None = None,
     harmonic_within: int = LOW - 1,
 ) -> AsBuiltStructure:
-    """Solve the structure of a vehicle for what may be as it was built.
+    """Solve the structure of a vehicle for all errors of a vehicle as built.
 
     Parameters
     ----------

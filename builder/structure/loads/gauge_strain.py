@@ -32,7 +32,7 @@ UNBALANCED = 1e-6
 
 
 def gauge_strain(structure: LoadedStructure, loads: Sequence[Load]) -> FloatArray:
-    """Return what every gauge reads under loads that act together.
+    """Return the reading of every gauge under loads that act together.
 
     The response is linear: strains of load cases add, and scale with each load.
 

@@ -28,10 +28,10 @@ _OF_LOADS = "ambient_pressure_Pa"
 
 
 def load_zeros(path: Path, gauge_names: Sequence[str]) -> GaugeZeros:
-    """Return the zeros in ``path`` in the order of ``gauge_names``.
+    """Return the zero offsets in ``path`` in the order of ``gauge_names``.
 
     The table ``[gauges]`` holds ``name = { zero_um_per_m = .., std_um_per_m = .. }``; ``common_std_um_per_m``
-    stands before it. ``[made_from]`` states how they were found, and may be missing.
+    stands before it. ``[made_from]`` states their origin, and may be missing.
 
     Raises
     ------

@@ -83,15 +83,15 @@ def simulate(
     communication_step_size : time between communication points [s].
     record : signals ``instance.variable`` to record; None records all outputs that are numbers.
     progress : called with the simulated time [s] after every step.
-    at_once : step all instances with what the others gave at the communication point before (Jacobi), as most
+    at_once : step all instances with the outputs of the communication point before (Jacobi), as most
         other engines do: every connection then has a delay of one step. The start is the same.
 
     Raises
     ------
     InputError
-        An FMU is missing or damaged, a name is unknown, a connection or a time cannot be meant.
+        An FMU is missing or damaged, a name is unknown, or a connection or a time is impossible.
     StrainfmuError
-        fmpy is not installed, or an FMU failed; the message holds the FMU's own words.
+        fmpy is not installed, or an FMU failed; the message includes the FMU's log.
     """
     time = communication_points(stop_time, communication_step_size)
     descriptions = {name: read_description(Path(path)) for name, path in system.instances.items()}

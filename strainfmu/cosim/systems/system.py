@@ -15,7 +15,7 @@ from strainfmu.errors import InputError
 class Connection:
     """An output that feeds an input, both as ``instance.variable``.
 
-    A delayed connection brings the output of the communication point before: one of them must be in every cycle.
+    A delayed connection carries the output of the communication point before. Every cycle needs one.
     """
 
     source: str

@@ -82,7 +82,7 @@ class NamedLoads:
 @dataclass(frozen=True, eq=False)
 class Sigma(NamedLoads):
     """Standard deviations by name: of the ``loads`` (.., 5) [N, N m], of the ``coefficients`` (.., 5) [1], and of
-    the others (.., m)."""
+    the other loads (.., m)."""
 
     loads: FloatArray
     coefficients: FloatArray

@@ -269,12 +269,12 @@ class InverseMap:
 
     @property
     def has_temperature(self) -> bool:
-        """Whether the map knows what the wall's temperature strains."""
+        """Whether the map has modes of the wall's temperature."""
         return self.thermal.n_modes > 0
 
     @property
     def has_masses(self) -> bool:
-        """Whether the map knows what the vehicle's inertia strains."""
+        """Whether the map has modes of the vehicle's inertia."""
         return self.inertia is not None
 
     @cached_property

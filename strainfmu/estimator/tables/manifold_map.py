@@ -44,7 +44,7 @@ class StatePrior(NamedTuple):
 @described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ManifoldMap:
-    """Tables and errors for n_d gauges and the n_f loads of the map, in its order.
+    """Tables of the nonlinear estimator and their errors, for n_d gauges and the n_f loads of the map.
 
     Errors are per p_inf where they scale with the pressure level. Those in proportion to strain follow
     c = [1, loads / (p_inf S [1, 1, 1, L, L])].

@@ -24,13 +24,13 @@ LARGEST_ZERO = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaugeZeros:
-    """Zeros of n_d strain gauges, taken off what they read.
+    """Zero offsets of n_d strain gauges, subtracted from the readings.
 
     Attributes
     ----------
     value : (n_d,) reading without strain [m/m].
     std : (n_d,) standard deviation of the error of each, independent of the others [m/m].
-    common_std : standard deviation of an error which all have in common [m/m].
+    common_std : standard deviation of an error common to all [m/m].
     """
 
     value: FloatArray

@@ -1,4 +1,4 @@
-"""What a tare is given and what it finds; the compiled core computes it (``fmus/native/estimator/zeros``)."""
+"""Inputs, limits and results of a tare, which the compiled core computes (``fmus/native/estimator/zeros``)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class TareLimits:
     ----------
     dynamic_pressure : largest |q_inf| [Pa] at which air does not load the vehicle.
     zero : largest plausible |zero| [m/m].
-    drift : largest rise of a gauge over the window [m/m] that is taken into its standard deviation.
+    drift : largest rise of a gauge over the window [m/m]; it joins the standard deviation.
     """
 
     dynamic_pressure: float = 100.0
@@ -68,7 +68,7 @@ class TareLimits:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownStrain:
-    """Strain of the loads that act while tare is taken, as own weight.
+    """Strain of known loads during a tare, such as own weight.
 
     Attributes
     ----------
@@ -89,18 +89,18 @@ class KnownStrain:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tare:
-    """Zeros, and what speaks against them.
+    """Zero offsets of a tare, and its checks.
 
     Attributes
     ----------
     zeros : of gauges that do not read: 0 with the largest standard deviation there is.
     samples : number of readings.
-    memory : factor on the standard deviations by which readings depend on each other [1].
-    gauges : number of gauges that have a zero.
-    rms, largest_std : of their zeros, and the largest of their standard deviations [m/m].
-    reasons : all that speaks against the zeros.
-    faults : reasons not to use them, one line each, but for too few gauges; none where loads are known.
-    notes : what else is to be known.
+    memory : factor on the standard deviations for correlated readings [1].
+    gauges : number of gauges that have a zero offset.
+    rms, largest_std : of their zero offsets, and the largest of their standard deviations [m/m].
+    reasons : all checks that failed.
+    faults : the failed checks in words, but for too few gauges; none of a good tare.
+    notes : remarks for the user.
     """
 
     zeros: GaugeZeros

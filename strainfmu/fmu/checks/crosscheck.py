@@ -62,7 +62,7 @@ class ImporterResult:
 
 
 def crosscheck(fmu: str | PathLike[str], output: str | PathLike[str] = "crosscheck") -> list[ImporterResult]:
-    """Run an FMU of this package in every importer that is installed; return what each made of it.
+    """Run an FMU of this package in every importer that is installed; return the result of each.
 
     Parameters
     ----------
