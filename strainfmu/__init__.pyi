@@ -35,13 +35,14 @@ from strainfmu.recorded.run import estimate_file as estimate_file
 
 # FMUs
 from strainfmu.can.export import export as export
+from strainfmu.can.export import plant as plant
 from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
-from strainfmu.fmu.plant_export import plant as plant
 from strainfmu.fmu.flight_export import fly as fly
 from strainfmu.cli.bench import bench as bench
 from strainfmu.fmu.checks.worst_step import bench_worst as bench_worst
 from strainfmu.fmu.export import ExportOptions as ExportOptions
 from strainfmu.fmu.export import export_estimator as export_estimator
+from strainfmu.fmu.plant_export import export_can_bus as export_can_bus
 from strainfmu.cosim.systems.system import Connection as Connection
 from strainfmu.cosim.systems.system import System as System
 from strainfmu.cosim.systems.master import matching_connections as matching_connections

@@ -6,64 +6,38 @@ takes each quantity (``fmus/native/ecu/ecu.h``).
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from strainfmu.can.bus_file import BusDescription, read_bus
+from strainfmu.can.bus_file import BusDescription
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine
+from strainfmu.can.nodes import bus_of_fmu, frame_table, node_resource, rates_of
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_frames import composition
 from strainfmu.can.result_layouts import STATUS_PERIOD
 from strainfmu.can.setup import all_layouts, make_machine
-from strainfmu.can.signals import SIGNAL, SLOT, signal_table
+from strainfmu.can.signals import SIGNAL, signal_table
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import needs_pressure
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, Q_SOURCE, STD
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.signal_names import STRAIN, TARE
+from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.fmu.description.port import BusPart, Port
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references
 
 _VERSION = 1
-_BYTE_ORDER_MARK = 0x01020304
-_HEADER = 32
-
-_ENTRIES_OF_HARDWARE = {
-    "interface": "bus.interface",
-    "channel": "bus.channel",
-    "bus_options": "bus.options",
-    "log_channel": "bus.log_channel",
-    "key_file": "input.key",
-    "freshness_file": "input.freshness",
-    "synchronised": "clock.synchronised_ms",
-    "zeros": "zeros.file",
-    TARE: f"{TARE}.map",
-    "record": "record.file",
-    "publish": "page.publish",
-    "http": "page.http",
-}
-"""Entries of a bus file that an FMU has no use for, by the field that they set."""
 
 _KEY = np.dtype([("key", "u4"), ("slot", "i4")], align=True)
 _QUANTITY = np.dtype([("variable", "i4"), ("is_whole", "i4"), ("value", "f8"), ("fallback", "f8")], align=True)
 _OTHER = np.dtype([("variable", "i4"), ("padding", "i4"), ("step", "f8")], align=True)
-_FRAME = np.dtype(
-    [
-        ("identifier", "u4"),
-        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
-        ("protection", SLOT),
-    ],
-    align=True,
-)
 _ARRAYS = (
     *(
         "plan",
@@ -112,12 +86,7 @@ def export_ecu(
     options = options or ExportOptions(fmi_version="3")
     if options.kind != "native" or options.fmi_version != "3":
         raise InputError("bus: expected an FMU of kind native and FMI 3.0, which alone has clocks: --fmi 3")
-    bus = read_bus(bus_path)
-    for field, entry in _ENTRIES_OF_HARDWARE.items():
-        if bus.stated.get(field) is not None or getattr(bus, field, None) is not None:
-            raise InputError(
-                f"{bus_path}: {entry}: expected no such entry with 'export --bus', which makes an FMU"
-            )
+    bus = bus_of_fmu(bus_path)
     return export_estimator(map_path, fmu_path, options, lambda source: ecu_part(source, bus))
 
 
@@ -138,9 +107,7 @@ def ecu_part(map_path: Path, bus: BusDescription) -> BusPart:
             "response_time": bus.response_time,
             "status_period": STATUS_PERIOD,
             "bridge_alarm": machine.plan.bridge_alarm,
-            "is_triggered": bus.tx_clock == "triggered",
-            "can_rate": 1000 * bus.can_rate,
-            "fd_rate": 1000 * bus.fd_rate if any(one.is_fd for one in results) else 0,
+            **rates_of(bus, results),
             "needs_pressure": needs_pressure(ready.step),
             "configuration": configuration,
         }
@@ -150,8 +117,9 @@ def ecu_part(map_path: Path, bus: BusDescription) -> BusPart:
     dbc = dbc_text(all_layouts(map_path, chosen), map_path.name).encode("cp1252", "replace")
     numbers[STRAIN] = references[f"{STRAIN}[1]"]
     return BusPart(
-        port=Port(bus.network, bus.tx_clock),
-        resource=lambda guid: _resource(arrays, numbers, guid),
+        ports=(Port(bus.network, bus.tx_clock),),
+        resource="bus.bin",
+        content=lambda guid: _resource(arrays, numbers, guid),
         dbc=dbc,
         lines=_lines(bus, machine),
     )
@@ -181,18 +149,6 @@ def _arrays(
             constants.setdefault(f"{angle}{STD}", ANGLE_ERROR)
     frames, others = composition(tuple(results))
     keys = [(key, slot) for key, slot in plan.slots.items()] + [(one.key, -1) for one in results]
-    tables = [signal_table(layout) for layout, _, _ in frames]
-    rows = np.zeros(len(frames), dtype=_FRAME)
-    first = 0
-    for row, (layout, kind, sources) in zip(rows, frames, strict=True):
-        protection = layout.protection
-        assert protection is not None
-        row["identifier"], row["is_extended"] = layout.identifier, layout.is_extended
-        row["is_fd"], row["length"], row["kind"] = layout.is_fd, layout.length, kind
-        row["modulus"], row["first"], row["n_signals"] = protection.counter_modulus, first, len(sources)
-        row["protection"]["profile"], row["protection"]["data_id"] = protection.profile, protection.data_id
-        row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
-        first += len(sources)
     return {
         "plan": plan.record,
         **plan.tables,
@@ -202,8 +158,8 @@ def _arrays(
             [_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY
         ),
         "other": np.array([(references[name], 0, step) for name, step in others.outputs.items()], dtype=_OTHER),
-        "frame": rows,
-        "sent": np.concatenate(tables).astype(SIGNAL),
+        "frame": frame_table([(layout, kind) for layout, kind, _ in frames]),
+        "sent": np.concatenate([signal_table(layout) for layout, _, _ in frames]).astype(SIGNAL),
         "source": np.concatenate([sources for _, _, sources in frames]).astype("i4"),
     }
 
@@ -216,34 +172,12 @@ def _taken(name: str, references: Mapping[str, int], value: float = np.nan) -> t
 
 def _resource(arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any], guid: str) -> bytes:
     """Return ``bus.bin``."""
-    setup = np.zeros(1, dtype=_SETUP)
+    counted = {"keys": "key", "constants": "constant", "others": "other", "frames": "frame", "sent": "sent"}
     counts = {
-        "n_keys": "key",
-        "n_constants": "constant",
-        "n_others": "other",
-        "n_frames": "frame",
-        "n_sent": "sent",
+        f"n_{name}": len(arrays[of]) for name, of in (counted | {"signals": "signal", "codes": "code"}).items()
     }
-    counts |= {"n_signals": "signal", "n_codes": "code"}
-    for name, value in {
-        **numbers,
-        **{count: len(arrays[of]) for count, of in counts.items()},
-        "guid": guid.encode(),
-    }.items():
-        setup[name] = value
-    place, parts = _HEADER + _SETUP.itemsize, []
-    for name in _ARRAYS:
-        content = arrays[name].tobytes()
-        if name == "plan":  # addresses are the reader's
-            record = arrays[name].copy()
-            for address in ("slot", "signal", "code", "change"):
-                record[address] = 0
-            content = record.tobytes()
-        padding = bytes(-place % 8)
-        setup[name] = place + len(padding)
-        parts += [padding, content]
-        place += len(padding) + len(content)
-    body = setup.tobytes() + b"".join(parts)
-    head = b"SFMUBUS\0" + np.array([_VERSION, _BYTE_ORDER_MARK], "<u4").tobytes()
-    head += np.array([_HEADER + len(body)], "<u8").tobytes()
-    return head + np.array([zlib.crc32(body), 0], "<u4").tobytes() + body
+    record = arrays["plan"].copy()
+    for address in ("slot", "signal", "code", "change"):
+        record[address] = 0  # the reader's own
+    listed = {name: arrays[name] for name in _ARRAYS} | {"plan": record}
+    return node_resource(b"SFMUBUS", _VERSION, _SETUP, listed, {**numbers, **counts, "guid": guid.encode()})

@@ -20,7 +20,7 @@ LIBRARIES = {
 }
 """Folders below ``fmus/native`` of the models in each library; ``plant`` serves autopilot and schedule too."""
 
-BESIDE = {"estimator": ("bus", "ecu")}
+BESIDE = {"estimator": ("bus", "network", "ecu"), "plant": ("bus", "network", "nodes")}
 """Folders that the built library holds next to the model, for Python and for FMUs on a bus, which bring their
 sources."""
 
@@ -38,7 +38,7 @@ _MARKED = re.compile(MARK.encode() + rb"([0-9a-f]{64})")
 
 def library_folders(library: str) -> tuple[str, ...]:
     """Return the folders that make ``library``, a key of :data:`LIBRARIES`."""
-    return (*FRONTS.values(), *LIBRARIES[library], *BESIDE.get(library, ()))
+    return (*FRONTS.values(), *LIBRARIES[library], *BESIDE[library])
 
 
 def sources_digest(sources: Mapping[str, bytes]) -> str:

@@ -268,7 +268,7 @@ def _native_estimator(
     listed = _in_order(arrays, options) if of_arrays else _listed(scalars, inverse_map, options)
     capabilities = native_package.CAPABILITIES[version]
     if bus is not None:
-        digest += bus.resource("") + repr(bus.port).encode()
+        digest += bus.content("") + repr(bus.ports).encode()
         listed, capabilities = fed_by_frames(listed), native_package.CAPABILITIES_ON_BUS
     has_model_exchange = inverse_map.manifold is None and bus is None
     description = FmuDescription(
@@ -285,11 +285,11 @@ def _native_estimator(
         n_arrays=len(arrays) if options.scalars else None,
         built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
         numbers=value_references(arrays if of_arrays else scalars),
-        port=None if bus is None else bus.port,
+        ports=() if bus is None else bus.ports,
     )
     resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
     if bus is not None:
-        resource_files["bus.bin"] = bus.resource(description.guid)
+        resource_files[bus.resource] = bus.content(description.guid)
     return {
         **native_entries(
             description=description, libraries=libraries, sources=sources, resource_files=resource_files

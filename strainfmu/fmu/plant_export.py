@@ -1,10 +1,10 @@
-"""Export of the native FMUs round the estimator: plant, autopilot and schedule (co-simulation)."""
+"""Export of the native FMUs round the estimator: plant, autopilot, schedule, CAN bus (co-simulation)."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
@@ -25,14 +25,15 @@ from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.files import built_time_of, content_hash_of
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description.fmu_description import FmuDescription
+from strainfmu.fmu.description.port import MOST_PORTS, BusPart, Port, port_files
 from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.index_page import Section, documentation_files
 from strainfmu.fmu.documentation.plant_page import native_plant_sections
 from strainfmu.fmu.documentation.run_panels import reference_sections
 from strainfmu.fmu.fmu_file import check_fmu_path
-from strainfmu.fmu.native.package import CAPABILITIES, chosen_libraries, native_entries
+from strainfmu.fmu.native.package import CAPABILITIES, CAPABILITIES_ON_BUS, chosen_libraries, native_entries
 from strainfmu.fmu.native.sources import compiled_files, native_sources
-from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
+from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data, resource_file
 from strainfmu.fmu.reference_run.plant import (
     Reference,
     autopilot_reference,
@@ -40,68 +41,18 @@ from strainfmu.fmu.reference_run.plant import (
     schedule_reference,
 )
 from strainfmu.interface.contents import CONTENTS
-from strainfmu.interface.fmi_variables import Variable
+from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 from strainfmu.version import __version__
 
+_CAN_BUS_VERSION = 1
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0
 LIBRARY = "plant"
-"""The library of all three: a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`."""
+"""The library of all of them: a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`."""
 
-
-def plant(
-    flight_model: str | PathLike[str],
-    output: str | PathLike[str] = "plant.fmu",
-    *,
-    fmi: str | int = "2",
-    motion: str = "inputs",
-    trajectory: str | PathLike[str] | None = None,
-    mach_number: float | None = None,
-    altitude: float | None = None,
-    angle_of_attack: float | None = None,
-    sideslip: float | None = None,
-) -> None:
-    """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
-
-    Parameters
-    ----------
-    flight_model : flight_model.h5 of a demonstration.
-    output : FMU to write.
-    fmi : version of FMI, 2 or 3.
-    motion : "inputs", "trajectory", or "short_period", which responds to a control moment.
-    trajectory : table to fly (CSV), for motion "trajectory" and for it alone.
-    mach_number, altitude, angle_of_attack, sideslip : start values [1], [m], [rad], [rad]; None for the middle of
-        the model's Mach numbers, 20 km and 0. Not with motion "trajectory".
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`export_native_plant`.
-    """
-    names = [item.name.lower() for item in Motion]
-    if motion not in names:
-        raise InputError(f"--motion: expected one of {', '.join(names)}, got '{motion}'")
-    given = {
-        "--mach-number": mach_number,
-        "--altitude": altitude,
-        "--angle-of-attack": angle_of_attack,
-        "--sideslip": sideslip,
-    }
-    named = [name for name, value in given.items() if value is not None]
-    if named and motion == Motion.TRAJECTORY.name.lower():
-        raise InputError(f"{named[0]}: not with --motion trajectory, whose table states it")
-    knots = load_flight_model(Path(flight_model)).mach_knots
-    start = FlightStart(
-        mach_number=0.5 * float(knots[0] + knots[-1]) if mach_number is None else mach_number,
-        altitude=20e3 if altitude is None else altitude,
-        angle_of_attack=angle_of_attack or 0.0,
-        sideslip_angle=sideslip or 0.0,
-    )
-    table = None if trajectory is None else Path(trajectory)
-    export_native_plant(
-        Path(flight_model), Path(output), Motion[motion.upper()], start, table, fmi_version=str(fmi)
-    )
+Sending = Callable[[FlightModel, Mapping[str, int]], BusPart]
+"""Returns, for a flight model and the number of each variable by name, what puts the FMU on a bus."""
 
 
 def export_native_plant(
@@ -113,6 +64,7 @@ def export_native_plant(
     platforms: Sequence[str] | None = None,
     seed: int = 1,
     fmi_version: str = "2",
+    bus: Sending | None = None,
 ) -> None:
     """Write the native plant FMU of a flight model to ``fmu_path``.
 
@@ -123,6 +75,7 @@ def export_native_plant(
     platforms : as for the estimator's export; None for all.
     seed : start value of the noise's.
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0.
+    bus : puts it on a bus, in FMI 3.0, as :func:`strainfmu.can.nodes.sender_part` does; None for none.
 
     Raises
     ------
@@ -146,21 +99,23 @@ def export_native_plant(
             path=trajectory_path,
         )
     content_hash = content_hash_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION)
+    interface = native_plant_interface(vehicle=model, motion=motion, start=start, seed=seed)
     entries = _native_fmu(
         model_name="StrainedVehicle",
         text=f"A vehicle with {model.n_gauges} noisy strain gauges that can fail: {model.vehicle}",
         kind=ModelKind.PLANT,
-        interface=native_plant_interface(vehicle=model, motion=motion, start=start, seed=seed),
+        interface=interface,
         data=plant_data(model, motion, trajectory),
         sections=native_plant_sections(model, motion, content_hash),
-        reference=plant_reference(
-            Plant(model=model, motion=motion, start=start, trajectory=trajectory, seed=seed)
-        ),
+        reference=plant_reference(Plant(model=model, motion=motion, start=start, trajectory=trajectory, seed=seed))
+        if bus is None
+        else None,
         platforms=platforms,
         contents={"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
         stop_time=trajectory.stop_time if trajectory is not None else STOP_TIME,
         fmi_version=fmi_version,
         built=_built(flight_model_path),
+        bus=None if bus is None else bus(model, value_references(interface)),
     )
     write_archive(fmu_path, entries)
 
@@ -250,8 +205,11 @@ def export_schedule(
     platforms: Sequence[str] | None = None,
     fmi_version: str = "2",
     flight_model_path: Path | None = None,
+    bus: Callable[[Mapping[str, int]], BusPart] | None = None,
 ) -> None:
     """Write the schedule FMU of ``signals`` to ``fmu_path``, dated as the flight model that it is for.
+
+    ``bus`` returns what puts it on a bus for the number of each variable by name; None for none.
 
     Raises
     ------
@@ -267,11 +225,67 @@ def export_schedule(
         interface=schedule_interface(signals),
         data=schedule_data(signals),
         sections=sections,
-        reference=schedule_reference(signals),
+        reference=schedule_reference(signals) if bus is None else None,
         platforms=platforms,
         contents={},
         fmi_version=fmi_version,
         built="" if flight_model_path is None else _built(flight_model_path),
+        bus=None if bus is None else bus(value_references(schedule_interface(signals))),
+    )
+    write_archive(fmu_path, entries)
+
+
+def export_can_bus(
+    fmu_path: str | PathLike[str], network: str = "CAN", n_nodes: int = 2, platforms: Sequence[str] | None = None
+) -> None:
+    """Write the FMU of a CAN FD bus (FMI-LS-BUS 1.0) to ``fmu_path``.
+
+    Parameters
+    ----------
+    network : start of the names of its terminals, which end with the number of the node from 1.
+    n_nodes : number of nodes, 1 to 8.
+    platforms : as for the estimator's export; None for all.
+
+    Raises
+    ------
+    InputError
+        There are too few nodes or too many.
+    StrainfmuError
+        The FMU could not be written; ``fmu_path`` keeps its old content.
+    """
+    fmu_path = Path(fmu_path)
+    check_fmu_path(fmu_path)
+    if not 1 <= n_nodes <= MOST_PORTS:
+        raise InputError(f"nodes: expected 1 to {MOST_PORTS}, got {n_nodes}")
+    body = n_nodes.to_bytes(96, "little")
+    part = BusPart(
+        ports=tuple(Port(f"{network}{number}", "countdown") for number in range(1, n_nodes + 1)),
+        resource="can.bin",
+        content=lambda _: resource_file(b"SFMUCAN", _CAN_BUS_VERSION, body),
+        lines=(
+            "Connect a node to each terminal. A frame takes the time of its bits at the rates that its sender has "
+            "stated; of frames that wait the lowest identifier goes first. The sender gets a Confirm, or a Bus "
+            "Error where another node has other rates. Stuff bits that depend on the content are not counted.",
+        ),
+        is_bus=True,
+    )
+    nodes = ScheduledSignal(
+        Variable(name="nodes", description="Number of nodes", causality="output", variability="discrete"),
+        times=(0.0,),
+        values=(float(n_nodes),),
+    )
+    entries = _native_fmu(
+        model_name="CANBus",
+        text=f"CAN FD bus of {n_nodes} nodes by FMI-LS-BUS 1.0",
+        kind=ModelKind.SCHEDULE,
+        interface=schedule_interface([nodes]),
+        data=schedule_data([nodes]),
+        sections=[],
+        reference=None,
+        platforms=platforms,
+        contents={},
+        fmi_version="3",
+        bus=part,
     )
     write_archive(fmu_path, entries)
 
@@ -283,48 +297,58 @@ def _native_fmu(
     interface: Sequence[Variable],
     data: NDArray[np.float64],
     sections: Sequence[Section],
-    reference: Reference,
+    reference: Reference | None,
     platforms: Sequence[str] | None,
     contents: dict[str, object],
     stop_time: float = STOP_TIME,
     fmi_version: str = "2",
     built: str = "",
+    bus: BusPart | None = None,
 ) -> dict[str, bytes]:
     """Return the entries of one FMU."""
     libraries = chosen_libraries(LIBRARY, platforms, fmi_version)
-    sources = native_sources(LIBRARY, fmi_version)
-    digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode()).hexdigest()
-    capabilities = {
-        name: value for name, value in CAPABILITIES[fmi_version].items() if not name.startswith("provides")
-    }
+    sources = native_sources(LIBRARY, fmi_version, on_bus=bus is not None)
+    digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode())
+    capabilities = CAPABILITIES_ON_BUS
+    if bus is None:
+        own = CAPABILITIES[fmi_version]
+        capabilities = {name: value for name, value in own.items() if not name.startswith("provides")}
+    else:
+        digest.update(bus.content("") + repr(bus.ports).encode())
+        sections = [("On the bus", bus.lines), *sections]
     description = FmuDescription(
         model_name=model_name,
         description=text,
         interface=interface,
-        content_hash=digest,
+        content_hash=digest.hexdigest(),
         stop_time=stop_time,
         step_size=STEP_SIZE,
         capabilities=capabilities,
         fmi_version=fmi_version,
         built=built,
         source_files=compiled_files(sources),
+        ports=() if bus is None else bus.ports,
     )
-    pages = documentation_files(description, [*sections, *reference_sections(reference, interface)], "native")
     known = {"kind": "native", "model": kind.name.lower(), "strainfmu_version": __version__, **contents}
+    if reference is not None:
+        sections, known = [*sections, *reference_sections(reference, interface)], known | reference.contents
+    pages = documentation_files(description, sections, "native")
     arrays = {variable.array for variable in interface}
     terminals = {"gauges": ((STRAIN,), "Strain of every gauge")} if STRAIN in arrays else {}
     icon = "plant" if kind is ModelKind.PLANT else None
+    files = {"model.bin": model_resource(kind=kind, interface=interface, data=data, guid=description.guid)}
+    if bus is not None:
+        files[bus.resource] = bus.content(description.guid)
     return {
         **native_entries(
             description=description,
             libraries=libraries,
             sources=sources,
-            resource_files={
-                "model.bin": model_resource(kind=kind, interface=interface, data=data, guid=description.guid)
-            },
+            resource_files=files,
         ),
-        CONTENTS: json.dumps(known | reference.contents, indent=1).encode(),
+        CONTENTS: json.dumps(known, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **(terminal_files(description, terminals, icon) if icon else {}),
-        **reference.files(interface),
+        **({} if reference is None else reference.files(interface)),
+        **({} if bus is None else port_files(bus)),
     }

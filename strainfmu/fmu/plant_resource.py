@@ -42,8 +42,13 @@ def model_resource(kind: ModelKind, interface: Sequence[Variable], data: FloatAr
     tables = np.array([_row(variable) for variable in interface]).T
     body = np.concatenate((tables.ravel(), data)).astype("<f8").tobytes()
     checked = _CHECKED_HEADER.pack(int(kind), len(interface), len(data), guid.encode()) + body
-    length = _HEADER.size + len(checked)
-    return _HEADER.pack(b"SFMUSYS", FORMAT_VERSION, _BYTE_ORDER_MARK, length, zlib.crc32(checked), 0) + checked
+    return resource_file(b"SFMUSYS", FORMAT_VERSION, checked)
+
+
+def resource_file(magic: bytes, version: int, body: bytes) -> bytes:
+    """Return a file of ``resources/`` with its header, as ``fmus/native/core/resource.h`` describes it."""
+    length = _HEADER.size + len(body)
+    return _HEADER.pack(magic, version, _BYTE_ORDER_MARK, length, zlib.crc32(body), 0) + body
 
 
 def _row(variable: Variable) -> tuple[float, float, float, float, float]:

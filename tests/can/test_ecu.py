@@ -27,7 +27,8 @@ from strainfmu.can.ecu import export_ecu
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.quality import BusState, FrameClass, Quality
+from strainfmu.can.profiles import profile_layout
+from strainfmu.can.quality import BusState, Cause, FrameClass, Quality
 from strainfmu.can.result_frames import BridgeStatus, ResultFrames
 from strainfmu.can.result_layouts import STATUS_PERIOD
 from strainfmu.can.setup import make_machine
@@ -116,15 +117,17 @@ class Reference:
         )
 
 
-def sender_for(reference: Reference, map_path: Path, cycles: int) -> Sender:
-    """Strains with noise about the map's mean, by the encoder of the project."""
+def sender_for(
+    reference: Reference, map_path: Path, cycles: int, row: Callable[[int], int] = int, layout: Any = None
+) -> Sender:
+    """Strains with noise about the map's mean, ``row`` of each cycle, by the encoder of the project."""
     inverse_map, random = load_inverse_map(map_path), np.random.default_rng(4)
-    encoder = StrainEncoder(reference.layout, session=7)
+    encoder = StrainEncoder(layout or reference.layout, session=7)
     noise = inverse_map.noise_std * random.normal(size=(cycles, inverse_map.n_strain_gauges))
     strain = inverse_map.mean_strain + noise
 
     def frames(cycle: int, time: float) -> list[Frame]:
-        return encoder.encode(strain[cycle], 9e4, cycle, time, mach_number=6.0, altitude=20e3)
+        return encoder.encode(strain[row(cycle)], 9e4, cycle, time, mach_number=6.0, altitude=20e3)
 
     return Sender(frames, cycles, CYCLE)
 
@@ -207,7 +210,17 @@ def test_the_age_is_that_of_the_tick(
         master.ecu.close()
 
 
+_MISSED: list[Frame] = []
+
+
+def late(cycle: int, frames: list[Frame]) -> list[Frame]:
+    """The last frame of some cycles comes ahead of the next cycle."""
+    missed, _MISSED[:] = [*_MISSED], frames[-1:] if cycle % 7 == 3 else []
+    return [*missed, *frames[: len(frames) - len(_MISSED)]]
+
+
 FAULTS: dict[str, Callable[[int, list[Frame]], list[Frame]]] = {
+    "late": late,
     "lost": lambda cycle, frames: frames[:-1] if cycle % 7 == 3 else frames,
     "repeated": lambda cycle, frames: [*frames, *frames] if cycle % 5 == 2 else frames,
     "damaged": lambda cycle, frames: [
@@ -216,20 +229,33 @@ FAULTS: dict[str, Callable[[int, list[Frame]], list[Frame]]] = {
     ],
     "silent": lambda cycle, frames: [] if 40 <= cycle < 80 else frames,
     "unknown": lambda cycle, frames: [*frames, Frame(identifier=0x111, data=b"x")],
+    "frozen": lambda cycle, frames: frames,
+    "foreign configuration": lambda cycle, frames: frames,
 }
+
+
+CAUSES = {"lost": Cause.PARTIAL_CYCLE, "late": Cause.PARTIAL_CYCLE, "frozen": Cause.FROZEN, "silent": Cause.SILENT}
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_faults_have_the_quality_and_causes_of_the_bridge(
     ecu: Path, reference: Reference, synthetic: SyntheticFiles, tmp_path: Path, fault: str
 ) -> None:
-    whole = sender_for(reference, synthetic.map_1, 120)
-    sender = Sender(lambda k, time: FAULTS[fault](k, [*whole.frames(k, time)]), 120, CYCLE)
+    row = (lambda cycle: min(cycle, 40)) if fault == "frozen" else int
+    whole = sender_for(reference, synthetic.map_1, 120, row)
+    foreign = sender_for(reference, synthetic.map_1, 120, layout=profile_layout("fd64", list("ABCDEF"), CYCLE))
+
+    def frames(cycle: int, time: float) -> list[Frame]:
+        of_cycle = [*whole.frames(cycle, time)], [*foreign.frames(cycle, time)]
+        return FAULTS[fault](cycle, of_cycle[fault == "foreign configuration" and 40 <= cycle < 60])
+
+    sender = Sender(frames, 120, CYCLE)
     master = master_of(ecu, tmp_path, sender)
     master.run(1.2)
     assert sent_by(sender) == expected_of(reference, master)
-    qualities = {result.quality for result in reference.results}
-    assert len(qualities) > 1
+    assert len({result.quality for result in reference.results}) > 1
+    if fault in CAUSES:
+        assert any(result.causes & CAUSES[fault] for result in reference.results[20:])
     master.ecu.close()
 
 
@@ -272,7 +298,7 @@ def test_states_go_on_alike_in_any_instance_and_a_reset_begins_again(
                     restored = other.fmu.deserializeFMUState(content)
                     other.fmu.setFMUState(restored)
                     other.fmu.freeFMUState(restored)
-                    other.due, other.needs_event = node.due, node.needs_event
+                    other.dues, other.needs_event = node.dues, node.needs_event
                     node.close()
                     master.ecu = other
         runs.append((sender.heard, master))
@@ -285,6 +311,8 @@ def test_states_go_on_alike_in_any_instance_and_a_reset_begins_again(
     while after.time < 0.6 - 1e-9:
         after.run(min(after.time + 0.02, 0.6))
     assert again.heard == runs[0][0]
+    codes = [code for _, content in again.heard for code, _ in operations(content)]
+    assert codes.index(CAN_FD) > max(place for place, code in enumerate(codes) if code == CONFIGURATION)
     master.ecu.close()
     runs[1][1].ecu.close()
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterator, Sequence
-from math import inf
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import floor, inf
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,8 +13,8 @@ from fmpy.fmi3 import FMU3Slave
 
 from strainfmu.can.frame import Frame
 
-FORMAT_ERROR, CAN, CAN_FD, CONFIRM, CONFIGURATION = 0x01, 0x10, 0x11, 0x20, 0x40
-_CHANGED = 2
+FORMAT_ERROR, CAN, CAN_FD, CONFIRM, BUS_ERROR, CONFIGURATION = 0x01, 0x10, 0x11, 0x20, 0x31, 0x40
+_NOT_YET_KNOWN, _CHANGED = 0, 2
 ROUND_OFF = 1e-9
 
 
@@ -64,12 +64,16 @@ class Node(Protocol):
 
 
 class FmuNode:
-    """An FMU with one port, in step mode between events; ``messages`` gathers (status, text) of its logger."""
+    """An FMU with ports, in step mode between events; ``messages`` gathers (status, text) of its logger.
+
+    ``dues`` are the next ticks of the transmit clocks by port [s].
+    """
 
     def __init__(self, path: Path, folder: Path, start: float = 0.0, events: bool = True) -> None:
         self.description = read_model_description(str(path))
         self.numbers = {v.name: v.valueReference for v in self.description.modelVariables}
-        (self.port,) = (name[:-8] for name in self.numbers if name.endswith(".Tx_Data"))
+        self.ports = [name[:-8] for name in self.numbers if name.endswith(".Tx_Data")]
+        self.port = self.ports[0]
         kinds = {v.name: v.intervalVariability for v in self.description.modelVariables}
         self.is_triggered = kinds[f"{self.port}.Tx_Clock"] == "triggered"
         self.messages: list[tuple[int, str]] = []
@@ -77,7 +81,7 @@ class FmuNode:
             guid=self.description.guid,
             unzipDirectory=extract(str(path), str(folder)),
             modelIdentifier=self.description.coSimulation.modelIdentifier,
-            instanceName="ecu",
+            instanceName="node",
         )
         self.fmu.instantiate(
             loggingOn=True,
@@ -86,46 +90,119 @@ class FmuNode:
         )
         self.start(start)
 
+    @property
+    def due(self) -> float:
+        return min(self.dues.values())
+
     def start(self, time: float) -> None:
         """Through initialization, and the event at its end."""
         self.fmu.enterInitializationMode(startTime=time)
         self.fmu.exitInitializationMode()
         self.needs_event = False
-        self.due = inf
-        self._end_event(time)
+        self.dues = dict.fromkeys(self.ports, inf)
+        self.end_event(time)
 
-    def counter(self, name: str) -> int:
-        return int(self.fmu.getUInt64([self.numbers[f"{self.port}.{name}"]])[0])
+    def counter(self, name: str, port: str | None = None) -> int:
+        return int(self.fmu.getUInt64([self.numbers[f"{port or self.port}.{name}"]])[0])
 
     def step(self, time: float, end: float) -> None:
         self.needs_event = self.fmu.doStep(time, end - time)[0]
 
     def event(self, time: float, heard: Sequence[bytes], ticks: bool) -> bytes:
-        fmu, (rx, tx) = self.fmu, (self.numbers[f"{self.port}.{name}"] for name in ("Rx_Data", "Tx_Data"))
-        fmu.enterEventMode()
-        if ticks and not self.is_triggered:
-            fmu.setClock([tx + 2], [True])
-        sends = fmu.getClock([tx + 2])[0] if self.is_triggered else ticks
-        sent = (fmu.getBinary([tx])[0] or b"") if sends else b""
+        """A whole event of an FMU with one port: what it sends."""
+        self.fmu.enterEventMode()
+        sent = self.sent(self.port, ticks)
         for content in heard:
-            fmu.setClock([rx + 2], [True])
-            fmu.setBinary([rx], [content])
-        self._end_event(time)
+            self.hear(self.port, content)
+        self.end_event(time)
         return sent
 
-    def _end_event(self, time: float) -> None:
+    def sent(self, port: str, ticks: bool) -> bytes:
+        """What a port sends in an event, where its clock ``ticks`` if the importer is to tick it."""
+        data, clock = (self.numbers[f"{port}.{name}"] for name in ("Tx_Data", "Tx_Clock"))
+        if ticks and not self.is_triggered:
+            self.fmu.setClock([clock], [True])
+        sends = self.fmu.getClock([clock])[0] if self.is_triggered else ticks
+        return (self.fmu.getBinary([data])[0] or b"") if sends else b""
+
+    def hear(self, port: str, content: bytes) -> None:
+        self.fmu.setClock([self.numbers[f"{port}.Rx_Clock"]], [True])
+        self.fmu.setBinary([self.numbers[f"{port}.Rx_Data"]], [content])
+
+    def end_event(self, time: float) -> None:
         self.fmu.updateDiscreteStates()
-        if not self.is_triggered:
+        for port in self.ports if not self.is_triggered else ():
             interval, qualifier = (ctypes.c_double * 1)(), (ctypes.c_int * 1)()
-            clock = (ctypes.c_uint32 * 1)(self.numbers[f"{self.port}.Tx_Clock"])
+            clock = (ctypes.c_uint32 * 1)(self.numbers[f"{port}.Tx_Clock"])
             self.fmu.getIntervalDecimal(clock, interval, qualifier)
             if qualifier[0] == _CHANGED:
-                self.due = time + interval[0]
+                self.dues[port] = time + interval[0]
+            elif qualifier[0] == _NOT_YET_KNOWN:
+                self.dues[port] = inf
         self.fmu.enterStepMode()
 
     def close(self) -> None:
         self.fmu.terminate()
         self.fmu.freeInstance()
+
+
+Place = tuple[str, str]
+"""A port: name of the node, and of its network."""
+
+
+class Network:
+    """Steps FMUs by name to their ticks, and carries what a port sends to the port that it is linked with.
+
+    ``events`` lists time, node and whether its clock ticked; ``taps`` time, sender and operations.
+    """
+
+    def __init__(self, nodes: Mapping[str, FmuNode], links: Sequence[tuple[Place, Place]], step: float) -> None:
+        self.nodes, self.time, self._step = nodes, 0.0, step
+        self._peer = {one: other for a, b in links for one, other in ((a, b), (b, a))}
+        self.events: list[tuple[float, str, bool]] = []
+        self.taps: list[tuple[float, Place, bytes]] = []
+
+    def run(self, stop: float) -> None:
+        while self.time < stop - ROUND_OFF:
+            grid = self._step * (floor(self.time / self._step + ROUND_OFF) + 1)
+            target = max(min(grid, stop, *(node.due for node in self.nodes.values())), self.time)
+            if target > self.time:
+                for node in self.nodes.values():
+                    node.step(self.time, target)
+            self.time = target
+            self._event()
+
+    def _event(self) -> None:
+        """All ticks of this time: first everything is sent, then heard."""
+        active = {name for name, one in self.nodes.items() if one.needs_event or one.due <= self.time + 1e-12}
+        for name in active:
+            self.nodes[name].fmu.enterEventMode()
+        carried: list[tuple[Place, bytes]] = []
+        for name in sorted(active):
+            node = self.nodes[name]
+            ticking = [port for port in node.ports if node.is_triggered or node.dues[port] <= self.time + 1e-12]
+            self.events.append((self.time, name, bool(ticking)))
+            for port in ticking:
+                node.dues[port] = inf
+                if content := node.sent(port, ticks=True):
+                    self.taps.append((self.time, (name, port), content))
+                    carried.append((self._peer[name, port], content))
+        for (name, port), content in carried:
+            if name not in active:
+                active.add(name)
+                self.events.append((self.time, name, False))
+                self.nodes[name].fmu.enterEventMode()
+            self.nodes[name].hear(port, content)
+        for name in active:
+            self.nodes[name].end_event(self.time)
+            self.nodes[name].needs_event = False
+
+    def sent_by(self, place: Place) -> list[Frame]:
+        """The frames that a port has sent, with their times."""
+        return [one for time, sender, content in self.taps if sender == place for one in frames_in(content, time)]
+
+    def heard_by(self, place: Place) -> list[Frame]:
+        return self.sent_by(self._peer[place])
 
 
 class Sender:

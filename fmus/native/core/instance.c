@@ -73,22 +73,22 @@ static Model *model_in(const Instance *instance, const char *guid, const char *l
     return model;
 }
 
-/* The node of a port, from the resource in a folder; NULL without one, or after a message. */
-static void *node_in(const Instance *instance, Model *model, const char *location, int *good) {
+/* Make the node of the resource in a folder, and set it with its ports; 0 after a message. Without one 1. */
+static int make_node(Instance *instance, const char *location) {
     char path[PATH_SIZE], text[MODEL_TEXT_SIZE];
     size_t length;
-    const char *name = instance->ports != NULL ? instance->ports->resource : NULL;
-    *good = 1;
-    if (name == NULL || !resource_path(location, name, path, sizeof path) || !resource_exists(path)) {
-        return NULL;
+    for (const Ports *const *kind = instance->kinds; kind != NULL && *kind != NULL; kind++) {
+        if (resource_path(location, (*kind)->resource, path, sizeof path) && resource_exists(path)) {
+            unsigned char *bytes = resource_read(path, &length, text);
+            instance->ports = *kind;
+            instance->node = bytes != NULL ? (*kind)->create(instance->model, bytes, length, text) : NULL;
+            if (instance->node == NULL) {
+                instance_error(instance, "%.*s %s", SHOWN_PATH, path, text);
+                return 0;
+            }
+        }
     }
-    unsigned char *bytes = resource_read(path, &length, text);
-    void *node = bytes != NULL ? instance->ports->create(model, bytes, length, text) : NULL;
-    *good = node != NULL;
-    if (!*good) {
-        instance_error(instance, "%.*s %s", SHOWN_PATH, path, text);
-    }
-    return node;
+    return 1;
 }
 
 Instance *instance_create(const Instance *requested, const char *guid, const char *location) {
@@ -101,29 +101,23 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
         instance_error(requested, "this FMU is for co-simulation");
         return NULL;
     }
-    int good;
-    void *node = node_in(requested, model, location, &good);
-    if (!good) {
-        model_destroy(model);
-        return NULL;
-    }
     const char *name = requested->name != NULL ? requested->name : "";
     Instance *instance = calloc(1, sizeof *instance);
     char *own_name = malloc(strlen(name) + 1);
     if (instance == NULL || own_name == NULL) {
         free(instance);
         free(own_name);
-        if (node != NULL) {
-            requested->ports->destroy(node);
-        }
         model_destroy(model);
         instance_error(requested, "needs more memory than there is");
         return NULL;
     }
     *instance = *requested;
     instance->model = model;
-    instance->node = node;
     instance->name = instance->own_name = strcpy(own_name, name);
+    if (!make_node(instance, location)) {
+        instance_free(instance);
+        return NULL;
+    }
     instance_reset(instance);
     return instance;
 }
@@ -145,10 +139,17 @@ void instance_reset(Instance *instance) {
     model->time = 0.0;
     model_reset(model);
     if (instance->node != NULL) {
-        instance->ports->reset(instance->node);
+        instance->ports->begin(instance->node, 0.0);
     }
-    instance->stop_time = instance->stated_due = INFINITY;
+    instance->stop_time = INFINITY;
     instance->ending = 0;
+    instance_forget_ticks(instance);
+}
+
+void instance_forget_ticks(Instance *instance) {
+    for (int port = 0; port < MAX_PORTS; port++) {
+        instance->stated_due[port] = INFINITY;
+    }
 }
 
 static const char *mode_name(Mode mode) {
@@ -214,7 +215,7 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
     }
     model_end_initialization(instance->model);
     if (instance->node != NULL) {
-        instance->ports->start(instance->node, instance->model->time);
+        instance->ports->begin(instance->node, instance->model->time);
     }
     instance->model->mode = mode;
     return STATUS_OK;
@@ -275,7 +276,7 @@ int instance_step(Instance *instance, const char *function, double start, double
         return instance_error(instance, "%s: the step ends at %.9g s, behind the stop time of the experiment, %.9g s", function,
                               end, instance->stop_time);
     }
-    if (instance->node != NULL) { /* frames let its model step */
+    if (instance->node != NULL && !instance->ports->steps_model) {
         model_set_time(instance->model, end);
         return STATUS_OK;
     }

@@ -29,9 +29,10 @@ struct Instance {
     void (*logger)(void); /* of the importer, NULL for none */
     void *environment;    /* that is passed back to it */
     int events_logged;
-    const Ports *ports; /* of the front, NULL for none */
-    void *node;         /* of the port, NULL without one */
-    double stated_due;  /* tick of its clock that the importer knows of [s] */
+    const Ports *const *kinds;     /* of nodes, of the front; NULL for none */
+    const Ports *ports;            /* of the node */
+    void *node;                    /* of the ports, NULL without one */
+    double stated_due[MAX_PORTS];  /* ticks of the clocks that the importer knows of [s] */
 };
 
 /* Fill in an instance of which name, kind, write, logger and environment are set, from the resource in the folder
@@ -73,6 +74,9 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
    end a step of the solver, *event being whether they have others by now, which take another event. A status. */
 int instance_go_on(Instance *instance, const char *function, int from);
 int instance_end_solver_step(Instance *instance, const char *function, int *event);
+
+/* The importer knows of no tick of any clock. */
+void instance_forget_ticks(Instance *instance);
 
 /* Let an event take discrete inputs in: model exchange alone, for the steps of co-simulation do. */
 void instance_follow_event(Instance *instance);

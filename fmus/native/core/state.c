@@ -42,9 +42,16 @@ static size_t model_size(const Instance *instance) {
     return model_state_size(instance->model);
 }
 
-/* Bytes of the node of a port, behind the model's. */
+/* The state of the node of ports, behind the model's; of no bytes without one. */
+static void *node_state(const Instance *instance, size_t *size) {
+    *size = 0;
+    return instance->node != NULL ? instance->ports->state(instance->node, size) : NULL;
+}
+
 static size_t node_size(const Instance *instance) {
-    return instance->node != NULL ? instance->ports->state_size(instance->node) : 0;
+    size_t size;
+    (void)node_state(instance, &size);
+    return size;
 }
 
 size_t state_size(const Instance *instance) {
@@ -63,8 +70,10 @@ static void write_state(const Instance *instance, unsigned char *bytes) {
     memcpy(header.magic, MAGIC, sizeof MAGIC);
     memcpy(bytes + sizeof header, &model->time, sizeof model->time);
     model_write_state(model, bytes + sizeof header + sizeof model->time);
-    if (instance->node != NULL) {
-        instance->ports->write_state(instance->node, bytes + state_size(instance) - node_size(instance));
+    size_t size;
+    const void *of_node = node_state(instance, &size);
+    if (of_node != NULL) {
+        memcpy(bytes + state_size(instance) - size, of_node, size);
     }
     memcpy(bytes, &header, sizeof header);
     header.checksum = crc32(bytes + CHECKED_FROM, state_size(instance) - CHECKED_FROM);
@@ -122,10 +131,12 @@ static void read_state(Instance *instance, const unsigned char *bytes) {
     model->mode = (Mode)header.mode;
     memcpy(&model->time, bytes + sizeof header, sizeof model->time);
     model_read_state(model, bytes + sizeof header + sizeof model->time);
-    if (instance->node != NULL) {
-        instance->ports->read_state(instance->node, bytes + state_size(instance) - node_size(instance));
+    size_t size;
+    void *of_node = node_state(instance, &size);
+    if (of_node != NULL) {
+        memcpy(of_node, bytes + state_size(instance) - size, size);
     }
-    instance->stated_due = INFINITY; /* the importer has to hear of it */
+    instance_forget_ticks(instance);
     instance->ending = 0;
 }
 

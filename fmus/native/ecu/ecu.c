@@ -15,16 +15,12 @@
 #include <string.h>
 
 #include "../core/floating.h"
-#include "../core/ports.h"
 #include "../core/resource.h"
-#include "operations.h"
 
 #define HEADER_SIZE_OF_RESOURCE 32
-#define ROUND_OFF 1e-9     /* of a time [s] */
 #define LARGEST_UNCERTAINTY 6553.4
 #define LARGEST_SCORE 25.4
 #define LONGEST_STEP 100   /* cycles in one step of the estimator */
-#define EXTENDED_FLAG 0x80000000u
 
 enum { QUEUE = 16, N_LOADS_SENT = 5, NO_COEFFICIENTS = 2 };
 
@@ -48,13 +44,12 @@ typedef struct {
 } Waiting;
 
 typedef struct {
+    Link link;
     double estimator_time, last_step, next_status; /* [s]; last_step NaN before the first */
     double last[N_LOADS_SENT], last_ready, last_age, score; /* of the last valid result; of the last one */
     double detail[N_DETAILS];
-    uint64_t counter[N_PORT_COUNTERS], results;
-    uint32_t n_heard, n_reply, n_out;
-    int32_t is_ticking, has_last, has_valid, first, n_waiting, has_begun;
-    uint8_t heard[PORT_BYTES], reply[OPERATION_HEAD + 2 + LONGEST_ECHO], out[PORT_BYTES];
+    uint64_t results;
+    int32_t has_last, has_valid, first, n_waiting;
     Waiting waiting[QUEUE];
 } State;
 
@@ -69,7 +64,7 @@ typedef struct {
     const EcuKey *key;
     const EcuQuantity *quantity, *constant;
     const EcuOther *other;
-    const EcuFrame *frame;
+    const SentFrame *frame;
     const SbSignal *sent;
     const int32_t *source;
 } Node;
@@ -199,7 +194,7 @@ static void publish(Node *node) {
     const int is_sent = sb_answer(&node->plan, machine, &release, stated, is_finite);
     const int published = has_coefficients(r->quality);
     if (is_sent && s->n_waiting == QUEUE) {
-        s->counter[PORT_LOST]++;
+        s->link.counter[PORT_LOST]++;
     } else if (is_sent) {
         const int place = (s->first + s->n_waiting++) % QUEUE;
         double *value = values_of(node, place);
@@ -251,7 +246,7 @@ static void advance(Node *node, double time) {
     SbState *machine = machine_of(node);
     for (;;) {
         const double next = machine->deadline < machine->next_status ? machine->deadline : machine->next_status;
-        if (next > time + ROUND_OFF) {
+        if (next > time + TIME_ROUND_OFF) {
             return;
         }
         const double now = next > time ? next : time;
@@ -272,21 +267,21 @@ static const EcuKey *key_of(const Node *node, uint32_t key) {
     return NULL;
 }
 
-static void take_frame(Node *node, uint32_t key, int is_remote, int is_fd, const uint8_t *data, size_t n, double time) {
+static void take_frame(Node *node, const Heard *heard, double time) {
     SbState *machine = machine_of(node);
-    const EcuKey *known = key_of(node, key);
-    node->state->counter[PORT_RECEIVED]++;
+    const EcuKey *known = key_of(node, heard->key);
     if (known != NULL && known->slot < 0) {
         sb_note_bridge(machine, time + node->setup->bridge_alarm);
         sb_count(machine, SB_OF_SECOND_BRIDGE, time);
-    } else if (known == NULL || is_remote) {
-        const int is_other = known == NULL && key_of(node, key ^ EXTENDED_FLAG) != NULL
-                          && key_of(node, key ^ EXTENDED_FLAG)->slot >= 0;
+    } else if (known == NULL || heard->is_remote) {
+        const EcuKey *of_other_width = key_of(node, heard->key ^ EXTENDED_FLAG);
+        const int is_other = known == NULL && of_other_width != NULL && of_other_width->slot >= 0;
         sb_count(machine, known != NULL ? SB_REMOTE_FRAME : is_other ? SB_WRONG_FORMAT : SB_UNKNOWN, time);
     } else {
         int event = SB_AGAIN;
         while (event == SB_AGAIN) {
-            event = sb_take(&node->plan, machine, known->slot, &time, data, (int)n, is_fd ? SB_FLAG_FD : 0);
+            event = sb_take(&node->plan, machine, known->slot, &time, heard->data, (int)heard->n,
+                            heard->is_fd ? SB_FLAG_FD : 0);
             if (event == SB_READY || event == SB_AGAIN) {
                 publish(node);
             }
@@ -294,96 +289,20 @@ static void take_frame(Node *node, uint32_t key, int is_remote, int is_fd, const
     }
 }
 
-/* Answer what is no operation with a copy of its start. */
-static void refuse(State *s, const uint8_t *bytes, size_t n) {
-    uint8_t echo[2 + LONGEST_ECHO];
-    const size_t shown = n < LONGEST_ECHO ? n : LONGEST_ECHO;
-    size_t used = 0;
-    put_number(echo, shown, 2);
-    memcpy(echo + 2, bytes, shown);
-    s->counter[PORT_ERRORS]++;
-    if (s->n_reply == 0 && append_operation(s->reply, &used, sizeof s->reply, FORMAT_ERROR, echo, 2 + shown)) {
-        s->n_reply = (uint32_t)used;
-    }
-}
-
-/* Whether an operation of a node or of the bus has a length that it can have. */
-static int is_whole(uint32_t code, size_t length) {
-    switch (code) {
-    case CONFIRM:
-    case ARBITRATION_LOST: return length == 4;
-    case BUS_ERROR: return length == 7;
-    case CONFIGURATION_OF_BUS: return length == 5 || length == 2;
-    case STATUS_OF_NODE: return length == 1;
-    case WAKE_UP: return length == 0;
-    case FORMAT_ERROR: return length >= 2;
-    case CAN_XL_TRANSMIT: return length >= 14;
-    default: return 0;
-    }
-}
-
-static void take_operations(Node *node, double time) {
-    State *s = node->state;
-    size_t at = 0, length, n = s->n_heard;
-    const uint8_t *a;
-    uint32_t code;
-    advance(node, time);
-    for (size_t before = 0; next_operation(s->heard, n, &at, &code, &a, &length); before = at) {
-        const size_t head = code == CAN_FD_TRANSMIT ? CAN_FD_HEAD : CAN_HEAD;
-        const int is_frame = code == CAN_TRANSMIT || code == CAN_FD_TRANSMIT;
-        const size_t count = is_frame && length >= head ? (size_t)get_number(a + head - 2, 2) : 0;
-        if (is_frame && length >= head && length == head + count && count <= (code == CAN_TRANSMIT ? 8u : 64u)) {
-            const uint32_t identifier = (uint32_t)get_number(a, 4);
-            const uint32_t key = a[4] ? identifier | EXTENDED_FLAG : identifier;
-            take_frame(node, key, code == CAN_TRANSMIT && a[5], code == CAN_FD_TRANSMIT, a + head, count, time);
-        } else if (is_frame || !is_whole(code, length)) {
-            refuse(s, s->heard + before, at - before);
-        } else {
-            s->counter[PORT_CONFIRMED] += code == CONFIRM;
-        }
-    }
-    if (at < n) {
-        refuse(s, s->heard + at, n - at);
-    }
-    s->n_heard = 0;
-}
-
 /* --- frames out ----------------------------------------------------------------------------------------------------- */
-
-static void send_operation(State *s, uint32_t code, const uint8_t *arguments, size_t n) {
-    size_t used = s->n_out;
-    if (append_operation(s->out, &used, sizeof s->out, code, arguments, n)) {
-        s->n_out = (uint32_t)used;
-    } else {
-        s->counter[PORT_LOST]++;
-    }
-}
 
 /* Compose the frames of a kind with their counters, and send them. */
 static void send_frames(Node *node, int kind, const double *value) {
     for (int32_t f = 0; f < node->setup->n_frames; f++) {
-        const EcuFrame *frame = &node->frame[f];
-        if (frame->kind != kind) {
-            continue;
-        }
-        uint8_t arguments[CAN_FD_HEAD + 64] = {0}, *counter = counters_of(node) + f;
-        const size_t head = frame->is_fd ? CAN_FD_HEAD : CAN_HEAD;
-        double picked[128];
-        for (int32_t k = 0; k < frame->n_signals; k++) {
+        const SentFrame *frame = &node->frame[f];
+        uint8_t *counter = counters_of(node) + f;
+        double picked[MOST_SIGNALS];
+        for (int32_t k = 0; frame->kind == kind && k < frame->n_signals; k++) {
             picked[k] = value[node->source[frame->first + k]];
         }
-        put_number(arguments, frame->identifier, 4);
-        arguments[4] = (uint8_t)frame->is_extended;
-        arguments[5] = (uint8_t)frame->is_fd; /* the bit rate switch; not remote */
-        put_number(arguments + head - 2, (uint64_t)frame->length, 2);
-        if (sb_encode(node->sent + frame->first, frame->n_signals, picked, *counter, &frame->protection, arguments + head,
-                      frame->length) >= 0) {
-            node->state->counter[PORT_LOST]++;
-            continue;
+        if (frame->kind == kind && link_send_frame(&node->state->link, frame, node->sent, picked, *counter)) {
+            *counter = (uint8_t)((*counter + 1) % frame->modulus);
         }
-        *counter = (uint8_t)((*counter + 1) % frame->modulus);
-        send_operation(node->state, frame->is_fd ? CAN_FD_TRANSMIT : CAN_TRANSMIT, arguments, head + (size_t)frame->length);
-        node->state->counter[PORT_SENT]++;
     }
 }
 
@@ -419,40 +338,16 @@ static void send_status(Node *node, double time) {
     s->next_status = s->next_status > time ? s->next_status : time;
 }
 
-/* A node states its rates before it transmits. */
-static void send_configuration(const EcuSetup *setup, State *s) {
-    const int32_t rate[] = {setup->can_rate, setup->fd_rate};
-    uint8_t arguments[5];
-    for (int k = 0; k < 2; k++) {
-        if (rate[k] > 0) {
-            arguments[0] = k == 0 ? CAN_RATE : CAN_FD_RATE;
-            put_number(arguments + 1, (uint64_t)rate[k], 4);
-            send_operation(s, CONFIGURATION_OF_BUS, arguments, 5);
-        }
-    }
-    arguments[0] = ARBITRATION;
-    arguments[1] = BUFFER_AND_RETRANSMIT;
-    send_operation(s, CONFIGURATION_OF_BUS, arguments, 2);
-}
-
-static void tick(void *of, double time) {
+static void tick(void *of, size_t port, double time) {
     Node *node = of;
     State *s = node->state;
-    if (s->is_ticking) {
+    (void)port;
+    if (!link_tick(&s->link, node->setup->can_rate, node->setup->fd_rate)) {
         return;
     }
     const Floating host = floating_enter();
-    s->is_ticking = 1;
-    s->n_out = 0;
-    if (!s->has_begun) {
-        send_configuration(node->setup, s);
-        s->has_begun = 1;
-    }
     advance(node, time);
-    memcpy(s->out + s->n_out, s->reply, s->n_reply);
-    s->n_out += s->n_reply;
-    s->n_reply = 0;
-    while (s->n_waiting > 0 && s->waiting[s->first].release <= time + ROUND_OFF) {
+    while (s->n_waiting > 0 && s->waiting[s->first].release <= time + TIME_ROUND_OFF) {
         const Waiting *waiting = &s->waiting[s->first];
         double *value = values_of(node, s->first);
         value[R_AGE] += time > waiting->release ? 1e3 * (time - waiting->release) : 0.0;
@@ -463,54 +358,42 @@ static void tick(void *of, double time) {
         s->first = (s->first + 1) % QUEUE;
         s->n_waiting--;
     }
-    if (s->next_status <= time + ROUND_OFF) {
+    if (s->next_status <= time + TIME_ROUND_OFF) {
         send_status(node, time);
     }
     floating_leave(&host);
 }
 
-static const unsigned char *sealed(const void *of, size_t *n) {
-    const State *s = ((const Node *)of)->state;
-    *n = s->is_ticking ? s->n_out : 0;
-    return s->is_ticking ? s->out : NULL;
-}
-
-static double due(const void *of) {
+static double due(const void *of, size_t port) {
     const Node *node = of;
     const State *s = node->state;
     const SbState *machine = machine_of(node);
     double next = s->next_status;
+    (void)port;
     next = s->n_waiting > 0 && s->waiting[s->first].release < next ? s->waiting[s->first].release : next;
     next = machine->deadline < next ? machine->deadline : next;
     next = machine->next_status < next ? machine->next_status : next;
-    return s->has_begun && s->n_reply == 0 ? next : -INFINITY;
-}
-
-static int hear(void *of, const unsigned char *bytes, size_t n) {
-    State *s = ((Node *)of)->state;
-    if (n <= s->n_heard && memcmp(s->heard + s->n_heard - n, bytes, n) == 0) {
-        return 1; /* the same once more */
-    }
-    if (n > sizeof s->heard - s->n_heard) {
-        return 0;
-    }
-    memcpy(s->heard + s->n_heard, bytes, n);
-    s->n_heard += (uint32_t)n;
-    return 1;
+    return s->link.has_begun && s->link.n_reply == 0 ? next : -INFINITY;
 }
 
 static void update(void *of, double time) {
     Node *node = of;
-    node->state->is_ticking = 0;
-    node->state->n_out = 0;
-    if (node->state->n_heard > 0) {
-        take_operations(node, time);
+    Link *link = &node->state->link;
+    Heard heard;
+    link_end_tick(link);
+    if (link->n_heard > 0) {
+        advance(node, time);
     }
+    for (size_t at = 0; link_next(link, &at, &heard);) {
+        if (heard.is_frame) {
+            take_frame(node, &heard, time);
+        }
+    }
+    link->counter[PORT_USED] = (uint64_t)machine_of(node)->account.count[SB_USED];
 }
 
-static uint64_t counter(const void *of, size_t which) {
-    const Node *node = of;
-    return which == PORT_USED ? (uint64_t)machine_of(node)->account.count[SB_USED] : node->state->counter[which];
+static Link *link_of(const void *node, size_t port) {
+    return port == 0 ? &((const Node *)node)->state->link : NULL;
 }
 
 static int is_triggered(const void *node) {
@@ -529,7 +412,8 @@ static void destroy(void *of) {
     }
 }
 
-static void begin(Node *node, double time) {
+static void begin(void *of, double time) {
+    Node *node = of;
     State *s = node->state;
     memset(s, 0, node->size);
     s->last_step = s->score = NAN;
@@ -540,42 +424,27 @@ static void begin(Node *node, double time) {
     sb_begin(&node->plan, machine_of(node), time);
 }
 
-static void reset(void *node) {
-    begin(node, 0.0);
-}
-
-static void start(void *node, double time) {
-    begin(node, time);
-}
-
-/* Set an array of the file; 0 if it does not lie in the file. */
-static int find(const Node *node, size_t length, int64_t place, int64_t count, size_t each, const void **array) {
-    const int good = place >= 0 && place % 8 == 0 && count >= 0 && (uint64_t)place <= length
-                  && (uint64_t)count <= (length - (size_t)place) / each;
-    *array = node->bytes + (good ? place : 0);
-    return good;
-}
-
 static int read_setup(Node *node, size_t length) {
     const EcuSetup *e = (const EcuSetup *)(const void *)(node->bytes + HEADER_SIZE_OF_RESOURCE);
     const void *plan, *slot = NULL, *signal = NULL, *code = NULL, *change = NULL;
     node->setup = e;
-    if (length < HEADER_SIZE_OF_RESOURCE + sizeof *e || !find(node, length, e->plan, 1, sizeof(SbPlan), &plan)) {
+    if (length < HEADER_SIZE_OF_RESOURCE + sizeof *e || !array_of(node->bytes, length, e->plan, 1, sizeof(SbPlan), &plan)) {
         return 0;
     }
     memcpy(&node->plan, plan, sizeof node->plan);
     const SbPlan *p = &node->plan;
-    const int good = find(node, length, e->slot, p->n_slots, sizeof(SbSlot), &slot)
-                  && find(node, length, e->signal, e->n_signals, sizeof(SbSignal), &signal)
-                  && find(node, length, e->code, e->n_codes, sizeof(int64_t), &code)
-                  && find(node, length, e->change, p->n_gauges, sizeof(double), &change)
-                  && find(node, length, e->key, e->n_keys, sizeof(EcuKey), (const void **)&node->key)
-                  && find(node, length, e->quantity, p->n_flow, sizeof(EcuQuantity), (const void **)&node->quantity)
-                  && find(node, length, e->constant, e->n_constants, sizeof(EcuQuantity), (const void **)&node->constant)
-                  && find(node, length, e->other, e->n_others, sizeof(EcuOther), (const void **)&node->other)
-                  && find(node, length, e->frame, e->n_frames, sizeof(EcuFrame), (const void **)&node->frame)
-                  && find(node, length, e->sent, e->n_sent, sizeof(SbSignal), (const void **)&node->sent)
-                  && find(node, length, e->source, e->n_sent, sizeof(int32_t), (const void **)&node->source);
+    const unsigned char *b = node->bytes;
+    const int good = array_of(b, length, e->slot, p->n_slots, sizeof(SbSlot), &slot)
+                  && array_of(b, length, e->signal, e->n_signals, sizeof(SbSignal), &signal)
+                  && array_of(b, length, e->code, e->n_codes, sizeof(int64_t), &code)
+                  && array_of(b, length, e->change, p->n_gauges, sizeof(double), &change)
+                  && array_of(b, length, e->key, e->n_keys, sizeof(EcuKey), (const void **)&node->key)
+                  && array_of(b, length, e->quantity, p->n_flow, sizeof(EcuQuantity), (const void **)&node->quantity)
+                  && array_of(b, length, e->constant, e->n_constants, sizeof(EcuQuantity), (const void **)&node->constant)
+                  && array_of(b, length, e->other, e->n_others, sizeof(EcuOther), (const void **)&node->other)
+                  && array_of(b, length, e->frame, e->n_frames, sizeof(SentFrame), (const void **)&node->frame)
+                  && array_of(b, length, e->sent, e->n_sent, sizeof(SbSignal), (const void **)&node->sent)
+                  && array_of(b, length, e->source, e->n_sent, sizeof(int32_t), (const void **)&node->source);
     node->plan.slot = slot;
     node->plan.signal = signal;
     node->plan.code = code;
@@ -616,12 +485,10 @@ static void *create(Model *model, unsigned char *bytes, size_t length, char text
     return node;
 }
 
-static size_t state_size(const void *node) {
-    return ((const Node *)node)->size;
-}
-
-static void write_state(const void *node, unsigned char *bytes) {
-    memcpy(bytes, ((const Node *)node)->state, ((const Node *)node)->size);
+static void *state(const void *of, size_t *size) {
+    const Node *node = of;
+    *size = node->size;
+    return node->state;
 }
 
 static int check_state(const void *of, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
@@ -630,8 +497,7 @@ static int check_state(const void *of, const unsigned char *bytes, char text[MOD
     SbState machine;
     memcpy(&s, bytes, sizeof s);
     memcpy(&machine, bytes + node->machine_at, sizeof machine);
-    const int good = s.n_heard <= sizeof s.heard && s.n_reply <= sizeof s.reply && s.n_out <= sizeof s.out && s.first >= 0
-                  && s.first < QUEUE && s.n_waiting >= 0 && s.n_waiting <= QUEUE
+    const int good = link_check(&s.link) && s.first >= 0 && s.first < QUEUE && s.n_waiting >= 0 && s.n_waiting <= QUEUE
                   && memcmp(&machine.slots_at, &machine_of(node)->slots_at, 8 * sizeof machine.slots_at) == 0;
     if (!good) {
         snprintf(text, MODEL_TEXT_SIZE, "holds frames that cannot be");
@@ -639,25 +505,18 @@ static int check_state(const void *of, const unsigned char *bytes, char text[MOD
     return good;
 }
 
-static void read_state(void *node, const unsigned char *bytes) {
-    memcpy(((Node *)node)->state, bytes, ((Node *)node)->size);
-}
-
-const Ports PORTS = {
+static const Ports ECU = {
     .resource = "bus.bin",
     .create = create,
     .destroy = destroy,
-    .reset = reset,
-    .start = start,
+    .begin = begin,
     .is_triggered = is_triggered,
-    .hear = hear,
+    .link = link_of,
     .due = due,
     .tick = tick,
-    .sealed = sealed,
     .update = update,
-    .counter = counter,
-    .state_size = state_size,
-    .write_state = write_state,
+    .state = state,
     .check_state = check_state,
-    .read_state = read_state,
 };
+
+const Ports *const PORTS[] = {&ECU, NULL};

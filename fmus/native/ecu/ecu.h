@@ -1,10 +1,10 @@
-/* The set-up of an ECU, as strainfmu/fmu/bus_resource.py writes it: resources/bus.bin, a header of 32 bytes, then this
+/* The set-up of an ECU, as strainfmu/can/ecu.py writes it: resources/bus.bin, a header of 32 bytes, then this
    record, then arrays at the places that it states, in bytes from the start of the file. */
 
 #ifndef ECU_H
 #define ECU_H
 
-#include "../bus/bus.h"
+#include "../network/link.h"
 
 #define ECU_VERSION 1
 
@@ -25,12 +25,6 @@ typedef struct {
     int32_t variable, padding;
     double step; /* in which its value is rounded up, 0 for none */
 } EcuOther;
-
-typedef struct {
-    uint32_t identifier;
-    int32_t is_extended, is_fd, length, kind, modulus, first, n_signals;
-    SbSlot protection;
-} EcuFrame;
 
 typedef struct {
     char guid[96];

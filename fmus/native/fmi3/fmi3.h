@@ -15,8 +15,10 @@
 /* Value reference of the scalar variable 0; strainfmu/fmu/description/fmi3.py states the same. */
 #define FMI3_FIRST_SCALAR 1000000u
 
-/* Value reference of the first variable of a port: received data, data to send, their clocks, then counters. */
+/* Value reference of the first variable of the first port: received data, data to send, their clocks, then counters.
+   Those of the next port follow. */
 #define FMI3_FIRST_PORT 2000000u
+#define FMI3_REFERENCES_OF_PORT 32u
 
 /* The scalar variables of a value reference; none for time and for what does not exist. */
 static inline Selection fmi3_array(const Instance *instance, fmi3ValueReference reference) {

@@ -43,7 +43,7 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         .logger = (void (*)(void))logMessage,
         .environment = environment,
         .events_logged = loggingOn,
-        .ports = &PORTS,
+        .kinds = PORTS,
     };
     if (name == NULL || name[0] == '\0') {
         instance_error(&requested, "the instance name is missing");

@@ -98,6 +98,12 @@ def plant(
         float | None,
         number(-60.0, 60.0, "deg", "Start value. Default: 0. Not with --motion trajectory."),
     ] = None,
+    bus: Annotated[
+        Path | None, typer.Option(metavar="BUS.toml", help="With --fmi 3: send the strains as CAN frames.")
+    ] = None,
+    recording: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="With --bus: recorded strains to send, a row a cycle.")
+    ] = None,
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
 

@@ -52,8 +52,8 @@ def model_description_3(fmu: FmuDescription) -> Element:
     for variable in interface:
         variables.append(_variable(references[variable.name], variable))
     root.append(structure := _model_structure(fmu.interface, references))
-    if fmu.port is not None:
-        add_port(variables, structure, fmu.port)
+    for number, port in enumerate(fmu.ports):
+        add_port(variables, structure, port, number)
     return root
 
 

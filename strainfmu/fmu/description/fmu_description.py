@@ -51,7 +51,7 @@ class FmuDescription:
     source_files : names inside ``sources/`` of the files to compile, none for a Python FMU.
     model_exchange : attributes of the ModelExchange element; None for an FMU without it.
     n_arrays : number of arrays that an interface of scalars stands for in FMI 3.0; None for one of the arrays.
-    port : to a CAN bus, None for none (FMI 3.0).
+    ports : to a CAN bus (FMI 3.0).
     built : time at which the data inside were made, "" for none stated.
     numbers : number of each variable by name, its value reference but for scalars of FMI 3.0; None for its index
         in ``interface``.
@@ -69,7 +69,7 @@ class FmuDescription:
     model_exchange: Mapping[str, str] | None = None
     n_arrays: int | None = None
     built: str = ""
-    port: Port | None = None
+    ports: Sequence[Port] = ()
     numbers: Mapping[str, int] | None = None
 
     @property

@@ -1,19 +1,23 @@
-"""What an FMU of FMI 3.0 states of its port to a CAN bus: variables, terminal and manifest of FMI-LS-BUS 1.0.
+"""What an FMU of FMI 3.0 states of its ports to a CAN bus: variables, terminal and manifest of FMI-LS-BUS 1.0.
 
 Source: FMI-LS-BUS 1.0.0, sections 2 (manifest), 5.3 (variables) and 5.4 (terminals).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 FIRST_PORT = 2_000_000
-"""Value reference of received data, as ``fmus/native/fmi3/fmi3.h`` has it; then data to send and their clocks."""
+"""Value reference of the data that the first port receives, as ``fmus/native/fmi3/fmi3.h`` has it."""
 
-_FIRST_COUNTER = FIRST_PORT + 16
-_RX_DATA, _TX_DATA, _RX_CLOCK, _TX_CLOCK = range(FIRST_PORT, FIRST_PORT + 4)
+_REFERENCES, _FIRST_COUNTER = 32, 16
+_RX_DATA, _TX_DATA, _RX_CLOCK, _TX_CLOCK = range(4)
+"""Value references of a port, and of its variables from there on."""
+
+MOST_PORTS = 8
+"""Ports of an FMU, as ``fmus/native/core/ports.h`` has it."""
 
 MOST_BYTES = 8192
 """Operations of one tick, as ``fmus/native/core/ports.h`` has it."""
@@ -51,30 +55,35 @@ class Port:
 
 @dataclass(frozen=True, kw_only=True)
 class BusPart:
-    """What makes an FMU of an estimator one on a bus.
+    """What puts an FMU on a bus.
 
     Attributes
     ----------
-    port : its port.
-    resource : returns ``resources/bus.bin`` for a guid.
-    dbc : DBC file of the frames.
+    ports : its ports.
+    resource, content : name of a file of ``resources/``, and what returns it for a guid.
+    dbc : DBC file of the frames, None for none.
     lines : what its page states of the bus, as HTML.
+    is_bus : it is the bus itself.
     """
 
-    port: Port
-    resource: Callable[[str], bytes]
-    dbc: bytes
+    ports: tuple[Port, ...]
+    resource: str
+    content: Callable[[str], bytes]
+    dbc: bytes | None = None
     lines: tuple[str, ...] = field(default_factory=tuple)
+    is_bus: bool = False
 
 
-def add_port(variables: Element, structure: Element, port: Port) -> None:
-    """Add the variables of ``port`` and their dependencies to a model description."""
+def add_port(variables: Element, structure: Element, port: Port, number: int) -> None:
+    """Add the variables of ``port``, counted from 0, and their dependencies to a model description."""
     data = {"variability": "discrete", "mimeType": _MIME_TYPE, "maxSize": str(MOST_BYTES)}
-    names = {"Rx_Data": _RX_DATA, "Tx_Data": _TX_DATA, "Rx_Clock": _RX_CLOCK, "Tx_Clock": _TX_CLOCK}
+    first = FIRST_PORT + number * _REFERENCES
+    rx_clock, tx_data, tx_clock = first + _RX_CLOCK, first + _TX_DATA, first + _TX_CLOCK
+    names = {"Rx_Data": first + _RX_DATA, "Tx_Data": tx_data, "Rx_Clock": rx_clock, "Tx_Clock": tx_clock}
     is_triggered = port.tx_clock == "triggered"
     own = {
-        "Rx_Data": ("Binary", {"causality": "input", "clocks": str(_RX_CLOCK), **data}),
-        "Tx_Data": ("Binary", {"causality": "output", "initial": "calculated", "clocks": str(_TX_CLOCK), **data}),
+        "Rx_Data": ("Binary", {"causality": "input", "clocks": str(rx_clock), **data}),
+        "Tx_Data": ("Binary", {"causality": "output", "initial": "calculated", "clocks": str(tx_clock), **data}),
         "Rx_Clock": ("Clock", {"causality": "input", "intervalVariability": "triggered"}),
         "Tx_Clock": (
             "Clock",
@@ -88,17 +97,17 @@ def add_port(variables: Element, structure: Element, port: Port) -> None:
         element = SubElement(variables, tag, {**named, "description": text, **attributes})
         if member == "Rx_Data":
             SubElement(element, "Start", {"value": ""})
-    for number, (name, text) in enumerate(COUNTERS.items()):
-        counted = {"name": f"{port.network}.{name}", "valueReference": str(_FIRST_COUNTER + number)}
+    counters = [first + _FIRST_COUNTER + count for count in range(len(COUNTERS))]
+    for reference, (name, text) in zip(counters, COUNTERS.items(), strict=True):
+        counted = {"name": f"{port.network}.{name}", "valueReference": str(reference)}
         kind = {"causality": "output", "variability": "discrete", "initial": "calculated"}
         SubElement(variables, "UInt64", {**counted, "description": text, **kind})
-    counters = [_FIRST_COUNTER + number for number in range(len(COUNTERS))]
-    clocked = {_TX_DATA: "", _TX_CLOCK: ""} if is_triggered else {_TX_DATA: str(_TX_CLOCK)}
+    clocked = {tx_data: "", tx_clock: ""} if is_triggered else {tx_data: str(tx_clock)}
     outputs = clocked | dict.fromkeys(counters, "")
     place = sum(one.tag == "Output" for one in structure)
-    for number, (reference, known) in enumerate(outputs.items()):
+    for offset, (reference, known) in enumerate(outputs.items()):
         output = Element("Output", {"valueReference": str(reference), "dependencies": known})
-        structure.insert(place + number, output)
+        structure.insert(place + offset, output)
     for reference in counters:
         SubElement(structure, "InitialUnknown", {"valueReference": str(reference), "dependencies": ""})
 
@@ -112,31 +121,27 @@ def port_files(part: BusPart) -> Mapping[str, bytes]:
             "fmi-ls:fmi-ls-name": _NAME,
             "fmi-ls:fmi-ls-version": "1.0.0",
             "fmi-ls:fmi-ls-description": _DESCRIPTION,
-            "isBusSimulationFMU": "false",
+            "isBusSimulationFMU": str(part.is_bus).lower(),
         },
     )
     folder = f"extra/{_NAME}"
+    dbc = {} if part.dbc is None else {f"{folder}/{part.ports[0].network}.dbc": part.dbc}
     return {
-        "terminalsAndIcons/terminalsAndIcons.xml": _terminal(part.port),
+        "terminalsAndIcons/terminalsAndIcons.xml": _terminals(part.ports),
         f"{folder}/fmi-ls-manifest.xml": tostring(root, encoding="UTF-8", xml_declaration=True),
-        f"{folder}/{part.port.network}.dbc": part.dbc,
+        **dbc,
     }
 
 
-def _terminal(port: Port) -> bytes:
-    """Return ``terminalsAndIcons.xml`` with the terminal of ``port``."""
+def _terminals(ports: Sequence[Port]) -> bytes:
+    """Return ``terminalsAndIcons.xml`` with the terminals of ``ports``."""
     root = Element("fmiTerminalsAndIcons", {"fmiVersion": "3.0"})
-    terminal = SubElement(
-        SubElement(root, "Terminals"),
-        "Terminal",
-        {
-            "name": port.network,
-            "terminalKind": "org.fmi-ls-bus.network-terminal",
-            "matchingRule": "org.fmi-ls-bus.transceiver",
-        },
-    )
-    for member in ("Tx_Data", "Rx_Data", "Tx_Clock", "Rx_Clock"):
-        variable = {"variableName": f"{port.network}.{member}", "memberName": member, "variableKind": "signal"}
-        SubElement(terminal, "TerminalMemberVariable", variable)
+    group = SubElement(root, "Terminals")
+    kind = {"terminalKind": "org.fmi-ls-bus.network-terminal", "matchingRule": "org.fmi-ls-bus.transceiver"}
+    for port in ports:
+        terminal = SubElement(group, "Terminal", {"name": port.network, **kind})
+        for member in ("Tx_Data", "Rx_Data", "Tx_Clock", "Rx_Clock"):
+            variable = {"variableName": f"{port.network}.{member}", "memberName": member, "variableKind": "signal"}
+            SubElement(terminal, "TerminalMemberVariable", variable)
     indent(root)
     return tostring(root, encoding="UTF-8", xml_declaration=True)

@@ -30,8 +30,8 @@ _CORE = "core"
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 
 
-_NO_PORTS = b'#include "core/ports.h"\n\nconst Ports PORTS = {0};\n'
-"""A source for FMUs of FMI 3.0 of the library of the estimator that are on no bus."""
+_NO_PORTS = b'#include "core/ports.h"\n\nconst Ports *const PORTS[] = {0};\n'
+"""A source for FMUs of FMI 3.0 that are on no bus."""
 
 
 def native_sources(library: str, fmi_version: str, on_bus: bool = False) -> dict[str, bytes]:
@@ -49,8 +49,7 @@ def native_sources(library: str, fmi_version: str, on_bus: bool = False) -> dict
         found = _files_below(native.joinpath(folder))
         names += [f"{folder}/{name}" for name in found if name.endswith((".c", ".h"))]
     sources = {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
-    is_alone = library in BESIDE and fmi_version == "3" and not on_bus
-    return sources | ({"ports.c": _NO_PORTS} if is_alone else {})
+    return sources | ({"ports.c": _NO_PORTS} if fmi_version == "3" and not on_bus else {})
 
 
 def model_sources(library: str) -> dict[str, bytes]:

@@ -1,0 +1,282 @@
+"""Nodes of FMI-LS-BUS 1.0 as files that compiled code reads: frames that are sent, and the sender of strains.
+
+``fmus/native/network/link.h`` and ``fmus/native/nodes`` read them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from strainfmu.can.bus_file import BusDescription, read_bus
+from strainfmu.can.encoder import cycles_apart
+from strainfmu.can.frame_layout import FLOW_QUANTITIES, NAVIGATION, FrameLayout, InputFrame, InputLayout
+from strainfmu.can.options import BridgeOptions
+from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.setup import input_layout, map_gauge_names, map_reading_units, result_form
+from strainfmu.can.signals import SIGNAL, SLOT, signal_table
+from strainfmu.can.strain_sources import recorded_samples
+from strainfmu.cosim.models.flight_model import FlightModel, load_flight_model
+from strainfmu.cosim.models.schedule import ScheduledSignal
+from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import STRAIN, TARE
+from strainfmu.fmu.description.port import BusPart, Port
+from strainfmu.fmu.plant_export import export_schedule
+from strainfmu.fmu.plant_resource import resource_file
+from strainfmu.interface.fmi_variables import Variable, strain_names
+from strainfmu.interface.sensor_variables import fmi_units, sensor_names
+
+_SENDER_VERSION = 1
+_HEADER = 32
+_SESSION = 1
+"""Number of the sender's run, the same in every simulation."""
+
+_CONSTANT, _SAMPLE_TIME = -1, -2
+_HEARD = {"heard_counter": -3, "heard_time": -4, "heard_delay": -5}
+"""Sources of a signal other than a variable, as ``nodes.h`` lists them."""
+
+ENTRIES_OF_HARDWARE = {
+    "interface": "bus.interface",
+    "channel": "bus.channel",
+    "bus_options": "bus.options",
+    "log_channel": "bus.log_channel",
+    "key_file": "input.key",
+    "freshness_file": "input.freshness",
+    "synchronised": "clock.synchronised_ms",
+    "zeros": "zeros.file",
+    TARE: f"{TARE}.map",
+    "record": "record.file",
+    "publish": "page.publish",
+    "http": "page.http",
+}
+"""Entries of a bus file that an FMU has no use for, by the field that they set."""
+
+FRAME = np.dtype(
+    [
+        ("identifier", "u4"),
+        *((name, "i4") for name in ("is_extended", "is_fd", "length", "kind", "modulus", "first", "n_signals")),
+        ("protection", SLOT),
+    ],
+    align=True,
+)
+"""``SentFrame``."""
+
+_SOURCE = np.dtype([("from", "i4"), ("padding", "i4"), ("value", "f8")], align=True)
+_ARRAYS = ("frame", "sent", "source", "answer")
+_SETUP = np.dtype(
+    [
+        ("guid", "S96"),
+        ("period", "f8"),
+        *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
+        *((name, "i4") for name in ("n_frames", "n_sent", "n_answer", "answer_length")),
+        ("answer_key", "u4"),
+        *((name, "i8") for name in _ARRAYS),
+    ],
+    align=True,
+)
+"""Records of ``nodes.h``."""
+
+
+def bus_of_fmu(path: Path) -> BusDescription:
+    """Return the bus of an FMU that a file describes.
+
+    Raises
+    ------
+    InputError
+        The file is wrong, or states what hardware alone has.
+    """
+    bus = read_bus(path)
+    for field, entry in ENTRIES_OF_HARDWARE.items():
+        if bus.stated.get(field) is not None or getattr(bus, field, None) is not None:
+            raise InputError(
+                f"{path}: {entry}: expected no such entry with '--bus' of an FMU, which has no hardware"
+            )
+    return bus
+
+
+def rates_of(bus: BusDescription, layouts: Sequence[FrameLayout]) -> dict[str, int]:
+    """Return the numbers of a set-up that state the clock and the bit rates [bit/s]."""
+    return {
+        "is_triggered": bus.tx_clock == "triggered",
+        "can_rate": 1000 * bus.can_rate,
+        "fd_rate": 1000 * bus.fd_rate if any(one.is_fd for one in layouts) else 0,
+    }
+
+
+def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
+    """Return the rows of frames that are sent, each with its kind."""
+    rows, first = np.zeros(len(frames), dtype=FRAME), 0
+    for row, (layout, kind) in zip(rows, frames, strict=True):
+        row["identifier"], row["is_extended"] = layout.identifier, layout.is_extended
+        row["is_fd"], row["length"], row["kind"] = layout.is_fd, layout.length, kind
+        row["first"], row["n_signals"] = first, len(layout.signals)
+        if (protection := layout.protection) is not None:
+            row["modulus"] = protection.counter_modulus
+            row["protection"]["profile"], row["protection"]["data_id"] = protection.profile, protection.data_id
+            row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
+        first += len(layout.signals)
+    return rows
+
+
+def node_resource(
+    magic: bytes, version: int, record: np.dtype[Any], arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
+) -> bytes:
+    """Return a file: header, ``record`` with ``numbers`` and the places of ``arrays``, then these."""
+    setup = np.zeros(1, dtype=record)
+    for name, value in numbers.items():
+        setup[name] = value
+    place, parts = _HEADER + record.itemsize, []
+    for name, array in arrays.items():
+        content, padding = array.tobytes(), bytes(-place % 8)
+        setup[name] = place + len(padding)
+        parts += [padding, content]
+        place += len(padding) + len(content)
+    return resource_file(magic, version, setup.tobytes() + b"".join(parts))
+
+
+def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]) -> BusPart:
+    """Return what makes the FMU of a vehicle, or of its recording, a sender of strains.
+
+    Parameters
+    ----------
+    variables : number of each variable of the FMU by name.
+
+    Raises
+    ------
+    InputError
+        The bus file is wrong, or its frames are not such as an FMU can send.
+    """
+    bus = bus_of_fmu(bus_path)
+    options = bus.options(BridgeOptions(interface="", channel=""))
+    n = model.n_strain_gauges
+    names, units = model.gauge_names[:n], () if model.sensors is None else fmi_units(model.sensors)[n:]
+    readings = dict(zip(sensor_names(model), units, strict=True))
+    if bus.gauges is not None:
+        names, readings = map_gauge_names(bus.gauges), map_reading_units(bus.gauges)
+    if tuple(names) != tuple(model.gauge_names[:n]):
+        raise InputError(f"{bus_path}: input.gauges: expected the gauges of the flight model")
+    layout, _ = input_layout(options, names, readings, needs_key=False)
+    if layout.is_authenticated or layout.trailer is not None:
+        raise InputError(
+            f"{bus_path}: input.profile: expected fd64, or a DBC file, of an FMU that sends, got {layout.name}"
+        )
+    frames = _sent_frames(layout, variables)
+    results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
+    answer = next(one for one in results if one.cycle_time and "AnsweredCounter" in _names(one))
+    answered = [name for name in ("AnsweredCounter", "E2E_Counter", "SampleTime") if name in _names(answer)]
+    arrays = {
+        "frame": frame_table([(frame.layout, cycles_apart(frame, layout.cycle_time)) for frame in frames]),
+        "sent": np.concatenate([_table(frame) for frame in frames]).astype(SIGNAL),
+        "source": np.array([row for frame in frames for row in _sources(frame, layout, variables)], dtype=_SOURCE),
+        "answer": signal_table(answer)[[answer.index_of(name) for name in answered]],
+    }
+    numbers = {
+        **rates_of(bus, [frame.layout for frame in frames]),
+        **{
+            f"n_{name}": len(arrays[of])
+            for name, of in (("frames", "frame"), ("sent", "sent"), ("answer", "answer"))
+        },
+        "period": layout.cycle_time,
+        "answer_length": answer.length,
+        "answer_key": answer.key,
+    }
+    return BusPart(
+        ports=(Port(bus.network, bus.tx_clock),),
+        resource="sender.bin",
+        content=lambda guid: node_resource(
+            b"SFMUSEN", _SENDER_VERSION, _SETUP, arrays, {**numbers, "guid": guid.encode()}
+        ),
+        lines=(
+            f"Connect the terminal <code>{bus.network}</code> to a CAN bus of FMI-LS-BUS 1.0, in an importer with "
+            f"event mode. Strains go in frames of {layout.name}, a cycle every {1e3 * layout.cycle_time:g} ms.",
+        ),
+    )
+
+
+def _names(layout: FrameLayout) -> list[str]:
+    return [signal.name for signal in layout.signals]
+
+
+def _sent_frames(layout: InputLayout, variables: Mapping[str, int]) -> list[InputFrame]:
+    """Return the frames in the order of their transmission, if anything in them is known."""
+    state = () if layout.state is None else (layout.state,)
+    flow = [one for one in layout.flow_frames if any(signal.quantity in variables for signal in one.flow)]
+    return [*state, *flow, *layout.strain_frames]
+
+
+def _table(frame: InputFrame) -> Any:
+    """Return the signals of a frame, with the factors of its strains and quantities."""
+    table = signal_table(frame.layout)
+    for index, factor in zip(frame.indices, frame.to_strain, strict=True):
+        table[index]["factor"] = factor
+    for signal in frame.flow:
+        table[signal.index]["factor"], table[signal.index]["added"] = signal.to_si, signal.offset
+    return table
+
+
+def _sources(frame: InputFrame, layout: InputLayout, variables: Mapping[str, int]) -> list[tuple[int, int, float]]:
+    """Return where the value of each signal comes from, as :mod:`strainfmu.can.encoder` has it."""
+    own = frame.layout
+    rows = [(_CONSTANT, 0, float(one.initial or 0) * one.scale + one.offset) for one in own.signals]
+    for index, gauge in zip(frame.indices, frame.gauges, strict=True):
+        rows[index] = (variables[f"{STRAIN}[{gauge + 1}]"], 0, 0.0)
+    for signal in frame.flow:
+        number = variables.get(signal.quantity)
+        rows[signal.index] = (_CONSTANT, 0, nan) if number is None else (number, 0, 0.0)
+    if frame.status is not None:
+        rows[frame.status] = (_CONSTANT, 0, 0.0)
+    if frame.sample_time is not None:
+        rows[frame.sample_time] = (_SAMPLE_TIME, 0, frame.tick)
+    if frame.session is not None:
+        rows[frame.session] = (_CONSTANT, 0, float(_SESSION))
+        for role, source in _HEARD.items():
+            if (index := getattr(frame, role)) is not None:
+                rows[index] = (source, 0, layout.first_of_cycle.tick)
+    if own.multiplexer is not None:
+        selector, number = own.multiplexer
+        rows[own.index_of(selector.name)] = (_CONSTANT, 0, number * selector.scale + selector.offset)
+    return rows
+
+
+def export_recording(recording: Path, flight_model_path: Path, fmu_path: Path, bus_path: Path) -> None:
+    """Write an FMU that sends the rows of a recording, one a cycle, as the gauges of a flight model.
+
+    Raises
+    ------
+    InputError
+        A file is wrong, or a strain or dynamic pressure of the recording is not known.
+    StrainfmuError
+        The FMU could not be written; ``fmu_path`` keeps its old content.
+    """
+    bus, model = bus_of_fmu(bus_path), load_flight_model(flight_model_path)
+    options = bus.options(BridgeOptions(interface="", channel=""))
+    names = model.gauge_names[: model.n_strain_gauges]
+    with recorded_samples(recording, names, options.dynamic_pressure) as samples:
+        rows = [(*one.strain, one.dynamic_pressure, one.mach_number, one.altitude) for one in samples]
+    times = tuple(options.cycle_time * cycle for cycle in range(len(rows)))
+    columns = dict(zip((*strain_names(len(names)), *FLOW_QUANTITIES), np.array(rows).T, strict=True))
+    for name in NAVIGATION:
+        if not np.isfinite(columns[name]).all():
+            del columns[name]
+    signals = [
+        ScheduledSignal(
+            Variable(
+                name=name, description=f"{name} of the recording", causality="output", variability="discrete"
+            ),
+            times=times,
+            values=tuple(column.tolist()),
+        )
+        for name, column in columns.items()
+    ]
+    export_schedule(
+        signals,
+        fmu_path,
+        fmi_version="3",
+        flight_model_path=flight_model_path,
+        bus=partial(sender_part, bus_path, model),
+    )
