@@ -67,7 +67,7 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
 
 
 def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> Figure:
-    """Draw p/p_inf on the body for three conditions, seen from leeward and from windward."""
+    """Draw p/p_inf on the body for three conditions, from leeward and from windward, each with its own colours."""
     figure = blank_figure(11.0, 6.0)
     axes = figure.subplots(3, 2, sharex=True, sharey=True)
     conditions = snapshots.conditions()
@@ -75,23 +75,19 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
         condition = conditions[index]
         at_nodes = snapshots.pressure[index] / condition.ambient_pressure
         ratio = surface.as_map(at_nodes)
-        ends = colour_ends(snapshots.surface, at_nodes)
         for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
-            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards, ends)
+            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
             axis.set_title(f"{condition}, from {side}", fontsize=8)
+            figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
         row[0].set_ylabel("across [mm]")
-        figure.colorbar(drawn, ax=row, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, ratio))
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Surface pressure on the body: {title}")
     return figure
 
 
-def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float, ends: dict[str, float]) -> Any:
-    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad].
-
-    ``ends`` are the ends of the colours.
-    """
+def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float) -> Any:
+    """Draw (n_x, n_roll) values on the body as seen onto the meridian at roll angle ``facing`` [rad]."""
     angle = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 61)
     shown = at_roll_angles(ratio, surface.roll_angle, np.mod(angle + facing, 2.0 * np.pi))
     across = 1e3 * np.outer(surface.radius, np.sin(angle))
@@ -103,7 +99,6 @@ def _draw_body(axis: Any, ratio: FloatArray, surface: SurfaceGrid, facing: float
         shading="gouraud",
         cmap=COLOUR_MAP,
         rasterized=True,
-        **ends,
     )
 
 

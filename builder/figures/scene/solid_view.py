@@ -25,6 +25,8 @@ _LIGHT = np.array([-0.35, 0.6, 0.72])
 """Where the light is from: left, above, ahead of the picture."""
 _SHADE = 0.6
 """Brightness where no light falls."""
+_INSIDE = 0.75
+"""Grey of faces seen from inside an open end: the pressure acts on their other side."""
 
 
 def solid_view(scene: Scene) -> Figure:
@@ -63,7 +65,9 @@ def _draw(axis: Any, scene: Scene, view: FloatArray) -> Any:
     point = surface.point @ view.T
     order = np.argsort(point[surface.triangle, 2].mean(axis=1))
     faces = point[surface.triangle[order], :2]
-    paint = _lit(colours.to_rgba(mean)[order, :3], normal[order] @ view.T)
+    to_viewer = normal[order] @ view.T
+    is_outside = to_viewer[:, 2:] >= 0.0
+    paint = _lit(np.where(is_outside, colours.to_rgba(mean)[order, :3], _INSIDE), to_viewer)
     axis.add_collection(PolyCollection(list(faces), facecolors=paint, edgecolors=paint, linewidths=0.3))
     corners = scene.bar_points @ view.T
     outward = scene.frame[:, 2] / np.linalg.norm(scene.frame[:, 2], axis=1, keepdims=True)

@@ -168,3 +168,12 @@ def test_a_still_shows_the_near_side_alone() -> None:
 def test_other_formats_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"expected a file \.png, \.glb, \.vtp, got '\.obj'"):
         write_picture(scene(), tmp_path / "vehicle.obj")
+
+
+def test_the_inside_of_an_open_end_is_grey() -> None:
+    """The pressure acts outside: what is seen of the wall's inner face has no colour of the scale."""
+    figure = solid_view(scene())
+    for axis in figure.axes[: len(VIEWS)]:
+        paint = axis.collections[0].get_facecolors()[:, :3]
+        is_grey = np.ptp(paint, axis=1) < 1e-12
+        assert 0.0 < is_grey.mean() < 0.6
