@@ -199,16 +199,26 @@ def run_study(
     scheduler: str | None = None,
     progress: AnyProgress = None,
 ) -> StudyResult:
-    """Build and try every design of a study; write the table and its figure to the folder ``output``.
+    """Build and fly a vehicle with other values of its entries: one table of all combinations.
 
-    An interrupted study continues: designs that are up to date are reused.
+    The file names the vehicle file and the entries that are swept. Each combination is a design: its map is built
+    and estimates the flights of vehicles of the truth model, with installation errors and noise drawn.
+
+    Writes study.csv, study.parquet (with pyarrow) and study.png, and the map of each design in its own folder.
+    Designs that share flows solve them once. An interrupted study continues, and a second run reuses what is up to
+    date.
+
+    On the command line::
+
+        strainfmu study study.toml -o study
+        strainfmu study study.toml -o study --workers 1
 
     Parameters
     ----------
-    file : of the study (TOML).
+    file : file of the study (study.toml).
     output : folder for the results.
-    workers : designs at a time on this machine; None for as many as there are processors, 1 for this process.
-    scheduler : address of a Dask scheduler whose workers share ``output``; None for this machine.
+    workers : designs at a time on this machine. Default: the number of processors.
+    scheduler : Dask scheduler, such as tcp://host:8786, whose workers share the folder.
     progress : True for progress bars.
 
     Raises

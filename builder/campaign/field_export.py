@@ -35,7 +35,18 @@ _DECLARED = {
 def convert(
     snapshots: str | Path, output: str | Path, *, file_format: Literal["vtu", "triq", "csv"] = "vtu"
 ) -> list[Path]:
-    """Write every snapshot of a file into the folder ``output``, for other programs."""
+    """Write every snapshot as a file of its own, and the manifest that imports them again.
+
+    On the command line::
+
+        strainfmu convert results/snapshots.h5 -o fields --format vtu
+
+    Parameters
+    ----------
+    snapshots : surface pressures of a campaign (snapshots.h5).
+    output : folder for the files and their manifest.
+    file_format : "vtu" (ParaView), "triq" (Cart3D) or "csv".
+    """
     return export_snapshots(load_snapshots(snapshots), Path(output), file_format)
 
 

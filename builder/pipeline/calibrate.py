@@ -120,17 +120,35 @@ def calibrate(
     accept: bool = False,
     progress: AnyProgress = None,
 ) -> Calibration:
-    """Calibrate a map by a ground test; write the map and a report of the same name, as page, PDF and CSV.
+    """Estimate the vehicle as built from a ground test and make its map.
+
+    The model predicts the reading of every gauge under the loads of the test. Gains, directions and places of
+    the gauges, wall, modulus, mass, support and errors of the loads follow by Bayes' rule from the tolerances
+    of the vehicle file's section ``calibration``. A mass that differs is named.
+
+    Gauges and load cases that do not fit are named and left out. Readings that no vehicle within its
+    tolerances can have are refused: check loads, units and signs.
+
+    The new map includes what the test left unknown in its noise. A report of the same name is written with it
+    (.html and .pdf; load equations as .csv). It says whether to accept the test or to repeat parts of it. Check
+    loads (check = true in the test's file) are predicted and not fitted. The zero offsets of the gauges are
+    written as well (calibrated_zeros.toml), which ``estimate``, ``bridge`` and ``replay`` take by ``--zeros``.
+
+    ``strainfmu loadtest`` proposes a test; with ``--template`` it writes the file for a test of your own.
+
+    On the command line::
+
+        strainfmu calibrate out/map.h5 loadtest.toml -o out/calibrated.h5
+        strainfmu calibrate map.h5 loadtest.toml --vehicle my_vehicle.toml --snapshots flows/fine.h5
 
     Parameters
     ----------
-    inverse_map : the map as built from the drawing.
-    test : ``loadtest.toml``.
-    output : of the calibrated map. The zero offsets are written next to it, ``.._zeros.toml``.
-    vehicle : the vehicle file; by default the one that the test names.
-    snapshots : snapshots of the map; by default the ones next to it. The flows of the independent model,
-        which detection thresholds are measured with, are next to the snapshots.
-    accept : make the map although no named error explains the readings.
+    inverse_map : map of the vehicle as drawn (map.h5).
+    test : file of the ground test (loadtest.toml).
+    output : the calibrated map.
+    vehicle : vehicle file of the map. Default: the one that the test names.
+    snapshots : snapshots of the map. Default: snapshots.h5 next to the map.
+    accept : write the map although no known error explains the readings.
     progress : True for progress bars.
 
     Raises

@@ -35,7 +35,18 @@ class Equations:
 
 
 def equations(test: str | Path, output: str | Path = "equations.h5", *, accept: bool = False) -> Equations:
-    """Fit the load equations of a test; write their map, and next to it the report and the equations as CSV.
+    """Fit load equations to applied loads and readings, and make their map. No model is needed.
+
+    Each load is a sum of gauge readings by least squares over the rows of a table: all gauges, gauges chosen by
+    their T values, or a ridge. Rows without load are the zeros, marked rows are predicted and not fitted.
+
+    The map estimates the same loads as the equations, in FMUs, recordings and on the bus. Redundant gauges check
+    each other; a report and the coefficients with their standard errors are written next to the map (.html, .pdf,
+    .csv).
+
+    On the command line::
+
+        strainfmu equations wing_test.toml -o wing.h5
 
     Parameters
     ----------

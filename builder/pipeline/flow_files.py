@@ -31,17 +31,24 @@ def snapshots(
     """Solve the flow at many flight conditions: surface pressure in one HDF5 file.
 
     Every distinct flow is solved once and kept: an interrupted run continues, a finished file is reused.
-    Conditions outside the reach of the flow model are left out and listed in the result.
+    Conditions outside the reach of the flow model are listed and left out, with exit code 3. Another run tries
+    them again.
+
+    On the command line::
+
+        strainfmu snapshots my_vehicle.toml -o snapshots.h5
+        strainfmu snapshots my_vehicle.toml --set P1 --set P2 --grid medium
+        strainfmu snapshots my_vehicle.toml --set conditions.csv --scheduler tcp://cluster:8786
 
     Parameters
     ----------
-    vehicle : vehicle file.
+    vehicle : vehicle file (TOML).
     output : file to write.
-    sets : flight conditions: "P1", "P2" or CSV files; none for the vehicle file's.
-    engine : "euler", "newtonian" or "table"; None for the vehicle file's.
-    grid : cells of the euler engine: "coarse", "medium" or "fine"; None for the vehicle file's.
-    scheduler : address of a Dask scheduler whose workers solve.
-    workers : local processes; 0 for threads of this one; None for one per core.
+    sets : flight conditions: sets "P1" and "P2" of the source, or CSV files. Default: the vehicle file's.
+    engine : "euler", "newtonian" or "table". Default: the vehicle file's.
+    grid : cells of the euler engine: "coarse", "medium" or "fine". Default: the vehicle file's.
+    scheduler : Dask scheduler whose workers solve, tcp://host:port.
+    workers : local worker processes; 0: threads of this process. Default: one per core.
     progress : True for progress bars.
 
     Raises
@@ -70,11 +77,16 @@ def snapshots(
 def surface(vehicle: str | Path, output: str | Path, *, closed: bool = False) -> None:
     """Write a vehicle's aerodynamic surface, in body axes (x aft, y starboard, z up) and metres.
 
+    On the command line::
+
+        strainfmu surface my_vehicle.toml -o body.stl --closed
+        strainfmu surface my_vehicle.toml -o body.tri
+
     Parameters
     ----------
-    vehicle : vehicle file.
+    vehicle : vehicle file (TOML).
     output : file to write: .stl, .tri, .vtp or .vtu.
-    closed : whether the open base is covered, as volume meshers need.
+    closed : cover the open base, as volume meshers need.
     """
     loaded = load_vehicle(vehicle)
     # Imported results need this surface before they exist, so it is never theirs that is asked for.

@@ -23,7 +23,7 @@ from builder.pipeline.used_files import MAP
 from builder.placement import design
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import Curves, accuracy_curves
-from builder.placement.design import GOALS, Aim, Goal, Placement, Study, placement_study
+from builder.placement.design import GOALS, Aim, Placement, Study, placement_study
 from builder.placement.flight_models import Kind
 from builder.placement.limits import Limits, Zone
 from builder.placement.review import Review, review_of
@@ -64,14 +64,14 @@ def place(
     spacing: float = 0.02,
     forbid: Sequence[Sequence[float]] = (),
     keep: str | Path | None = None,
-    pairs: Literal["", "mirror", "opposite"] = "",
+    pairs: Literal["mirror", "opposite"] | None = None,
     budget: float | None = None,
     costs: Mapping[str, float] | None = None,
-    cable: tuple[float, float] = (0.0, 0.0),
+    cable: tuple[float, float] | None = None,
     kinds: int | None = None,
-    goal: Goal = "loads",
+    goal: Literal["loads", "field", "air-data", "d-optimal"] = "loads",
     loads: Mapping[str, float] | None = None,
-    estimator: Kind | None = None,
+    estimator: Literal["linear", "nonlinear"] | None = None,
     starts: int = 20,
     robust: bool = False,
     losses: int = 1,
@@ -81,29 +81,39 @@ def place(
 ) -> ProposedGauges:
     """Place gauges so that the loads are as certain as possible, and write the layout.
 
+    Candidates are all directions at a grid of stations and roll angles on the inner surface. The criterion is the
+    estimator's own uncertainty over the flight states of the snapshots, installation errors included. Prints the
+    sigmas with the layout in use and with the placed gauges, and how far any other choice could be below.
+
+    On the command line::
+
+        strainfmu place my_vehicle.toml --gauges 36 -o layout.csv --snapshots results/snapshots.h5
+        strainfmu place my_vehicle.toml --gauges 24 --forbid 1.2:1.5 --forbid 0:4@80:100 --pairs mirror --robust
+
     Parameters
     ----------
-    vehicle : vehicle file.
-    gauges : number of gauges.
+    vehicle : vehicle file (TOML).
+    gauges : number of gauges to place.
     output : layout file to write (CSV).
-    stations, roll_angles : of the candidates [m], [rad]; None for even ones.
-    directions : some of "axial", "hoop", "45", "-45", "rosette".
+    stations : stations of the candidates [m]. Default: even ones.
+    roll_angles : roll angles of the candidates [rad]. Default: even ones.
+    directions : directions at each point: some of "axial", "hoop", "45", "-45", "rosette".
     spacing : smallest distance of gauges that are not at one point [m].
-    forbid : zones without gauges, each first and last station [m], then, if not all round, first and last roll
-        angle [rad].
-    keep : layout file of gauges that are placed in any case.
-    pairs : "mirror" or "opposite" to place such pairs.
+    forbid : zones without gauges: first and last station [m] and, if not all round, roll angle [rad].
+    keep : layout file (CSV) of gauges that are placed in any case.
+    pairs : place pairs: "mirror" (roll angles phi and -phi) or "opposite" (phi and phi + 180 deg).
     budget : largest cost of all gauges, instead of their number.
-    costs : of a gauge by the name of its direction, with ``budget``; 1 where none is stated.
-    cable : with ``budget``, cost of a metre of cable, and the station that all cables run to [m].
-    kinds : how many of the directions may be used; None for all.
-    goal : "loads", "field", "air-data" or "d-optimal".
-    loads : weights by the names of the coefficients, 0 for others; None for 1 of each.
-    estimator : "linear" or "nonlinear"; None as map.h5 next to the snapshots, else as the vehicle file.
-    starts : of the exchanges.
-    robust : whether every sigma stays within 1.3 times after the loss of any ``losses`` gauges, 1 or 2.
-    curves : figure of accuracy against the number of gauges to write (PNG).
-    snapshots : flows in flight; None for local inclination.
+    costs : cost of a gauge by its direction, with ``budget``; 1 where none is stated.
+    cable : cost of a metre of cable along the body, and the station that it runs to [m]; with ``budget``.
+    kinds : number of directions that are used at most, the best ones. Default: all.
+    goal : what to minimise: "loads", "field", "air-data" or "d-optimal".
+    loads : weights of the loads by name; loads that are not named have 0.
+    estimator : "linear" or "nonlinear". Default: as map.h5 next to the snapshots, else map.estimator.
+    starts : starts of the exchanges.
+    robust : keep every sigma within 1.3 times after the loss of any ``losses`` gauges.
+    losses : gauges lost together that ``robust`` is about, 1 or 2.
+    curves : figure of accuracy against the number of gauges (PNG).
+    snapshots : flows in flight (snapshots.h5). Default: local inclination.
     progress : True for progress bars.
 
     Raises
@@ -113,7 +123,7 @@ def place(
     """
     if goal not in GOALS:
         raise InputError(f"--goal: expected one of {', '.join(GOALS)}, got '{goal}'")
-    for option, stated in (("--costs", bool(costs)), ("--cable", any(cable))):
+    for option, stated in (("--costs", bool(costs)), ("--cable", any(cable or ()))):
         if stated and budget is None:
             raise InputError(f"{option}: expected --budget with it, which limits the cost")
     if losses > 1 and not robust:
@@ -122,7 +132,7 @@ def place(
         stations=None if stations is None else tuple(stations),
         roll_angles=None if roll_angles is None else _in_degrees(roll_angles),
         directions=tuple(directions),
-        pairs=pairs,
+        pairs=pairs or "",
     )
     limits = Limits(
         gauges=gauges if budget is None else None,
@@ -131,7 +141,7 @@ def place(
         spacing=spacing,
         zones=tuple(map(_zone, forbid)),
         kinds=kinds,
-        cable=cable,
+        cable=cable or (0.0, 0.0),
     )
     aim = Aim(goal=goal, weights=_weights(loads), estimator=estimator, starts=starts, robust=robust, losses=losses)
     found = propose_gauges(
@@ -303,16 +313,23 @@ def review(
     layout: str | Path | None = None,
     output: str | Path = "review.html",
     *,
-    estimator: Kind | None = None,
+    estimator: Literal["linear", "nonlinear"] | None = None,
     snapshots: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> Review:
-    """Review a gauge layout: observed pressure, value of each gauge, critical losses.
+    """Review a gauge layout: what it observes, what each gauge contributes, and which losses it does not bear.
+
+    The page names the weakest load and the reason, the gauges that could go, and the one gauge that would help
+    most.
+
+    On the command line::
+
+        strainfmu review my_vehicle.toml --layout layout.csv -o review.html --snapshots results/snapshots.h5
 
     Parameters
     ----------
-    vehicle : vehicle file.
-    layout : a name of the vehicle file or a layout file (CSV); None for the layout in use.
+    vehicle : vehicle file (TOML).
+    layout : a layout of the vehicle file, or a layout file (CSV). Default: the layout in use.
     output : page to write, with a PDF next to it.
     estimator, snapshots, progress : as :func:`place` takes them.
 

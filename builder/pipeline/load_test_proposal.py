@@ -79,8 +79,8 @@ def loadtest(
     force: float = 1500.0,
     directions: Sequence[str] = ("in",),
     stations: Sequence[float] | None = None,
-    roll_angles: Sequence[float] = LoadLimits.roll_angles,
-    attitudes: Sequence[float] = LoadLimits.attitudes,
+    roll_angles: Sequence[float] = tuple(map(radians, range(0, 360, 45))),
+    attitudes: Sequence[float] = tuple(map(radians, range(0, 360, 90))),
     pad_length: float = 0.1,
     pad_angle: float = radians(60.0),
     pressure: float = 0.0,
@@ -98,28 +98,49 @@ def loadtest(
     snapshots: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> LoadTestProposal:
-    """Propose the load cases of a ground test; write its file, to be filled in after it, and a figure.
+    """Propose the load cases of a ground test, in the order in which they lower the uncertainty in flight.
+
+    Prints the gain of each case, what the test leaves undetermined and the time it takes. Writes a file of the
+    test, to be filled in after it, and a figure. Each load is applied in steps, and removed in steps down to
+    zero; check loads, repeated cases and zero readings are part of the file.
+
+    For bodies of revolution that are held, with any wall, frames and materials; for others ``strainfmu equations``
+    needs no model. Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle
+    file. Section ``calibration`` of the vehicle file states the tolerances of the vehicle as built.
+
+    With ``template``, writes a file of examples instead, for a test that you have designed or done yourself.
+
+    On the command line::
+
+        strainfmu loadtest my_vehicle.toml --template -o loadtest.toml
+        strainfmu loadtest my_vehicle.toml --cases 12 -o loadtest.toml
+        strainfmu loadtest my_vehicle.toml --force 800 --stations 0.6,1.2,2.4 --directions in,around --pressure 100
 
     Parameters
     ----------
-    vehicle : vehicle file.
-    cases : number of load cases, in addition to own weight.
+    vehicle : vehicle file (TOML).
+    cases : load cases, in addition to own weight.
     output : file to write.
     force : largest force on a pad [N].
-    directions : of a pad's force: some of "in", "out", "axial", "around".
-    stations, roll_angles : of the pads [m], [rad]; None for ten stations along the hollow part.
-    attitudes : roll angles of the meridian that points up [rad].
-    pad_length, pad_angle : of a pad [m], [rad].
-    pressure, axial : internal pressure [Pa] and axial force [N]; 0 for none.
-    largest_strain : of any gauge [m/m]; loads are lowered to it.
-    load_error, cell_error : relative standard deviation of each load, and of all loads together [1].
-    noise : standard deviation of one sample of the recorder [m/m]; None for the vehicle file's.
-    samples : that a reading is the mean of.
-    steps : of loading, and as many of unloading.
-    checks, repeats : number of check loads, and of load cases that are applied again at the end.
-    setup_time, reading_time : of a case or an attitude, and of a reading [s].
-    snapshots : flows in flight; None for local inclination: which loads a test needs depends on where the flow
-        presses, not on its last percent.
+    directions : directions of a pad's force: some of "in", "out", "axial", "around".
+    stations : stations of the pads [m]. Default: ten along the hollow part.
+    roll_angles : roll angles of the pads [rad].
+    attitudes : attitudes of the vehicle: roll angles of the meridian that points up [rad].
+    pad_length : length of a pad [m].
+    pad_angle : angle that a pad spans [rad].
+    pressure : internal pressure [Pa]; 0: none.
+    axial : axial force [N]; 0: none.
+    largest_strain : largest strain of any gauge [m/m]; loads are lowered to it.
+    load_error : error of each load, 1 sigma [1].
+    cell_error : error of all loads together, 1 sigma [1].
+    noise : noise of one sample of the recorder, 1 sigma [m/m]. Default: the vehicle file's.
+    samples : samples that a reading is the mean of.
+    steps : steps of loading, and as many of unloading.
+    checks : check loads, which the fit does not see.
+    repeats : load cases that are applied again at the end.
+    setup_time : time to set up a case or an attitude [s].
+    reading_time : time to apply a load, wait until it stands and record it [s].
+    snapshots : flows in flight (snapshots.h5). Default: local inclination.
     progress : True for progress bars.
 
     Raises
@@ -258,9 +279,10 @@ def loadtest_template(
 
     Parameters
     ----------
-    vehicle : vehicle file.
+    vehicle : vehicle file (TOML).
     output : file to write.
-    load_error, cell_error : relative standard deviation of each load, and of all loads together [1].
+    load_error : error of each load, 1 sigma [1].
+    cell_error : error of all loads together, 1 sigma [1].
 
     Raises
     ------

@@ -7,7 +7,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.journal import Journal
@@ -15,7 +15,7 @@ from builder.campaign.run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.problem import AnyStructure
-from builder.pipeline.chosen_estimator import Estimators, with_estimator
+from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
     level_conditions,
@@ -69,18 +69,31 @@ def build(
     snapshots: str | Path | None = None,
     structure: str | Path | None = None,
     rebuild: bool = False,
-    estimator: Estimators | None = None,
+    estimator: Literal["auto", "linear", "nonlinear"] | None = None,
     progress: AnyProgress = None,
 ) -> Path:
-    """Build the inverse map of a vehicle and its report, with all files they need; return the map's path.
+    """Build the inverse map of a vehicle, and a report on what the gauges can measure.
+
+    Writes snapshots.h5, map.h5 and report.html. A snapshots.h5 or structure.h5 of the folder is used again if
+    it fits the vehicle file. If it does not fit, the command ends with one line that says why.
+
+    The report states what the layout observes, the uncertainty of each coefficient, the contribution of each
+    gauge and the cost of its loss. The numbers are in report.json and, as CSV, in the folder report_tables.
+
+    On the command line::
+
+        strainfmu build my_vehicle.toml -o results
+        strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
+        strainfmu build my_vehicle.toml -o results --estimator nonlinear
 
     Parameters
     ----------
-    vehicle : vehicle file.
-    output : folder. Its snapshots.h5 and structure.h5 are used where they fit.
-    snapshots, structure : files to use, from anywhere.
-    rebuild : whether the files of the folder are made again from the vehicle file.
-    estimator : replaces the entry of the section [map].
+    vehicle : vehicle file (TOML).
+    output : folder for what is made.
+    snapshots : snapshots to use, from anywhere. Default: snapshots.h5 of the folder.
+    structure : structure to use, from anywhere. Default: structure.h5 of the folder.
+    rebuild : make the files of the folder again from the vehicle file, whatever options made them.
+    estimator : estimator, instead of the vehicle file's.
     progress : True for progress bars.
 
     Raises

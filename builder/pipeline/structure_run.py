@@ -48,22 +48,30 @@ def run_structure(
     snapshots: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> StructureRun:
-    """Compute the strain of gauges per surface pressure by three-dimensional elasticity, into a file.
+    """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
 
-    A file that is up to date is not computed again.
+    The mesh is checked, described and tested for locking before anything is solved. A file that is up to date
+    is not computed again; after a change of gauges the mesh is not checked again.
+
+    On the command line::
+
+        strainfmu structure my_vehicle.toml -o structure.h5
+        strainfmu structure my_vehicle.toml --resolution paper --layout configuration_1
+        strainfmu structure my_vehicle.toml --model wall.msh --mesh-unit 0.001
+        strainfmu structure my_vehicle.toml --export-loads loads --snapshots snapshots.h5
 
     Parameters
     ----------
-    vehicle : vehicle file.
+    vehicle : vehicle file (TOML).
     output : file to write.
-    resolution : "coarse", "medium" or "paper"; None for the vehicle file's.
-    solver : name; None for sectors on a swept mesh, else the fastest installed.
-    model : mesh: "swept" hexahedra, "gmsh", or a file of a mesh.
-    layouts : gauge layouts; None for all that a map needs.
-    allow_locking : whether to go on with elements that lose over 10 % of the bending.
-    mesh_unit : length of the unit of a mesh file [m].
-    by_position : whether surfaces of a mesh file are found by position, not by name.
-    snapshots : pressures, for a structure of another code; None for snapshots.h5 next to ``output``.
+    resolution : "coarse", "medium" or "paper". Default: the vehicle file's.
+    solver : solver. Default: by sectors on a swept mesh, else the fastest installed.
+    model : mesh: "swept" hexahedra, "gmsh" for Gmsh's tetrahedra, or a file of a mesh.
+    layouts : gauge layouts. Default: all that a map needs.
+    allow_locking : go on with elements that lose over 10 % of the bending.
+    mesh_unit : with ``model`` of a file: length of its unit [m]; 0.001 for mm.
+    by_position : with ``model`` of a file: find its surfaces by position, not by name.
+    snapshots : pressures of the load cases. Default: snapshots.h5 next to the output.
     progress : True for progress bars.
 
     Raises
@@ -98,7 +106,11 @@ def export_influence(
 ) -> tuple[str, ...]:
     """Write the strain per force at each outer node of a mesh to a file .h5; return a line on it.
 
-    Parameters are as :func:`run_structure` takes them.
+    Parameters
+    ----------
+    vehicle, layouts, solver, allow_locking, progress : as :func:`run_structure` takes them; ``mesh`` has its other
+        arguments.
+    export_influence : file for the strain per force at each outer node. Not with ``export_loads``.
     """
     path = Path(export_influence)
     with reporter_of(progress).stage("Case"):
@@ -122,9 +134,9 @@ def export_loads(
 
     Parameters
     ----------
-    vehicle : vehicle file.
-    export_loads : folder for the load cases.
-    load_format : "csv", "vtu" (ParaView) or "bdf" (Nastran).
+    vehicle : vehicle file (TOML).
+    export_loads : folder for the snapshots' pressures as load cases. Not with ``export_influence``.
+    load_format : with ``export_loads``: "csv", "vtu" (ParaView) or "bdf" (Nastran).
     snapshots : pressures of the load cases.
 
     Raises

@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from builder.pipeline import trial_run
-from builder.pipeline.chosen_estimator import Estimators
 from builder.pipeline.closed_loop_trial import run_closed_loop
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.stages import AnyProgress, reporter_of
@@ -40,27 +39,44 @@ def run_trial(
     snapshots: str | Path | None = None,
     structure: str | Path | None = None,
     rebuild: bool = False,
-    estimator: Estimators | None = None,
+    estimator: Literal["auto", "linear", "nonlinear"] | None = None,
     progress: AnyProgress = None,
 ) -> TrialResult:
     """Try errors on a map: which it includes in sigma, which health flags, which stay undetected.
 
-    Finished cases are kept: an interrupted trial continues, and a second run reuses what is up to date.
+    The file lists cases: where they fly, what is wrong with vehicle, gauges, air data or flow. A truth model of
+    the vehicle flies them. Shipped files: stress, manoeuvres, uncertainty, incidence, false_alarms, lost_gauges,
+    heating, ground_test, ground_test_size; closed_loop takes a scenario of ``strainfmu fly``, not a vehicle.
+
+    A load is wrong outside 3 sigma. A sample is flagged when health is neither OK nor DEGRADED, and undetected
+    when it is wrong and not flagged. Each fraction has its statistical error; a verdict is ok, missed or open (too
+    few samples).
+
+    Writes trial.csv and trial.png. Finished cases are kept: an interrupted trial continues, and a second run
+    reuses what is up to date.
+
+    On the command line::
+
+        strainfmu trial stress my_vehicle.toml --map results/map.h5 -o stress
+        strainfmu trial my_errors.toml my_vehicle.toml --only "bias of one gauge" --draws 100
+        strainfmu trial uncertainty --map demo/map.h5 --flows demo/independent_flows.h5
 
     Parameters
     ----------
     file : file of the trial (TOML), or the name of a shipped one, such as "stress".
-    vehicle : vehicle file; None for the shipped vehicle. Of a trial in closed loop, the scenario.
+    vehicle : vehicle file (TOML). Default: the IC3X surrogate that is shipped.
     output : folder for the results.
-    inverse_map : map to test; None to build it in the folder.
-    flows : flows of the truth model to fly; None to solve them in the folder.
-    only : errors to try; all by default.
-    estimators : such as "linear", "nonlinear", "linear 10 s"; None for the file's.
-    conditions, draws, training, seed : flight conditions of each case, draws of vehicle and noise at each, flights
-        that train each learning estimator, and the seed of all; None for the file's.
-    formats : of the table: some of "csv", "parquet", "json"; none for "csv".
-    workers : cases at a time on this machine.
-    scheduler : address of a Dask scheduler whose workers share the files.
+    inverse_map : map to test (map.h5). Default: built in the folder. Not with the options of a build.
+    flows : flows of the truth model to fly, such as independent_flows.h5. Default: solved in the folder.
+    only : errors to try. Default: all.
+    estimators : estimators to try: "linear", "nonlinear", "linear 10 s". Default: the file's.
+    conditions : flight conditions of each case.
+    draws : draws of vehicle and noise at every condition.
+    training : flights that train each learning estimator.
+    seed : seed of all draws.
+    formats : formats of the table: "csv", "parquet", "json". Default: "csv".
+    workers : cases at a time on this machine; each takes memory of its own.
+    scheduler : Dask scheduler, such as tcp://host:8786, whose workers share the files.
     snapshots, structure, rebuild, estimator : as :func:`build` takes them.
     progress : True for progress bars.
 
@@ -114,13 +130,35 @@ def stress(
     snapshots: str | Path | None = None,
     structure: str | Path | None = None,
     rebuild: bool = False,
-    estimator: Estimators | None = None,
+    estimator: Literal["auto", "linear", "nonlinear"] | None = None,
     workers: int = 1,
     progress: AnyProgress = None,
 ) -> TrialResult:
-    """Try some sixty kinds of error on a map: the trial "stress", or manoeuvres over time with ``flights``.
+    """Try some sixty kinds of error on a map: the trial ``stress``, or ``manoeuvres`` with ``flights``.
 
-    Parameters are as :func:`run_trial` takes them. The results are in stress.json too.
+    Flies a truth model of the vehicle with installation errors, failed gauges, temperature, flights beyond the
+    envelope, and the pressure of another flow model.
+
+    ``flights`` flies turns, steps, gusts, drifts of air data and failures at 100 Hz instead. Each estimator takes
+    them as single samples and with filters of 1 s and 10 s.
+
+    ``strainfmu trial --help`` says what the columns mean. A vehicle given by sections or a surface needs a flow
+    for every flight; it flies a quarter of them beyond the envelope.
+
+    Writes trial.csv, trial.png, and stress.json in the form of earlier versions. Flows are kept as they are
+    solved: an interrupted run continues, and a second run reuses what is up to date.
+
+    On the command line::
+
+        strainfmu stress my_vehicle.toml -o stress
+        strainfmu stress my_vehicle.toml -o stress --map results/map.h5 --conditions 500
+        strainfmu stress my_vehicle.toml -o manoeuvres --flights
+
+    Parameters
+    ----------
+    vehicle, output, inverse_map, conditions, draws, seed, workers, progress : as :func:`run_trial` takes them.
+    flights : fly manoeuvres over time; without ``conditions``.
+    snapshots, structure, rebuild, estimator : as :func:`build` takes them.
     """
     given: dict[str, Any] = dict(locals())
     file = "manoeuvres" if given.pop("flights") else "stress"
@@ -144,5 +182,25 @@ def compare(
     rebuild: bool = False,
     progress: AnyProgress = None,
 ) -> TrialResult:
-    """Try estimators of eight kinds on the same readings, the trial "compare"; parameters of :func:`run_trial`."""
+    """Try estimators of eight kinds on the same readings: the trial ``compare``.
+
+    The kinds are the linear maps of both cases, the nonlinear estimator and a Kalman filter with a random
+    walk. The extra ``rivals`` adds regression tree, random forest, gradient boosting and multi-layer perceptron.
+
+    Each is scored with gauge noise alone and with installation errors, with all air-data inputs and with q_inf
+    only: rms errors over the Cramer-Rao bound, coverage of 3 sigma, air data, error of the pressure field.
+
+    Writes trial.csv and trial.png. Flows are kept as they are solved: an interrupted run continues, and a second
+    run reuses what is up to date.
+
+    On the command line::
+
+        strainfmu compare my_vehicle.toml -o compare
+        strainfmu compare my_vehicle.toml -o compare --snapshots flows/fine.h5 --conditions 1000
+
+    Parameters
+    ----------
+    vehicle, output, conditions, draws, training, seed, workers, progress : as :func:`run_trial` takes them.
+    snapshots, structure, rebuild : as :func:`build` takes them.
+    """
     return run_trial("compare", **locals())

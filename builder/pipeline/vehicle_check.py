@@ -76,7 +76,15 @@ class VehicleCheck:
 def check(vehicle: str | Path, *, progress: AnyProgress = None) -> VehicleCheck:
     """Check a vehicle file, its gauges, the reach of the flow solver, and the manoeuvre of the demonstration.
 
-    Gauges, modes and noise are checked against each other, the extreme flows are solved, the manoeuvre is read.
+    Solves the flows at the lowest and highest Mach number and angle of attack, which takes seconds.
+
+    On the command line::
+
+        strainfmu check my_vehicle.toml
+
+    Parameters
+    ----------
+    vehicle : vehicle file (TOML).
 
     Raises
     ------

@@ -46,7 +46,7 @@ def write_flight_page(summary: EstimationSummary, report: str | Path, files: Map
     Parameters
     ----------
     summary : of :func:`strainfmu.estimate`.
-    report : file to write.
+    report : page of the flight to write, HTML or PDF: usable or not, figures.
     files : those that it follows from, by what they are: "recording" and "estimator", and others.
 
     Raises

@@ -334,10 +334,10 @@ def bench_meshes(
 
     Parameters
     ----------
-    mesh : vehicle file.
-    snapshots : pressures (snapshots.h5).
-    output : table to write (CSV).
-    solver : name; None for the one that fits each mesh.
+    mesh : vehicle file whose meshes are compared. Not with ``structure``, ``worst``.
+    snapshots : with ``mesh``, required: snapshots.h5 of ``strainfmu build``.
+    output : with ``mesh``: table to write (CSV).
+    solver : solver. Default: the fitting one of each mesh.
 
     Raises
     ------

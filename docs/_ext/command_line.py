@@ -16,8 +16,7 @@ from sphinx.application import Sphinx
 from typer.models import ArgumentInfo
 
 from strainfmu.cli.commands import program
-from strainfmu.cli.commands.command import PAGES
-from strainfmu.cli.commands.help_layout import COMMANDS, public_functions
+from strainfmu.cli.commands.help_layout import COMMANDS, PAGES, public_functions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,11 +145,10 @@ def _code(text: str) -> str:
 
 
 def _escape(text: str) -> str:
-    """Escape what Markdown would read; options become code, since two hyphens would become a dash."""
-    parts = re.split(r"((?<!\w)--[a-z][\w-]*)", text)
-    return "".join(
-        f"`{part}`" if part.startswith("--") else re.sub(r"([<>*_\[\]$])", r"\\\1", part) for part in parts
-    )
+    """Escape what Markdown would read, outside code; options become code: two hyphens would become a dash."""
+    parts = re.split(r"(`[^`]*`|(?<!\w)--[a-z][\w-]*)", text)
+    code = {part: f"`{part.strip('`')}`" for part in parts[1::2]}
+    return "".join(code.get(part) or re.sub(r"([<>*_\[\]$])", r"\\\1", part) for part in parts)
 
 
 class CommandLine(GeneratedText):

@@ -60,17 +60,28 @@ def bridge(
     say: Callable[[str], None] | None = None,
     running: Callable[[ObservedBridge], AbstractContextManager[Any]] = nullcontext,
 ) -> BridgeRun:
-    """Estimate loads from strain frames on a CAN bus, and send them back as frames, until ``duration`` is over.
+    """Estimate loads from strain frames on a CAN bus, and send them back as frames.
+
+    Ends on SIGINT or SIGTERM with a summary. SIGUSR1 confirms a sender whose restart is not proven. The frames are
+    described in docs/reference/can.md; ``strainfmu dbc`` writes them as a DBC file, or a bus file to fill in.
+
+    On the command line::
+
+        strainfmu bridge estimator.fmu --interface socketcan --channel can0
+        strainfmu bridge estimator.fmu --interface udp_multicast --channel 239.74.163.2 --bus-option port=43200
+        strainfmu bridge estimator.fmu --bus bus.toml --set trust.max_age_cycles=10 --record run.blf
 
     Parameters
     ----------
     fmu : estimator FMU.
-    bus : bus file; the other arguments replace its entries.
-    settings : entries of the bus file as "table.entry=value".
-    interface, channel, option : of python-can; options as "key=value".
-    profile : "fd64", "classic-le" or "fd64-sec".
-    record : recording of the bus, .blf, .asc or .log.
-    duration : [s]; None until something stops the bridge.
+    bus : bus file: interface, frames, clock, trust, record ..
+    settings : entries of the bus file, such as "trust.max_age_cycles=10".
+    interface : python-can interface: socketcan, udp_multicast, pcan ...
+    channel : its channel: can0, 239.74.163.2 ...
+    option : options of the interface, such as "bitrate=500000".
+    profile : "fd64", "classic-le" or "fd64-sec". Default: fd64.
+    record : record the bus: X.blf, X.asc or X.log (candump).
+    duration : stop after this time [s].
     say : takes lines on the bridge as it begins.
     running : returns a context around the run of a bridge, as for signals that stop it.
 
@@ -120,9 +131,19 @@ def dbc(
     settings: Sequence[str] = (),
     profile: str | None = None,
 ) -> int:
-    """Write the DBC file of the bridge's frames, of the results alone with ``input.dbc``; return their number.
+    """Write the DBC file of the bridge's frames: strains in, results out. With ``input.dbc``, results alone.
 
-    ``source`` is a map or an FMU; other arguments are as :func:`bridge` takes them.
+    On the command line::
+
+        strainfmu dbc results/map.h5 -o strains.dbc
+        strainfmu dbc results/map.h5 -o strains.dbc --bus bus.toml --set input.id_base=0x100
+        strainfmu dbc results/map.h5 --template bus.toml
+
+    Parameters
+    ----------
+    source : inverse map (map.h5), or the FMU made of it.
+    output : DBC file to write.
+    bus, settings, profile : as :func:`bridge` takes them.
     """
     described = read_bus(_path(bus), settings, {"input.profile": profile})
     return write_dbc(Path(source), Path(output), described.options(BridgeOptions(interface="", channel="")))
@@ -130,6 +151,11 @@ def dbc(
 
 def dbc_template(source: File, template: File) -> None:
     """Write a bus file with every entry, to fill in, for the gauges of a map or an FMU.
+
+    Parameters
+    ----------
+    source : inverse map (map.h5), or the FMU made of it.
+    template : write a bus file with every entry instead, to fill in.
 
     Raises
     ------
@@ -158,16 +184,25 @@ def send(
     say: Callable[[str], None] | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> SentStrains:
-    """Send strains on a CAN bus as a vehicle would, and compare the results with the truth where it is known.
+    """Send strains on a CAN bus as a vehicle would.
+
+    Receives the bridge's results meanwhile, names them in its frames, and compares them with the truth where it is
+    known. A tare, a DBC file and all else are entries of the bus file.
+
+    On the command line::
+
+        strainfmu send --plant demo/plant.fmu --map demo/map.h5 --interface socketcan --channel vcan0
+        strainfmu send flight.h5 --bus bus.toml --set tare.at_s=5
+        strainfmu send ic3x_flight.toml --map demo/map.h5 --interface socketcan --channel vcan0
 
     Parameters
     ----------
-    data : recorded strains, a row per cycle, or a scenario (TOML), flown in closed loop.
+    data : recorded strains (CSV, HDF5 ..), a row per cycle, or a scenario (TOML), flown in closed loop.
     bus, settings, interface, channel, option, profile : as :func:`bridge` takes them.
     plant : plant FMU whose strains are sent, instead of ``data``.
-    gauges : map or FMU whose gauges the frames hold.
+    gauges : map or FMU whose gauges the frames hold (input.gauges).
     duration : longest duration [s].
-    report : file of the errors to write (JSON).
+    report : file for the errors of the bridge's results; a plant or a scenario has the truth.
     say : takes lines on the bus as it is opened.
     stopped : asked before each cycle whether to end.
 

@@ -14,7 +14,6 @@ from strainfmu.can.options import BridgeOptions
 from strainfmu.can.replay import ReplaySummary, estimate_log
 from strainfmu.errors import InputError
 from strainfmu.recorded.run import EstimationSummary, Progress, estimate_file
-from strainfmu.text_cells import DateOrder
 
 File = str | PathLike[str]
 
@@ -31,10 +30,18 @@ def replay(
 ) -> ReplaySummary:
     """Compute the results of a recorded run again, off line, from its time stamps.
 
+    A log of ``strainfmu bridge --record`` needs no options; other logs need the bus file of the bridge.
+
+    On the command line::
+
+        strainfmu replay run.blf estimator.fmu -o run.csv
+        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-le --set input.cycle_time_ms=20
+        strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
+
     Parameters
     ----------
-    log : recording of a bus: BLF, ASC, candump's log or MF4.
-    fmu : estimator FMU, or map.
+    log : recording of a bus: BLF, ASC, candump, TRC, CSV or MF4; .gz.
+    fmu : estimator FMU, or inverse map.
     output : results to write: CSV or HDF5.
     bus, settings, profile : as :func:`bridge` takes them, for a log that no bridge recorded.
     progress : takes how much is done, and how much there is.
@@ -75,33 +82,55 @@ def estimate(
     field: File | None = None,
     field_every: int | None = None,
     channels: File | None = None,
-    date_order: DateOrder | None = None,
+    date_order: Literal["day", "month"] | None = None,
     filter_seconds: float | None = None,
     smooth: bool = False,
     zeros: File | None = None,
     bus: File | None = None,
     progress: Progress | None = None,
 ) -> EstimationSummary | ReplaySummary:
-    """Estimate loads from recorded strains: columns of a recorder, or the log of a CAN bus.
+    """Estimate loads from recorded strains.
+
+    Columns have the names of the gauges or strain[1] .., with the unit in brackets: 'strain[1] [um/m]'.
+    Without a unit they are in m/m, Pa, m and s. Other names and units stand in a channel file: ``channels``.
+
+    Other columns: dynamic_pressure, dynamic_pressure_std, mach_number, altitude. HDF5: data sets strain (n,
+    n_d), time, dynamic_pressure .. with the attribute unit.
+
+    A CAN log takes ``bus``, ``dynamic_pressure`` and ``zeros`` alone.
+
+    On the command line::
+
+        strainfmu estimate map.h5 flight.csv -o loads.csv
+        strainfmu estimate estimator.fmu flight.h5 -o loads.h5 --dynamic-pressure 95800
+        strainfmu estimate map.h5 flight.csv -o loads.csv --residuals --ignore-columns 'temperature*,operator'
+        strainfmu estimate map.h5 flight.csv -o loads.csv --exclude axial_180deg_7,'strain[12]'
+        strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
+        strainfmu estimate map.h5 flight.csv -o loads.parquet --report flight.html
+        strainfmu estimate map.h5 flight.csv -o loads.h5 --filter 10 --smooth
+        strainfmu estimate estimator.fmu run.blf -o loads.h5
+        strainfmu estimate map.h5 flight.csv -o loads.h5 --field pressure.vtkhdf --field-every 10
 
     Parameters
     ----------
-    source : estimator FMU, or map.
+    source : estimator FMU, or inverse map.
     data : CSV, HDF5, MF4, TDMS, MAT, Parquet, or a CAN log: BLF, ASC, log, MF4.
     output : estimates to write: CSV, HDF5, Parquet or MF4.
-    dynamic_pressure : of the whole file [Pa], instead of its column; NaN where it is not known.
-    columns : "plain": time, loads, angles in degrees, health in words; None for "plain" in CSV, "all" in others.
-    residuals : whether the standardised residual of every gauge is written.
-    ignore_columns : names of columns not to read, ``*`` for all unknown ones.
-    accept_strain_level, accept_held : whether to estimate strains far from the range of the map, and rows in which
-        no gauge changes.
-    exclude : gauges to leave out, by name, number or column; "auto" for those that stand still.
-    field : surface pressure to write (VTKHDF), of every ``field_every``-th sample.
-    channels : which channel of the recorder is which gauge (TOML).
-    date_order : what stands first in dates of figures.
-    filter_seconds, smooth : time constant of a filter [s], and whether it filters from both ends.
-    zeros : zero offsets of the gauges (TOML), subtracted.
-    bus : bus file of a CAN log that no bridge recorded. A log takes ``dynamic_pressure`` and ``zeros`` too.
+    dynamic_pressure : dynamic pressure of the whole file [Pa], instead of its column; nan: not known.
+    columns : "plain": time, loads, angles in degrees, health in words. Default: plain for CSV, all for others.
+    residuals : write the standardised residual of every gauge.
+    ignore_columns : columns not to read; ``*`` for all unknown ones.
+    accept_strain_level : estimate although the strains are far from the range of the map.
+    accept_held : estimate rows in which no gauge changes; they are INVALID otherwise.
+    exclude : gauges to leave out, by name, number or column; "auto": gauges that stand still.
+    field : write the surface pressure, for ParaView. The map needs keep_field = true.
+    field_every : with ``field``: write every N-th sample.
+    channels : which channel of the recorder is which gauge, and its unit or bridge.
+    date_order : what stands first in dates of figures, such as 03/04/2026.
+    filter_seconds : average each sample with those before, over this time at most [s].
+    smooth : with ``filter_seconds``: filter from both ends.
+    zeros : zero offsets of the gauges, of 'strainfmu tare'; subtracted.
+    bus : bus file of a CAN log that strainfmu did not record.
     progress : takes how much is done, and how much there is.
 
     Raises

@@ -24,20 +24,44 @@ def export(
     scalars: bool = False,
     platforms: Sequence[str] | Literal["all"] = "all",
     bus: str | PathLike[str] | None = None,
-    inputs: str = "minimal",
+    inputs: Literal["minimal", "full"] = "minimal",
     estimator: Literal["linear"] | None = None,
     zero_inputs: bool = False,
     tare_known: str | PathLike[str] | None = None,
 ) -> Literal["linear", "nonlinear"]:
-    """Write the estimator FMU of a map, or a new folder of C sources; return which estimator it holds.
+    """Package an inverse map as an FMU, or as C sources. Two exports of one map are equal to the byte.
+
+    Native FMUs of the linear estimator are for co-simulation and model exchange, all others for co-simulation.
+
+    Sources come with the map as a constant, CMakeLists.txt, an example, a program that measures memory and time
+    of a step on the target, and README.txt. The folder must be a new one.
+
+    On the command line::
+
+        strainfmu export results/map.h5 -o estimator.fmu
+        strainfmu export results/map.h5 -o estimator.fmu --inputs full
+        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
+        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --scalars
+        strainfmu export results/map.h5 -o estimator.fmu --estimator linear
+        strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
+        strainfmu export results/map.h5 -o ecu.fmu --fmi 3 --bus bus.toml
+        strainfmu export results/map.h5 -o loads_c --kind c
 
     Parameters
     ----------
-    inverse_map : file of the map.
-    output : FMU to write; folder of kind "c".
-    kind, scalars, platforms, inputs, estimator, zero_inputs, tare_known : as :class:`ExportOptions` has them.
-    fmi : version of FMI, 2 or, native only, 3.
-    bus : bus file of an FMU of FMI 3.0 whose strains and results are CAN frames (FMI-LS-BUS); None for none.
+    inverse_map : inverse map (map.h5).
+    output : FMU to write; with ``kind`` "c": folder.
+    kind : "native": compiled, needs nothing of its host; "python": PythonFMU; "c": C sources, for computers
+        without FMI.
+    fmi : version of FMI: 2 or, native only, 3.
+    scalars : with ``fmi`` 3: the scalar variables of FMI 2, for tools without arrays, as fmpy.simulate_fmu.
+    platforms : native: "all", or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.
+    bus : with ``fmi`` 3: strains and results are CAN frames (FMI-LS-BUS) of a bus file.
+    inputs : "minimal": strain, dynamic pressure and its source, Mach number, altitude, static pressure, tare.
+        "full": also valid of each gauge and all other air data.
+    estimator : "linear": the linear estimator of a map that includes both.
+    zero_inputs : add inputs for the zero offsets of the gauges. With FMI 2, or with ``scalars``.
+    tare_known : strain of own weight and air during a tare, from ``strainfmu tare --known-output``.
 
     Raises
     ------
@@ -65,7 +89,7 @@ def plant(
     flight_model: str | PathLike[str],
     output: str | PathLike[str] = "plant.fmu",
     *,
-    fmi: str | int = "2",
+    fmi: Literal["2", "3", 2, 3] = "2",
     motion: str = "inputs",
     trajectory: str | PathLike[str] | None = None,
     mach_number: float | None = None,
@@ -77,17 +101,25 @@ def plant(
 ) -> None:
     """Package a flight model as a native FMU: strains with noise and gauge faults, and the true coefficients.
 
+    On the command line::
+
+        strainfmu plant demo/flight_model.h5 -o plant.fmu
+        strainfmu plant demo/flight_model.h5 --fmi 3 -o plant_3.fmu
+        strainfmu plant demo/flight_model.h5 --motion trajectory --trajectory manoeuvre.csv
+
     Parameters
     ----------
-    flight_model : flight_model.h5 of a demonstration.
+    flight_model : flight_model.h5 of a demo.
     output : FMU to write.
-    fmi : version of FMI, 2 or 3.
-    motion : "inputs", "trajectory", or "short_period", which responds to a control moment.
-    trajectory : table to fly (CSV), for motion "trajectory" and for it alone.
-    mach_number, altitude, angle_of_attack, sideslip : start values [1], [m], [rad], [rad]; None for the middle of
-        the model's Mach numbers, 20 km and 0. Not with motion "trajectory".
-    bus : bus file of an FMU of FMI 3.0 that sends the strains as CAN frames (FMI-LS-BUS); None for none.
-    recording : strains to send, one row a cycle, instead of the flight model's; with ``bus`` alone.
+    fmi : 2 for FMI 2.0, 3 for FMI 3.0.
+    motion : "inputs", "trajectory", or "short_period" (responds to a control moment).
+    trajectory : with ``motion`` trajectory: the table to fly.
+    mach_number : start value. Default: the middle of the model's. Not with ``motion`` trajectory.
+    altitude : start value [m]. Default: 20 km. Not with ``motion`` trajectory.
+    angle_of_attack : start value [rad]. Default: 0. Not with ``motion`` trajectory.
+    sideslip : start value [rad]. Default: 0. Not with ``motion`` trajectory.
+    bus : with ``fmi`` 3: send the strains as CAN frames (FMI-LS-BUS), by a bus file.
+    recording : with ``bus``: recorded strains to send, a row a cycle.
 
     Raises
     ------

@@ -40,10 +40,30 @@ LOST = 3
 
 
 def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
-    """Return the time per step [s] of the bare product, the estimator from Python and FMUs of every kind.
+    """Time the steps of the estimator: in Python, and as FMUs through fmpy.
 
-    ``folder`` is the folder of a finished demonstration: its map and its FMUs are timed.
-    The estimator is timed with all gauges and with three of them lost, as in every step after the first such one.
+    The table compares each with the bare product of matrix and strains. With the extra ``rivals``, it includes
+    learning estimators of scikit-learn.
+
+    One other measurement is chosen by an option:
+
+    ``worst``: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset, and steps
+    with events at random.
+
+    ``mesh``: errors due to the mesh of the structure, in gauge strains and in a map built on each mesh.
+
+    ``structure``: time and memory of the three-dimensional structure, size by size.
+
+    On the command line::
+
+        strainfmu bench demo
+        strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
+        strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
+        strainfmu bench demo --worst
+
+    Parameters
+    ----------
+    folder : folder of a finished demo: its map and its FMUs are timed.
 
     Raises
     ------

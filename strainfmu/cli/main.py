@@ -47,7 +47,8 @@ def main(arguments: list[str] | None = None) -> NoReturn:
     try:
         from typer.main import get_command
 
-        from strainfmu.cli.commands import MODULES, program
+        from strainfmu.cli.commands import program
+        from strainfmu.cli.commands.help_layout import MODULES
 
         names = {*given[:1]} & {*MODULES, "--version"} or MODULES
         code = get_command(program(names)).main(args=arguments, prog_name="strainfmu", standalone_mode=False)

@@ -115,26 +115,23 @@ class Core:
         self._short_result = self._result[: self.n_outputs]
         self._time = ctypes.c_double(0.0)
         self._mask = np.ones(self.n_rows, dtype=np.uint8)
+        self._start = np.zeros(4)
         self._series = self._library.sl_series
         # Without declared types of arguments, which cost half a microsecond; they are converted here once.
         self._one_sample = self._library["sl_series"]
         self._one_sample.restype = None
         pointer = ctypes.c_void_p.from_param
         handle, at_time = pointer(self._handle), pointer(ctypes.addressof(self._time))
-        at_sample, at_mask, at_result = (
-            pointer(one.ctypes.data) for one in (self.sample, self._mask, self._result)
-        )
+        arrays = (self.sample, self._mask, self._start, self._result)
+        at_sample, at_mask, at_start, at_result = (pointer(one.ctypes.data) for one in arrays)
         count, none = ctypes.c_size_t.from_param(1), ctypes.c_void_p(None)
-        # By mask or none, fit or none, and how the sample follows the one before.
+        # By start or none, mask or none, fit or none, and how the sample follows the one before.
         self._arguments = tuple(
-            tuple(
-                tuple(
-                    (handle, int(how), with_fit, count, at_time, at_sample, mask, none, at_result)
-                    for how in Series
-                )
-                for with_fit in (0, 1)
-            )
+            (handle, int(how), with_fit, count, at_time, at_sample, mask, start, at_result)
+            for start in (none, at_start)
             for mask in (none, at_mask)
+            for with_fit in (0, 1)
+            for how in Series
         )
 
     def __del__(self) -> None:
@@ -179,16 +176,24 @@ class Core:
         return found
 
     def step(
-        self, time: float, how: Series, with_fit: bool, mask: BoolArray | None = None
+        self,
+        time: float,
+        how: Series,
+        with_fit: bool,
+        mask: BoolArray | None = None,
+        start: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the record of the one sample in :attr:`sample` at ``time`` [s], and a copy of the sample.
 
-        ``mask`` is (n_d,) of bool.
+        ``mask`` is (n_d,) of bool, ``start`` (4,) as :meth:`series` takes it.
         """
         self._time.value = time
         if mask is not None:
             self._mask[:] = mask
-        self._one_sample(*self._arguments[mask is not None][with_fit][how])
+        if start is not None:
+            self._start[:] = start
+        which = 4 * (start is not None) + 2 * (mask is not None) + with_fit
+        self._one_sample(*self._arguments[len(Series) * which + how])
         return (self._result if with_fit else self._short_result).copy(), self.sample.copy()
 
     def series(

@@ -374,9 +374,8 @@ class Estimator:
         if TOTAL_TEMPERATURE in known:
             _refuse_without_altitude(known[TOTAL_TEMPERATURE], known.get(ALTITUDE, nan))
         if not is_series(strain):
-            if start is None:
-                return self._one(strain, valid, air, more, core=self.core, how=_EACH)
-            return self.estimate(np.atleast_2d(strain), dynamic_pressure, start=np.atleast_2d(start), **inputs)[0]
+            begin = None if start is None else _checked_start(np.atleast_2d(start), 1)[0]
+            return self._one(strain, valid, air, more, core=self.core, how=_EACH, start=begin)
         samples = self._samples(strain, valid, air, more)
         if start is not None:
             samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
@@ -475,6 +474,7 @@ class Estimator:
         core: Core,
         how: Series,
         time: float = 0.0,
+        start: FloatArray | None = None,
     ) -> Estimate:
         """Return the estimate of one sample."""
         with_fit = self.is_nonlinear or (how is _TRACK and self.filter_time_constant > 0.0)
@@ -486,7 +486,7 @@ class Estimator:
         with self._lock:
             if not (is_plain and self._write_plain(core, strain, air)):
                 core.sample[:] = self._samples(strain, None, air, more).filled(slice(None))[0]
-            record, inputs = core.step(time, how, with_fit, mask)
+            record, inputs = core.step(time, how, with_fit, mask, start)
         return Estimate(record, self, inputs, mask, None if with_fit else self._fit_of_one)
 
     def _write_plain(self, core: Core, strain: ArrayLike, air: tuple[Any, ...]) -> bool:

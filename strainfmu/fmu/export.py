@@ -123,19 +123,12 @@ class ExportOptions:
 
     Attributes
     ----------
-    kind : "native", compiled code; "python", PythonFMU; or "c", which is no FMU but a folder of C sources.
+    kind, scalars, inputs, estimator, tare_known : as :func:`strainfmu.export` takes them.
     fmi_version : 2 for FMI 2.0, 3 for FMI 3.0 (native only), as a number or a text.
-    scalars : whether an FMU of FMI 3.0 has the scalar variables of FMI 2.0, by the same names, and no arrays.
     platforms : names of the platforms to support, by FMI 2.0 or 3.0; None for all (native only).
     model_name : name of the model that tools show.
-    inputs : "minimal" for strains, dynamic pressure, Mach number, altitude and static pressure, and what the map
-        needs in addition; "full" for ``valid`` of each gauge and all other air data too.
-    estimator : "linear" for the linear estimator of a map that holds tables of the nonlinear one too; None for
-        the one that the map was built for.
-    zero_inputs : whether an FMU of scalars lists zero offsets, their standard deviations, and the ones that a
-        tare has measured; an FMU of arrays always does.
-    tare_known : file, in the form of zeros, of the strain of the loads that act while the FMU takes a tare, as own
-        weight; None for none.
+    zero_inputs : whether an FMU of scalars lists zeros of the gauges, their standard deviations, and the zeros
+        that a tare has taken; one of arrays always does.
     """
 
     kind: str = "native"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 from strainfmu.cosim import flight
 from strainfmu.cosim.flight import INSTANCES, FlightResult, scheduled_signals
@@ -42,18 +43,26 @@ def fly(
     *,
     files: str | PathLike[str] | None = None,
     ssp: str | PathLike[str] | None = None,
-    fmi: str | int = "2",
+    fmi: Literal["2", "3", 2, 3] = "2",
     progress: Callable[[str], AbstractContextManager[Callable[[int, int], None]]] | None = None,
 ) -> ClosedLoopFlight:
-    """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU, one run per feedback.
+    """Fly a scenario in closed loop: plant, estimator and autopilot, each an FMU.
+
+    One run per feedback, with the plant's true coefficients or the estimator's: a table, recordings, figures. Ends
+    with exit code 1 if the loop does not hold its angle of attack.
+
+    On the command line::
+
+        strainfmu fly ic3x_flight.toml --files demo -o flight
+        strainfmu fly ic3x_flight.toml --files demo --ssp flight.ssp
 
     Parameters
     ----------
-    scenario : scenario file (TOML).
-    output : folder for FMUs and recordings.
-    files : folder of map.h5 and flight_model.h5; None for the scenario's own.
-    ssp : file of the system as an SSP package; one with connectors is written next to it.
-    fmi : 3 to write the FMUs in FMI 3.0 too, into the folder fmi_3 of ``output``; FMI 2.0 flies.
+    scenario : scenario file (TOML); docs/reference/scenario.md lists its entries.
+    output : folder for FMUs, recordings, figures.
+    files : folder of map.h5 and flight_model.h5. Default: the scenario's own.
+    ssp : SSP package of the system to write; X_connectors.ssp is written next to it.
+    fmi : 3: write the FMUs in FMI 3.0 too, into fmi_3 of the output; 2.0 flies.
     progress : returns the context of a stage by its title, which gives a function of (done, of).
 
     Raises

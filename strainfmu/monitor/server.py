@@ -36,12 +36,19 @@ _HOST = re.compile(r"(\[[^\[\]]*\]|[^:\[\]]*)(?::\d*)?")
 def serve_monitor(
     listen: str | None = None, http: str | None = None, bus: str | PathLike[str] | None = None
 ) -> Monitor:
-    """Begin to show live strains, coefficients, health and the frame account in a browser.
+    """Show live strains, coefficients, health and the frame account in a browser.
+
+    A process of its own: it may start before or after the bridge, and goes on when that restarts.
+
+    On the command line::
+
+        strainfmu monitor
+        strainfmu bridge estimator.fmu --bus bus.toml --set page.publish=127.0.0.1:9870
 
     Parameters
     ----------
-    listen, http : "host:port" to which the bridge publishes, and of the page; None for the bus file's, else
-        127.0.0.1:9870 and 127.0.0.1:8780.
+    listen : address to which the bridge publishes. Default: 127.0.0.1:9870.
+    http : address of the page. Beyond loopback, everyone can read it. Default: 127.0.0.1:8780.
     bus : bus file; addresses and token are entries of its table page.
 
     Raises

@@ -187,13 +187,21 @@ def _entry(head: str, entries: Mapping[str, str], mark: str = "") -> list[str]:
 def channels(
     source: str | PathLike[str], data: str | PathLike[str], output: str | PathLike[str] = "channels.toml"
 ) -> ChannelDraft:
-    """Write the channels.toml of a recording for the gauges of a map or an FMU, to be corrected by the user.
+    """Propose which channel of a recording is which gauge, in a file to check and correct.
+
+    Each gauge of the map gets the channel of its name or number, or the channel with the nearest name. Units are
+    taken from the recording. A file that is there is never overwritten.
+
+    On the command line::
+
+        strainfmu channels map.h5 recorder.tdms -o channels.toml
+        strainfmu estimate map.h5 recorder.tdms -o loads.csv --channels channels.toml
 
     Parameters
     ----------
-    source : map or estimator FMU.
-    data : recording.
-    output : channel file to write, a new one.
+    source : inverse map (map.h5), or estimator FMU.
+    data : CSV, HDF5, MF4, TDMS, MAT or Parquet.
+    output : channel file to write (TOML).
 
     Raises
     ------

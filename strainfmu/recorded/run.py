@@ -131,21 +131,10 @@ def estimate_file(
 
     Parameters
     ----------
-    output : CSV, HDF5, Parquet or MF4.
-    dynamic_pressure : q_inf of the whole file [Pa], instead of its column; NaN where it is not known.
-    residuals : whether to write the standardised residual of every gauge, and its limit. Needs a map.
-    ignore_columns : names of columns not to read, ``*`` for any text in the names of unknown ones.
-    channels : file that states which channel is which gauge (channels.toml); None where gauges name them.
-    check_level : whether to refuse strains so far from the map's range that their unit must be another.
-    field_output : VTKHDF file for the pressure of every ``field_every``-th sample. Needs a map with keep_field.
-    time_constant : of a filter over time [s], None for none. Needs a map.
-    smooth : whether to filter from both ends. The output states both.
-    zeros : zero offsets of the gauges (zeros.toml); None for the ones in ``source``.
-    accept_held : whether to estimate rows in which no gauge changes, too; else they are INVALID.
-    exclude : gauges to leave out: names of the map, ``strain[i]``, or names of their columns or channels; "auto"
-        for all that repeat their reading while others change.
-    columns : "all", or "plain": time, loads, coefficients, angles in degrees, health in words.
-    date_order : what stands first in dates of figures, such as 03/04/2026; None where the file has none.
+    source, data, output, dynamic_pressure, residuals, smooth, zeros, channels, exclude, columns, date_order :
+        as :func:`strainfmu.estimate` takes them; so are ``ignore_columns``, ``field_every`` and ``accept_held``.
+    check_level : whether to refuse strains whose level is so far from the map's that their unit must be another.
+    field_output, time_constant : ``field`` and ``filter_seconds`` of :func:`strainfmu.estimate`.
 
     Raises
     ------

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -81,7 +82,7 @@ def tare(
     output: str | PathLike[str] = "zeros.toml",
     *,
     channels: str | PathLike[str] | None = None,
-    date_order: DateOrder | None = None,
+    date_order: Literal["day", "month"] | None = None,
     max_dynamic_pressure: float = 100.0,
     largest_zero: float = 2e-3,
     largest_drift: float = 2e-6,
@@ -89,19 +90,33 @@ def tare(
     known_of: Mapping[str, str | float] | None = None,
     accept: bool = False,
 ) -> Tare:
-    """Write the zero offsets of the gauges by a window of a recording in which the loads are known; return them.
+    """Find the zero offsets of the gauges: mean of a window of a recording, with standard deviations.
+
+    The window has 64 samples or more. The command refuses a window in which the loads are not known: with
+    dynamic pressure, with readings that drift or move, or with values too large for zero offsets.
+
+    Own weight and ambient pressure are loads too. State them with ``vehicle``, or every estimate includes them
+    with the wrong sign.
+
+    On the command line::
+
+        strainfmu tare map.h5 ground.csv --window 0:10 -o zeros.toml
+        strainfmu tare map.h5 ground.tdms --window 5:65 --channels channels.toml --vehicle my_vehicle.toml
+            --weight-up-roll-deg 0 --ambient-pressure 101325
 
     Parameters
     ----------
-    inverse_map : file of the map.
-    window : first and last time [s].
+    inverse_map : inverse map (map.h5).
+    recording : CSV, HDF5, MDF, TDMS, MAT, Parquet, as for ``estimate``.
+    window : first and last time [s] of the recording in which the loads are known.
     output : zero offsets to write (TOML).
-    channels, date_order : as :func:`estimate_file` takes them.
+    channels, date_order : as :func:`estimate` takes them.
     max_dynamic_pressure : largest dynamic pressure in the window [Pa].
-    largest_zero, largest_drift : largest plausible zero offset, and drift over the window [m/m].
+    largest_zero : largest plausible zero offset [m/m].
+    largest_drift : largest drift over the window [m/m].
     known : strain of the loads that act meanwhile, as :func:`builder.known_strain` gives it.
     known_of : what that is made from, for the file.
-    accept : whether zero offsets are written although a check refuses them.
+    accept : write the zero offsets although a check refuses them.
 
     Raises
     ------

@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from typer.main import get_command
 
-from strainfmu.cli.commands import MODULES, program
-from strainfmu.cli.commands.command import PAGES, check_together, unwrapped
-from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OPTIONS
+from strainfmu.cli.commands import program
+from strainfmu.cli.commands.command import check_together, unwrapped
+from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, MODULES, NEEDS, OPTIONS, PAGES
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

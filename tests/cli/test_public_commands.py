@@ -1,79 +1,89 @@
-"""Each command is one public function, with the same options as keywords and the same defaults."""
+"""Each command is one public function: its options are keywords, with the same defaults and a description."""
 
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping, Sequence
 from importlib import import_module
-from math import pi
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import pytest
+import typer
+from typer.main import get_command
 
-from strainfmu.cli.commands import MODULES
-from strainfmu.cli.commands.help_layout import public_functions
+from strainfmu.cli.commands.described import command_function, keywords
+from strainfmu.cli.commands.help_layout import MODULES, public_functions
+from strainfmu.cli.commands.spellings import FLAGS
 
 pytestmark = pytest.mark.fast
 
-ONLY_PRINTED = {"verbose"}
-"""Options of what is printed."""
-
-CHOOSE_A_FUNCTION = {
-    "bench": {"worst"},
-    "fly": {"figures"},
-    "loadtest": {"template"},
+NO_OPTIONS = {
+    "bench": {"reporter"},
+    "bridge": {"running", "say"},
+    "estimate": {"files", "summary"},
+    "fly": {"flown"},
+    "inspect": {"console"},
+    "send": {"say", "stopped"},
+    "structure": {"mesh"},
+    "tare": {"known", "known_of"},
+    "trial": {"training"},
 }
-"""Options that choose one of the functions of a command."""
+"""Keywords that no text can stand for, or that another command has as options."""
+
+OUTPUT = ("-o", "out")
+ARGUMENTS = dict.fromkeys(("convert", "estimate", "picture", "replay", "surface"), OUTPUT)
+ARGUMENTS["tare"] = ("--window", "0:1")
+"""Options that have to be given."""
 
 
-def functions(command: str) -> list[Any]:
-    """Return the functions that a command names in the reference."""
+def parameters(command: str) -> dict[str, inspect.Parameter]:
+    """Return the parameters of the imported functions of a command; the first function's count."""
     dotted = [name.partition(".") for name in public_functions(command)]
-    return [getattr(import_module(package), name) for package, _, name in dotted]
+    functions = [getattr(import_module(package), name) for package, _, name in reversed(dotted)]
+    return {name: one for function in functions for name, one in inspect.signature(function).parameters.items()}
 
 
-def command(name: str) -> Any:
-    return getattr(import_module(f"strainfmu.cli.commands.{MODULES[name]}"), name)
+def same(given: Any, default: Any) -> bool:
+    """Return whether a command gives what its function has by default; nothing is None or empty."""
+    if isinstance(given, Path):
+        given = str(given)
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        return list(given) == (
+            pytest.approx(list(default)) if default and isinstance(default[0], float) else list(default or ())
+        )
+    if isinstance(given, float) and isinstance(default, float):
+        return given == pytest.approx(default, rel=1e-12)
+    return bool(given == default) or not (given or default)
 
 
-def default(name: str, parameter: inspect.Parameter, hint: Any) -> Any:
-    """Return the default of an option as its function has it: in SI units, lists for text, text for paths."""
-    value = parameter.default
-    for info in get_args(hint)[1:] if get_origin(hint) is Annotated else ():
-        if getattr(info, "callback", None) and value is not None:
-            value = info.callback(type("Parameter", (), {"opts": [f"--{name}"]}), value)
-    return value
-
-
-def same(of_option: Any, of_function: Any) -> bool:
-    """Return whether an option and a keyword have one default; nothing is None, an empty text or an empty list."""
-    if isinstance(of_option, Path):
-        of_option = str(of_option)
-    if isinstance(of_option, str) and isinstance(of_function, tuple | list):
-        parts = [part for part in of_option.split(",") if part]
-        if of_function and isinstance(of_function[0], float):
-            return not parts or [float(part) * pi / 180.0 for part in parts] == pytest.approx(list(of_function))
-        return parts == list(of_function)
-    if isinstance(of_option, float) and isinstance(of_function, float):
-        return of_option == pytest.approx(of_function)
-    return of_option == of_function or not (of_option or of_function)
-
-
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_options_of_a_command_are_keywords_with_the_same_defaults(name: str) -> None:
-    found = functions(name)
-    keywords = {n: p for function in reversed(found) for n, p in inspect.signature(function).parameters.items()}
-    options, hints = (
-        inspect.signature(command(name)).parameters,
-        get_type_hints(command(name), include_extras=True),
-    )
-    wanted = options.keys() - ONLY_PRINTED - CHOOSE_A_FUNCTION.get(name, set())
-    assert wanted - keywords.keys() == set()
-    empty = inspect.Parameter.empty
-    others = {
-        option: (value, keywords[option].default)
-        for option in sorted(wanted)
-        if empty not in (keywords[option].default, options[option].default)
-        and not same(value := default(option, options[option], hints[option]), keywords[option].default)
+@pytest.mark.parametrize("command", sorted(MODULES))
+def test_a_command_without_options_gives_the_defaults_of_its_function(command: str) -> None:
+    """Units and texts are converted there and back; the source says what the imported function says."""
+    given: dict[str, Any] = {}
+    app = typer.Typer(add_completion=False)
+    app.command()(command_function(command, lambda **options: given.update(options)))
+    program: Any = get_command(app)
+    needed = [one.name for one in program.params if one.param_type_name == "argument" and one.required]
+    program.main(args=[*needed, *ARGUMENTS.get(command, ())], standalone_mode=False)
+    known = parameters(command)
+    without = NO_OPTIONS.get(command, set()) | {"progress"}
+    assert given.keys() - FLAGS.get(command, {}).keys() == known.keys() - without
+    wrong = {
+        name: (value, known[name].default)
+        for name, value in given.items()
+        if name in known
+        and known[name].default is not inspect.Parameter.empty
+        and not same(value, known[name].default)
     }
-    assert others == {}
+    assert wrong == {}
+
+
+@pytest.mark.parametrize("command", sorted(MODULES))
+def test_every_option_has_a_description(command: str) -> None:
+    texts: Mapping[str, str] = {
+        name: one.text
+        for function in reversed(public_functions(command))
+        for name, one in keywords(function).items()
+    }
+    assert [name for name, text in texts.items() if not text and name not in NO_OPTIONS.get(command, ())] == []

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from time import thread_time
+from timeit import repeat
+from typing import Any
 
 import numpy as np
 import pytest
@@ -99,3 +102,24 @@ def test_iterations_that_have_not_ended_degrade(estimator: Estimator) -> None:
     assert 20 < np.sum(is_off) < 180
     assert np.all(found.health[is_off] != HealthState.OK)
     assert np.mean(found.health[~is_off] == HealthState.OK) > 0.5
+
+
+def test_one_sample_from_a_state_is_that_of_a_series_and_costs_no_search(estimator: Estimator) -> None:
+    """The same record, without a sensor too; it takes the time of a step from the last state, not of a search."""
+    state, strain = flights(estimator, 3, 7)
+    q = dynamic_pressure(state)
+    valid = np.ones(strain.shape[1], dtype=bool)
+    valid[2] = False
+    known: list[dict[str, Any]] = [{}, {"valid": valid}]
+    for given in known:
+        series = estimator.estimate(strain, q, start=state, **given)
+        for row in range(3):
+            one = estimator.estimate(strain[row], float(q[row]), start=state[row], **given)
+            assert one.loads.tolist() == series.loads[row].tolist()
+            assert one.state.tolist() == series.state[row].tolist()
+    one_sample = {
+        "start": lambda: estimator.estimate(strain[0], float(q[0]), start=state[0]),
+        "search": lambda: estimator.estimate(strain[0], float(q[0])),
+    }
+    cost = {name: min(repeat(call, number=20, repeat=10, timer=thread_time)) for name, call in one_sample.items()}
+    assert cost["start"] < 0.4 * cost["search"]

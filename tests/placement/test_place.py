@@ -330,7 +330,7 @@ def test_the_command_writes_a_layout_and_a_figure(
     assert len(read_layout(tmp_path / "layout.csv").names) == 12
     for wrong, words in (
         (("--forbid", "1"), "--forbid: expected x1:x2 in m"),
-        (("--goal", "best"), "--goal: expected one of loads, field, air-data, d-optimal, got 'best'"),
+        (("--goal", "best"), "'--goal': 'best' is not one of 'loads', 'field', 'air-data', 'd-optimal'"),
         (("--loads", "C_L=1"), "--loads: expected weights from 0 of C_A"),
         (("--costs", "axial=2"), "--costs: expected --budget with it"),
         (("--cable", "1@2"), "--cable: expected --budget with it"),

@@ -21,7 +21,7 @@ RUN = ("sh", "python")
 
 KINDS = ("skip", "slow", "file", "fails", "background", "clone")
 
-_FENCE = re.compile(r"^(?P<fence>`{3,}|:{3,})(?P<language>[\w{}:-]*)\s*$")
+_FENCE = re.compile(r"^(?P<fence>`{3,}|:{3,})(?P<language>[\w{}:-]*)(?: .*)?$")
 _MARK = re.compile(r"^<!-- snippet: (?P<kind>\w+):?\s*(?P<value>.*?)\s*-->$")
 
 

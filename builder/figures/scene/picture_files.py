@@ -20,13 +20,20 @@ FORMATS = (".png", ".glb", ".vtp")
 def picture(
     folder: str | Path, output: str | Path, *, case: int | None = None, excluded: Sequence[str] = ()
 ) -> Scene:
-    """Draw a vehicle in three dimensions: pressure on its surface, a bar for each gauge.
+    """Draw the vehicle in three dimensions: pressure on its surface, a bar for each gauge.
+
+    A .png is a still from two sides, a .glb can be turned in any browser's viewer, a .vtp is for ParaView.
+
+    On the command line::
+
+        strainfmu picture demo -o vehicle.glb
+        strainfmu picture demo -o vehicle.png --case 12 --excluded A1 --excluded A2
 
     Parameters
     ----------
-    folder : with map.h5 and snapshots.h5, as :func:`builder.build` and :func:`builder.demo` leave it.
+    folder : folder with map.h5 and snapshots.h5, as build and demo leave it.
     output : file to write: .png, .glb or .vtp.
-    case : number of the snapshot from 1 whose pressure is shown; None for the greatest total angle of attack.
+    case : number of the snapshot, from 1, whose pressure is shown. Default: of greatest incidence.
     excluded : gauges to draw in black.
 
     Raises

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
-from builder.pipeline.chosen_estimator import Estimators, with_estimator
+from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_trial import (
     SCORE_VERSION,
@@ -141,27 +141,41 @@ def demo(
     rebuild: bool = False,
     perfect: bool = False,
     as_built: int | None = None,
-    estimator: Estimators | None = None,
+    estimator: Literal["auto", "linear", "nonlinear"] | None = None,
     can: bool = False,
     can_duration: float = 20.0,
     can_authenticated: bool = False,
     progress: AnyProgress = None,
 ) -> DemoResult:
-    """Build the map of a vehicle, package it as an FMU and fly it; return the accuracy.
+    """Build the map of a vehicle, package it as an FMU, and fly the FMU in a system simulation.
+
+    Solves the flow, builds the inverse map, exports the FMU and flies it against the truth model of the vehicle.
+    The vehicle flown has installation errors: gains, gauge places, wall and more are drawn at their specified
+    sizes. A second run reuses the files that are up to date.
+
+    Prints the accuracy in about a dozen lines. README.txt of the folder has the stages, notes, detection
+    thresholds and files.
+
+    On the command line::
+
+        strainfmu demo
+        strainfmu demo -o results --vehicle my_vehicle.toml
+        strainfmu demo --perfect
+        strainfmu demo --as-built 7 -o tested
+        strainfmu demo --estimator linear -o linear
+        strainfmu demo --can
 
     Parameters
     ----------
     output : folder for the results.
-    vehicle : vehicle file; None for the shipped one.
+    vehicle : vehicle file (TOML). Default: the IC3X surrogate that is shipped.
     snapshots, structure, rebuild : as :func:`build` takes them.
-    perfect : whether exactly the vehicle of the file flies. Otherwise installation errors are drawn at the sizes
-        of the section [noise].
-    as_built : seed of a vehicle drawn from the section [calibration] instead, which is tested on the ground and
-        flies with the calibrated map.
-    estimator : replaces the entry of the section [map].
-    can : whether plant and estimator fly once more over a CAN bus, as sender and bridge, two processes.
-    can_duration : of that flight [s].
-    can_authenticated : whether its frames have profile fd64-sec, with a key made for it.
+    perfect : fly the vehicle of the file, without installation errors. Not with ``as_built``.
+    as_built : seed: draw a vehicle within tolerances, test it on the ground, calibrate, fly; not with ``perfect``.
+    estimator : estimator, instead of the vehicle file's.
+    can : fly once more over a CAN bus: sender and bridge as two processes.
+    can_duration : with ``can``: duration of that flight [s].
+    can_authenticated : with ``can``: profile fd64-sec, with a key made for that flight.
     progress : True for progress bars.
 
     Raises

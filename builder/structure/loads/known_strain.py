@@ -30,11 +30,12 @@ def known_strain(
 
     Parameters
     ----------
-    inverse_map, vehicle : file of the map, and vehicle file.
-    weight_up_roll_deg : roll angle of the meridian that is up [deg]; None without own weight.
-    weight_nose_deg : elevation of the nose [deg].
-    ambient_pressure : of the air inside and outside [Pa].
-    known_output : file to write (TOML), ``tare.known`` of a bus file.
+    inverse_map : inverse map (map.h5).
+    vehicle : vehicle file: subtracts the strain of own weight or air, of the options below.
+    weight_up_roll_deg : with ``vehicle``: roll angle of the meridian that is up [deg].
+    weight_nose_deg : with ``weight_up_roll_deg``: elevation of the nose [deg].
+    ambient_pressure : with ``vehicle``: pressure of the air inside and outside [Pa].
+    known_output : with ``vehicle``: write the strain of the known loads (tare.known of a bus file).
 
     Raises
     ------

@@ -148,26 +148,27 @@ def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
 
 
 def bench_structure(
-    structure: str | Path, *, solver: Sequence[str] = (CYCLIC,), largest: int = 5_000_000
+    structure: str | Path, *, solver: Sequence[str] = (), largest: int = 5_000_000
 ) -> Iterator[GrowthRow]:
     """Yield time and memory of a vehicle's three-dimensional structure, size by size.
 
     Parameters
     ----------
-    structure : vehicle file.
-    solver : names of solvers.
-    largest : largest number of degrees of freedom.
+    structure : vehicle file whose structure is timed. Not with ``mesh``, ``worst``.
+    solver : with ``structure`` or ``mesh``: solvers. Default: cyclic.
+    largest : with ``structure``: largest number of degrees of freedom.
 
     Raises
     ------
     InputError, StrainfmuError
         The vehicle file is wrong, there is no such solver, or a process fails.
     """
+    names = solver or (CYCLIC,)
     load_vehicle(structure)  # refused here, not in the process of each size
-    for name in solver:
+    for name in names:
         if name != CYCLIC:
             named_back_end(name)
-    yield from growth_rows(Path(structure), solver, [size for size in SIZES if size <= largest])
+    yield from growth_rows(Path(structure), names, [size for size in SIZES if size <= largest])
 
 
 def growth_rows(path: Path, solver_names: Sequence[str], sizes: Sequence[int] = SIZES) -> Iterator[GrowthRow]:

@@ -3,50 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Container
+from functools import partial
 from importlib import import_module
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from strainfmu.cli.commands.command import ProgramCommand, ProgramGroup
-from strainfmu.cli.commands.help_layout import COMMANDS
+from strainfmu.cli.commands.described import command_function
+from strainfmu.cli.commands.help_layout import COMMANDS, MODULES
 from strainfmu.version import __version__
-
-MODULES = {
-    "bench": "maps",
-    "bridge": "can_bus",
-    "build": "maps",
-    "calibrate": "calibration",
-    "channels": "can_data",
-    "check": "whole_way",
-    "compare": "trials",
-    "convert": "flows",
-    "crosscheck": "maps",
-    "dbc": "can_bus",
-    "demo": "whole_way",
-    "equations": "calibration",
-    "estimate": "can_data",
-    "export": "maps",
-    "fly": "flights",
-    "inspect": "maps",
-    "loadtest": "load_tests",
-    "monitor": "can_data",
-    "picture": "pictures",
-    "place": "placements",
-    "plant": "flights",
-    "replay": "can_data",
-    "reproduce": "reproduction",
-    "review": "placements",
-    "send": "can_send",
-    "snapshots": "flows",
-    "stress": "trials",
-    "structure": "structures",
-    "study": "trade_studies",
-    "surface": "flows",
-    "tare": "taring",
-    "trial": "trials",
-}
-"""Module of each command, whose function has its name; :data:`~help_layout.COMMANDS` has the order in the help."""
 
 
 def _show_version(requested: bool) -> None:
@@ -64,8 +30,12 @@ def _root(
     """Aerodynamic loads in real time from structural strain."""
 
 
+def _run(command: str, **options: Any) -> None:
+    getattr(import_module(f"{__name__}.{MODULES[command]}"), command)(**options)
+
+
 def program(names: Container[str] = MODULES) -> typer.Typer:
-    """Return the program with the commands ``names``, whose modules are imported."""
+    """Return the program with the commands ``names``; a command imports its module when it runs."""
     app = typer.Typer(
         cls=ProgramGroup,
         no_args_is_help=True,
@@ -78,6 +48,5 @@ def program(names: Container[str] = MODULES) -> typer.Typer:
     for panel, commands in COMMANDS.items():
         for name in commands:
             if name in names:
-                function = getattr(import_module(f"{__name__}.{MODULES[name]}"), name)
-                app.command(cls=ProgramCommand, rich_help_panel=panel)(function)
+                app.command(cls=ProgramCommand, rich_help_panel=panel)(command_function(name, partial(_run, name)))
     return app

@@ -33,44 +33,8 @@ _ENTRIES = {
 }
 """The entry of the bus file that replaces an option."""
 
-_FRAMES = ("--cycle-time", "--id-base", "--result-base", "--extended")
-
-OLD_OPTIONS: dict[str, dict[str, str]] = {
-    command: {option: _ENTRIES[option] for option in options}
-    for command, options in {
-        "bridge": (
-            *_FRAMES,
-            "--dbc",
-            "--mapping",
-            "--key",
-            "--freshness",
-            "--dynamic-pressure",
-            "--result",
-            "--stuck-cycles",
-            "--max-age",
-            "--clock-tolerance",
-            "--synchronised",
-            "--publish",
-            "--publish-rate",
-            "--publish-field",
-            "--zeros",
-            "--tare",
-            "--tare-cycles",
-            "--tare-known",
-            "--tare-output",
-        ),
-        "send": (
-            *_FRAMES,
-            "--key",
-            "--freshness",
-            "--dynamic-pressure",
-            "--tare-at",
-        ),
-        "dbc": (*_FRAMES, "--tare"),
-        "replay": (*_FRAMES, "--dbc", "--mapping", "--key", "--dynamic-pressure", "--zeros"),
-    }.items()
-}
-"""Options that a command had, and the entry of the bus file that replaces each."""
+OLD_OPTIONS = dict.fromkeys(("bridge", "dbc", "replay", "send"), _ENTRIES)
+"""Options that commands had, and the entry of the bus file that replaces each."""
 
 OLD_SOURCES = {"--data": "the argument DATA", "--scenario": "the argument DATA", "--files": "the folder of --map"}
 """Options that ``send`` had, and what replaces each."""

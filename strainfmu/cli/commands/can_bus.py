@@ -1,142 +1,116 @@
-"""The CAN bus: ``strainfmu bridge`` and ``strainfmu dbc``."""
+"""The CAN bus: ``strainfmu bridge``, ``dbc``, and the virtual sender ``send``."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.console import Console
+from rich.table import Table
 
 import strainfmu
-from strainfmu.cli.commands.number_ranges import DURATION_S, within
+from strainfmu.cli.commands.printed import say
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from strainfmu.can.bridge import Bridge
-
-BusOption = Annotated[
-    Path | None, typer.Option("--bus", metavar="TOML", help="Bus file: interface, frames, clock, trust, record ..")
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="TABLE.ENTRY=VALUE",
-        help="An entry of the bus file, such as trust.max_age_cycles=10; may be given several times.",
-    ),
-]
-InterfaceOption = Annotated[
-    str | None, typer.Option("--interface", help="python-can interface: socketcan, udp_multicast, pcan ...")
-]
-ChannelOption = Annotated[str | None, typer.Option("--channel", help="Its channel: can0, 239.74.163.2 ...")]
-BusOptionsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--bus-option",
-        metavar="KEY=VALUE",
-        help="Option of the interface, such as bitrate=500000; may be given several times.",
-    ),
-]
-ProfileOption = Annotated[
-    str | None,
-    typer.Option("--profile", help="fd64, classic-le or fd64-sec. Default: fd64."),
-]
+    from strainfmu.can.observed import ObservedBridge
+    from strainfmu.can.sender import Score, SentFlight
 
 
-def bridge(
-    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Estimator FMU.")],
-    bus: BusOption = None,
-    settings: SetOption = None,
-    interface: InterfaceOption = None,
-    channel: ChannelOption = None,
-    option: BusOptionsOption = None,
-    profile: ProfileOption = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record the bus: X.blf, X.asc or X.log (candump).")
-    ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(metavar="S", callback=within(*DURATION_S, "s"), help="Stop after this time."),
-    ] = None,
-) -> None:
-    """Estimate loads from strain frames on a CAN bus, and send them back as frames.
-
-    Ends on SIGINT or SIGTERM with a summary. SIGUSR1 confirms a sender whose restart is not proven. The frames are
-    described in docs/reference/can.md; `strainfmu dbc` writes them as a DBC file, and a bus file with --template.
-
-    Examples:
-
-        strainfmu bridge estimator.fmu --interface socketcan --channel can0
-
-        strainfmu bridge estimator.fmu --interface udp_multicast --channel 239.74.163.2 --bus-option port=43200
-
-        strainfmu bridge estimator.fmu --bus bus.toml --set trust.max_age_cycles=10 --record run.blf
-    """
-    given, console = dict(locals()), Console()
-    given |= {"settings": settings or (), "option": option or ()}
+def bridge(**options: Any) -> None:
+    """Run a bridge until a signal or its duration ends it, and print its summary."""
     from strainfmu.can.bridge import summary_table
 
-    def say(line: str) -> None:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    def _stopped(one: ObservedBridge) -> AbstractContextManager[None]:
+        return on_signals(one.ready.bridge.stop, one.ready.bridge.confirm)
 
-    found = strainfmu.bridge(**given, say=say, running=lambda one: _stopped_by_signals(one.ready.bridge))
-    console.print(summary_table(found.summary))
-    for note in found.notes:
-        say(note)
+    found = strainfmu.bridge(**options, say=say, running=_stopped)
+    Console().print(summary_table(found.summary))
+    say(*found.notes)
 
 
-def dbc(
-    source: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5), or the FMU made of it.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="DBC file to write.")] = Path("strainfmu.dbc"),
-    bus: BusOption = None,
-    settings: SetOption = None,
-    profile: ProfileOption = None,
-    template: Annotated[
-        Path | None,
-        typer.Option(metavar="TOML", help="Write a bus file with every entry instead, to fill in."),
-    ] = None,
-) -> None:
-    """Write the DBC file of the bridge's frames: strains in, results out. With `input.dbc`, results alone.
-
-    Examples:
-
-        strainfmu dbc results/map.h5 -o strains.dbc
-
-        strainfmu dbc results/map.h5 -o strains.dbc --bus bus.toml --set input.id_base=0x100
-
-        strainfmu dbc results/map.h5 --template bus.toml
-    """
-    if template is not None:
-        strainfmu.dbc_template(source, template)
-        text = f"{template}: written"
+def dbc(*, source: Path, output: Path, template: Path | None, **options: Any) -> None:
+    """Write a DBC file, or a bus file to fill in."""
+    if template is None:
+        say(f"{output}: written, {strainfmu.dbc(source, output, **options)} frames")
     else:
-        n_frames = strainfmu.dbc(source, output, bus=bus, settings=settings or (), profile=profile)
-        text = f"{output}: written, {n_frames} frames"
-    Console().print(text, highlight=False, markup=False, soft_wrap=True)
+        strainfmu.dbc_template(source, template)
+        say(f"{template}: written")
 
 
 @contextmanager
-def _stopped_by_signals(running: Bridge) -> Iterator[None]:
-    """Let SIGINT and SIGTERM stop the bridge in good order, the second one as ever; SIGUSR1 confirms senders."""
+def on_signals(stop: Callable[[], object], confirm: Callable[[], object] | None = None) -> Iterator[None]:
+    """Call ``stop`` on the first SIGINT or SIGTERM, the second one as ever, and ``confirm`` on each SIGUSR1."""
 
-    def stop(number: int, _: object) -> None:
-        signal.signal(number, previous[signal.Signals(number)])
-        running.stop()
+    def stopped(number: int, _: object) -> None:
+        signal.signal(number, previous[number])
+        stop()
 
-    def confirm(_: int, __: object) -> None:
-        running.confirm()
-
-    previous = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in previous:
-        signal.signal(number, stop)
-    if hasattr(signal, "SIGUSR1"):
-        previous[signal.SIGUSR1] = signal.getsignal(signal.SIGUSR1)
-        signal.signal(signal.SIGUSR1, confirm)
+    handlers: dict[int, Callable[[int, Any], object]] = dict.fromkeys((signal.SIGINT, signal.SIGTERM), stopped)
+    if confirm is not None and hasattr(signal, "SIGUSR1"):
+        handlers[signal.SIGUSR1] = lambda *_: confirm()
+    previous = {number: signal.getsignal(number) for number in handlers}
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        for number, handler_before in previous.items():
+            signal.signal(number, handler_before)
+
+
+def send(**options: Any) -> None:
+    """Send strains until a signal or the end, and print what was sent and what came back."""
+    with stop_request() as stopped:
+        found = strainfmu.send(**options, say=say, stopped=stopped)
+    console = Console()
+    console.print(_sent_table(found.sent))
+    if found.score is not None and found.score.has_errors:
+        console.print(score_table(found.score, "Results heard on the bus against truth"))
+    elif found.score is not None:
+        say(f"results heard on the bus: {_score_caption(found.score)}")
+
+
+@contextmanager
+def stop_request() -> Iterator[Callable[[], bool]]:
+    """Take the first SIGINT or SIGTERM as a request to end in good order; yield whether there was one."""
+    asked: list[bool] = []
+    with on_signals(lambda: asked.append(True)):
+        yield lambda: bool(asked)
+
+
+def _sent_table(sent: SentFlight) -> Table:
+    """Return what was sent, as a table."""
+    from strainfmu.can.sender import lateness_text
+
+    table = Table(title="Sender", show_header=False)
+    rate = sent.cycles / sent.duration if sent.duration > 0.0 else 0.0
+    table.add_row("cycles", f"{sent.cycles} in {sent.duration:.2f} s, {rate:.1f} Hz")
+    table.add_row("frames", f"{sent.frames}, not sent {sent.not_sent}")
+    table.add_row("behind their time", lateness_text(sent))
+    return table
+
+
+def score_table(score: Score, title: str) -> Table:
+    """Return errors against truth, with the columns of the demonstration."""
+    table = Table(title=title, caption=_score_caption(score))
+    for heading in ("coefficient", "rms error", "of its range", "mean sigma", "truth within 3 sigma"):
+        table.add_column(heading, justify="left" if heading == "coefficient" else "right")
+    for i, name in enumerate(COEFFICIENT_NAMES):
+        of_range = score.rms_error_of_range[i]
+        table.add_row(
+            name,
+            f"{score.rms_error[i]:.2e}",
+            f"{of_range:.2%}" if of_range >= 0.0 else "-",
+            f"{score.mean_sigma[i]:.2e}",
+            f"{100.0 * score.coverage[i]:.2f} %",
+        )
+    return table
+
+
+def _score_caption(score: Score) -> str:
+    qualities = ", ".join(f"{name} {number}" for name, number in sorted(score.qualities.items()))
+    return f"{score.answered} of {score.cycles} cycles answered, {score.published} with coefficients; {qualities}"

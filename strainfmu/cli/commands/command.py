@@ -9,11 +9,9 @@ from typing import Any
 from typer.core import TyperCommand, TyperGroup
 
 from strainfmu.cli.commands.bus_options import refuse_old_options
-from strainfmu.cli.commands.help_layout import COMMANDS, EXCLUDES, NEEDS, OLD_VALUES, OPTIONS
+from strainfmu.cli.commands.help_layout import EXCLUDES, NEEDS, OLD_VALUES, OPTIONS, PAGES
 from strainfmu.errors import InputError
 from strainfmu.written_files import check_outputs
-
-PAGES = {name: page for commands in COMMANDS.values() for name, page in commands.items()}
 
 
 class ProgramGroup(TyperGroup):

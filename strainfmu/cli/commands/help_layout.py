@@ -7,54 +7,57 @@ from strainfmu.estimator.signal_names import TARE
 from strainfmu.flight_condition import ALTITUDE, ANGLE_OF_ATTACK, MACH_NUMBER
 from strainfmu.public_names import public_names
 
-COMMANDS: dict[str, dict[str, str]] = {
+COMMANDS: dict[str, dict[str, tuple[str, str]]] = {
     "Use a map": {
-        "estimate": "docs/howto/estimate_recorded.md",
-        "channels": "docs/howto/recorder_channels.md",
-        "export": "docs/tutorials/fmu_in_tools.md",
-        "bridge": "docs/howto/run_bridge.md",
-        TARE: "docs/howto/tare.md",
-        "inspect": "docs/reference/files.md",
-        "monitor": "docs/howto/watch_live.md",
-        "crosscheck": "docs/evidence/verification.md",
+        "estimate": ("recordings", "docs/howto/estimate_recorded.md"),
+        "channels": ("recordings", "docs/howto/recorder_channels.md"),
+        "export": ("maps", "docs/tutorials/fmu_in_tools.md"),
+        "bridge": ("can_bus", "docs/howto/run_bridge.md"),
+        TARE: ("recordings", "docs/howto/tare.md"),
+        "inspect": ("maps", "docs/reference/files.md"),
+        "monitor": ("recordings", "docs/howto/watch_live.md"),
+        "crosscheck": ("maps", "docs/evidence/verification.md"),
     },
     "Build": {
-        "demo": "docs/tutorials/first_map.md",
-        "check": "docs/tutorials/your_vehicle.md",
-        "build": "docs/tutorials/your_vehicle.md",
-        "snapshots": "docs/howto/run_campaigns.md",
-        "structure": "docs/explanation/structure.md",
-        "surface": "docs/howto/bring_cfd.md",
-        "convert": "docs/howto/bring_cfd.md",
-        "picture": "docs/explanation/reports.md",
+        "demo": ("whole_way", "docs/tutorials/first_map.md"),
+        "check": ("whole_way", "docs/tutorials/your_vehicle.md"),
+        "build": ("maps", "docs/tutorials/your_vehicle.md"),
+        "snapshots": ("flows", "docs/howto/run_campaigns.md"),
+        "structure": ("structures", "docs/explanation/structure.md"),
+        "surface": ("flows", "docs/howto/bring_cfd.md"),
+        "convert": ("flows", "docs/howto/bring_cfd.md"),
+        "picture": ("flows", "docs/explanation/reports.md"),
     },
     "Ground test": {
-        "loadtest": "docs/howto/design_ground_test.md",
-        "calibrate": "docs/howto/calibrate_map.md",
-        "equations": "docs/howto/load_equations.md",
+        "loadtest": ("ground_tests", "docs/howto/design_ground_test.md"),
+        "calibrate": ("ground_tests", "docs/howto/calibrate_map.md"),
+        "equations": ("ground_tests", "docs/howto/load_equations.md"),
     },
     "Bus": {
-        "dbc": "docs/reference/can.md",
-        "send": "docs/howto/record_and_replay.md",
-        "replay": "docs/howto/record_and_replay.md",
+        "dbc": ("can_bus", "docs/reference/can.md"),
+        "send": ("can_bus", "docs/howto/record_and_replay.md"),
+        "replay": ("recordings", "docs/howto/record_and_replay.md"),
     },
     "Studies": {
-        "place": "docs/howto/place_gauges.md",
-        "review": "docs/howto/place_gauges.md",
-        "study": "docs/howto/choose_gauges_and_case.md",
-        "trial": "docs/howto/what_a_map_notices.md",
-        "stress": "docs/howto/what_a_map_notices.md",
-        "compare": "docs/evidence/comparison.md",
-        "fly": "docs/howto/fly_closed_loop.md",
-        "plant": "docs/explanation/flight.md",
-        "bench": "docs/reference/step_time.md",
-        "reproduce": "docs/evidence/reproduction.md",
+        "place": ("placements", "docs/howto/place_gauges.md"),
+        "review": ("placements", "docs/howto/place_gauges.md"),
+        "study": ("studies", "docs/howto/choose_gauges_and_case.md"),
+        "trial": ("studies", "docs/howto/what_a_map_notices.md"),
+        "stress": ("studies", "docs/howto/what_a_map_notices.md"),
+        "compare": ("studies", "docs/evidence/comparison.md"),
+        "fly": ("flights", "docs/howto/fly_closed_loop.md"),
+        "plant": ("flights", "docs/explanation/flight.md"),
+        "bench": ("maps", "docs/reference/step_time.md"),
+        "reproduce": ("studies", "docs/evidence/reproduction.md"),
     },
 }
-"""Panels of ``strainfmu --help`` in their order, the commands of each, and the page of each."""
+"""Panels of ``strainfmu --help`` in their order, the commands of each; their module here, and their page."""
+
+MODULES = {name: module for commands in COMMANDS.values() for name, (module, _) in commands.items()}
+PAGES = {name: page for commands in COMMANDS.values() for name, (_, page) in commands.items()}
 
 FUNCTIONS: dict[str, tuple[str, ...]] = {
-    "bench": ("strainfmu.bench", "strainfmu.bench_worst", "builder.bench_meshes", "builder.bench_structure"),
+    "bench": ("strainfmu.bench", "strainfmu.bench_worst", "builder.bench_structure", "builder.bench_meshes"),
     "dbc": ("strainfmu.dbc", "strainfmu.dbc_template"),
     "estimate": ("strainfmu.estimate", "builder.write_flight_page"),
     "fly": ("strainfmu.fly", "builder.flight_figures"),

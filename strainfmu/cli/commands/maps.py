@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Any
 
-import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -16,279 +15,66 @@ import builder
 import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
 from builder.vehicle.named_file import naming
-from strainfmu.cli.commands.number_ranges import within
+from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from strainfmu.fmu.checks.worst_step import EventCost
 
-SNAPSHOTS_OPTION = typer.Option(
-    "--snapshots", metavar="FILE", help="Snapshots to use, from anywhere. Default: snapshots.h5 of the folder."
-)
-STRUCTURE_OPTION = typer.Option(
-    "--structure", metavar="FILE", help="Structure to use, from anywhere. Default: structure.h5 of the folder."
-)
-REBUILD_OPTION = typer.Option(
-    "--rebuild", help="Make the files of the folder again from the vehicle file, whatever options made them."
-)
-Estimator = Literal["auto", "linear", "nonlinear"]
-ESTIMATOR_OPTION = typer.Option("--estimator", help="Estimator, instead of the vehicle file's.")
 
-
-def build(
-    vehicle: Annotated[Path, typer.Argument(help="Vehicle file (TOML).")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for what is made.")] = Path("map"),
-    snapshots: Annotated[Path | None, SNAPSHOTS_OPTION] = None,
-    structure: Annotated[Path | None, STRUCTURE_OPTION] = None,
-    rebuild: Annotated[bool, REBUILD_OPTION] = False,
-    estimator: Annotated[Estimator | None, ESTIMATOR_OPTION] = None,
-) -> None:
-    """Build the inverse map of a vehicle, and a report on what the gauges can measure.
-
-    Writes snapshots.h5, map.h5 and report.html. A snapshots.h5 or structure.h5 of the folder is used again if
-    it fits the vehicle file. If it does not fit, the command ends with one line that says why.
-
-    The report states what the layout observes, the uncertainty of each coefficient, the contribution of each
-    gauge and the cost of its loss. The numbers are in report.json and, as CSV, in the folder report_tables.
-
-    Examples:
-
-        strainfmu build my_vehicle.toml -o results
-
-        strainfmu build my_vehicle.toml -o results --snapshots flows/fine.h5 --structure meshed/structure.h5
-
-        strainfmu build my_vehicle.toml -o results --estimator nonlinear
-    """
-    given, console = dict(locals()), Console()
+def build(*, vehicle: Path, **options: Any) -> None:
+    """Build a map and print the files."""
     with naming(vehicle):
-        path = builder.build(**given, progress=ConsoleReporter(console))
-    for written in (path, path.with_name("report.html")):
-        if written.is_file():
-            console.print(f"{written}: written", highlight=False, markup=False, soft_wrap=True)
+        path = builder.build(vehicle, **options, progress=True)
+    say(*(f"{one}: written" for one in (path, path.with_name("report.html")) if one.is_file()))
 
 
-def export(
-    inverse_map: Annotated[Path, typer.Argument(metavar="MAP", help="Inverse map (map.h5).")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="FMU to write; with --kind c: folder.")] = Path(
-        "estimator.fmu"
-    ),
-    kind: Annotated[
-        str,
-        typer.Option(
-            help="native: compiled, needs nothing of its host; python: PythonFMU; c: C sources, for computers"
-            " without FMI."
-        ),
-    ] = "native",
-    fmi: Annotated[str, typer.Option(help="Version of FMI: 2 or, native only, 3.")] = "2",
-    scalars: Annotated[
-        bool,
-        typer.Option(
-            "--scalars",
-            help="With --fmi 3: the scalar variables of FMI 2, for tools without arrays, as fmpy.simulate_fmu.",
-        ),
-    ] = False,
-    platforms: Annotated[
-        str, typer.Option(help="Native: all, or some of linux64, win64, darwin64, aarch64-linux, aarch64-darwin.")
-    ] = "all",
-    bus: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TOML", help="With --fmi 3: strains and results are CAN frames (FMI-LS-BUS) of a bus file."
-        ),
-    ] = None,
-    estimator: Annotated[
-        Literal["linear"] | None,
-        typer.Option(help="linear: the linear estimator of a map that includes both."),
-    ] = None,
-    inputs: Annotated[
-        Literal["minimal", "full"],
-        typer.Option(
-            help="minimal: strain, dynamic pressure and its source, Mach number, altitude, static pressure, tare. "
-            "full: also valid of each gauge and all other air data."
-        ),
-    ] = "minimal",
-    zero_inputs: Annotated[
-        bool,
-        typer.Option(
-            "--zero-inputs", help="Add inputs for the zero offsets of the gauges. With FMI 2, or with --scalars."
-        ),
-    ] = False,
-    tare_known: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="TOML", help="Strain of own weight and air during a tare, from 'tare --known-output'."
-        ),
-    ] = None,
-) -> None:
-    """Package an inverse map as an FMU, or as C sources. Two exports of one map are equal to the byte.
-
-    Native FMUs of the linear estimator are for co-simulation and model exchange, all others for co-simulation.
-
-    Sources come with the map as a constant, CMakeLists.txt, an example, a program that measures memory and time
-    of a step on the target, and README.txt. The folder must be a new one.
-
-    Examples:
-
-        strainfmu export results/map.h5 -o estimator.fmu
-
-        strainfmu export results/map.h5 -o estimator.fmu --inputs full
-
-        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --platforms linux64,win64
-
-        strainfmu export results/map.h5 -o estimator.fmu --fmi 3 --scalars
-
-        strainfmu export results/map.h5 -o estimator.fmu --estimator linear
-
-        strainfmu export results/map.h5 -o estimator.fmu --zero-inputs --tare-known known.toml
-
-        strainfmu export results/map.h5 -o ecu.fmu --fmi 3 --bus bus.toml
-
-        strainfmu export results/map.h5 -o loads_c --kind c
-    """
-    given = dict(locals())
-    if platforms != "all":
-        given["platforms"] = [name.strip() for name in platforms.split(",")]
-    found = strainfmu.export(**given)
-    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+def export(*, output: Path, **options: Any) -> None:
+    """Export a map, and print what to know of the kind."""
+    found, kind = strainfmu.export(output=output, **options), options["kind"]
+    say(f"{output}: written")
     if kind == "c":
         from strainfmu.fmu.c_folder import bounds_in
 
-        Console().print(bounds_in(output), highlight=False, markup=False, soft_wrap=True)
+        say(bounds_in(output))
     if kind == "native" and found == "nonlinear":
-        note = "note: for co-simulation alone; --estimator linear has model exchange"
-        Console().print(note, highlight=False, markup=False, soft_wrap=True)
-    if fmi.removesuffix(".0") == "3" and not scalars and bus is None:
-        note = (
-            "note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none"
-        )
-        Console().print(note, highlight=False, markup=False, soft_wrap=True)
+        say("note: for co-simulation alone; --estimator linear has model exchange")
+    if options["fmi"].removesuffix(".0") == "3" and not options["scalars"] and options["bus"] is None:
+        say("note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none")
     if kind == "python":
         from strainfmu.fmu.documentation.index_page import PYTHON_FOLDERS, PYTHON_HOSTS
 
-        for note in (
-            f"{PYTHON_HOSTS}; the native kind runs in any",
-            f"{PYTHON_FOLDERS}; the native kind runs from any",
-        ):
-            Console().print(f"note: {note}.", highlight=False, markup=False, soft_wrap=True)
+        say(f"note: {PYTHON_HOSTS}; the native kind runs in any.")
+        say(f"note: {PYTHON_FOLDERS}; the native kind runs from any.")
 
 
-def crosscheck(
-    fmu: Annotated[Path, typer.Argument(metavar="FMU", help="Any FMU exported by this program.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("crosscheck"),
-) -> None:
-    """Run an FMU in every importer that is installed; leave input, reference, options and results.
-
-    Importers: fmpy, and ecospy and libcosimpy if they are installed. Ends with exit code 1 if a result differs
-    from the reference.
-
-    Example:
-
-        strainfmu crosscheck estimator.fmu -o compatibility
-    """
+def crosscheck(*, fmu: Path, output: Path) -> None:
+    """Run an FMU in every importer; exit code 1 if a result differs."""
     from strainfmu.fmu.checks.crosscheck import check_results
 
     results = strainfmu.crosscheck(fmu, output)
-    for result in results:
-        Console().print(result.line, highlight=False, markup=False, soft_wrap=True)
-    Console().print(f"{output}: written", highlight=False, markup=False, soft_wrap=True)
+    say(*(result.line for result in results), f"{output}: written")
     check_results(results)
 
 
-def inspect(
-    artefact: Annotated[
-        Path, typer.Argument(metavar="FILE", help="map.h5, structure.h5, snapshots.h5 or an FMU.")
-    ],
-    figures: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--figures", help="Folder for figures. Default: FILE's name with _figures; none of a map."
-        ),
-    ] = None,
-) -> None:
-    """Show the content of a map, a structure, a file of snapshots or an FMU.
-
-    Map: gauges, validity range, uncertainty, provenance; with -o, figures of the value of each gauge.
-
-    Structure: gauges, what each layout observes, strain patterns.
-
-    Snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
-
-    FMU of any maker: kind, platforms, variables, files; for an estimator also its map and validity.
-
-    Examples:
-
-        strainfmu inspect results/map.h5
-
-        strainfmu inspect estimator.fmu
-
-        strainfmu inspect results/snapshots.h5 -o figures
-    """
-    strainfmu.inspect(artefact, figures, console=Console())
+def inspect(**options: Any) -> None:
+    """Show a file."""
+    strainfmu.inspect(**options, console=Console())
 
 
 def bench(
-    folder: Annotated[
-        Path, typer.Argument(help="Folder of a finished demo: its map and its FMUs are timed.")
-    ] = Path("demo"),
-    structure: Annotated[
-        Path | None,
-        typer.Option(metavar="VEHICLE", help="Vehicle file whose structure is timed. Not with --mesh, --worst."),
-    ] = None,
-    solver: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME", help="With --structure or --mesh: solver; may be given several times."),
-    ] = None,
-    largest: Annotated[
-        int,
-        typer.Option(callback=within(1, 10**9), help="With --structure: largest number of degrees of freedom."),
-    ] = 5_000_000,
-    mesh: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="VEHICLE", help="Vehicle file whose meshes are compared. Not with --structure, --worst."
-        ),
-    ] = None,
-    snapshots: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="With --mesh, required: snapshots.h5 of `strainfmu build`.")
-    ] = None,
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="With --mesh: table to write (CSV).")
-    ] = Path("mesh_study.csv"),
-    worst: Annotated[
-        bool,
-        typer.Option("--worst", help="Time the slowest steps of the native FMUs. Not with --structure, --mesh."),
-    ] = False,
-    random_steps: Annotated[
-        int,
-        typer.Option(
-            "--random-steps", callback=within(1, 10**7), help="With --worst: steps with events at random."
-        ),
-    ] = 20_000,
+    *,
+    folder: Path,
+    structure: Path | None,
+    solver: list[str],
+    largest: int,
+    mesh: Path | None,
+    snapshots: Path | None,
+    output: Path,
+    worst: bool,
+    random_steps: int,
 ) -> None:
-    """Time the steps of the estimator: in Python, and as FMUs through fmpy.
-
-    The table compares each with the bare product of matrix and strains. With the extra `rivals`, it includes
-    learning estimators of scikit-learn.
-
-    One other measurement is chosen by an option:
-
-    --worst: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset, and steps
-    with events at random.
-
-    --mesh: errors due to the mesh of the structure, in gauge strains and in a map built on each mesh.
-
-    --structure: time and memory of the three-dimensional structure, size by size.
-
-    Examples:
-
-        strainfmu bench demo
-
-        strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
-
-        strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
-
-        strainfmu bench demo --worst
-    """
+    """Time what the options choose, and print a table."""
     if worst:
         return _show_worst_steps(strainfmu.bench_worst(folder, random_steps=random_steps), folder, random_steps)
     if mesh is not None:
@@ -305,7 +91,7 @@ def bench(
         from builder.structure.solid.growth import growth_table
 
         rows_of_sizes = []
-        for row in builder.bench_structure(structure, solver=solver or ["cyclic"], largest=largest):
+        for row in builder.bench_structure(structure, solver=solver, largest=largest):
             rows_of_sizes.append(row)
             print(f"{row.solver}, {row.n_dof:,} degrees of freedom: done", flush=True)
         return print(growth_table(rows_of_sizes))

@@ -30,12 +30,26 @@ if TYPE_CHECKING:
 def inspect(
     artefact: str | PathLike[str], figures: str | PathLike[str] | None = None, *, console: Console | None = None
 ) -> str:
-    """Return the content of a map, a structure, a file of snapshots or an FMU as text.
+    """Show the content of a map, a structure, a file of snapshots or an FMU.
+
+    Map: gauges, validity range, uncertainty, provenance; with ``figures``, the value of each gauge.
+
+    Structure: gauges, what each layout observes, strain patterns.
+
+    Snapshots: conditions, coefficients, health of the flows; figures of pressure and forces.
+
+    FMU of any maker: kind, platforms, variables, files; for an estimator also its map and validity.
+
+    On the command line::
+
+        strainfmu inspect results/map.h5
+        strainfmu inspect estimator.fmu
+        strainfmu inspect results/snapshots.h5 -o figures
 
     Parameters
     ----------
-    artefact : file.
-    figures : folder for figures; None for the file's name with ``_figures``, and for none of a map.
+    artefact : map.h5, structure.h5, snapshots.h5 or an FMU.
+    figures : folder for figures. Default: the file's name with _figures; none of a map.
     console : of rich, on which the text is printed too.
 
     Raises

@@ -62,12 +62,19 @@ class ImporterResult:
 
 
 def crosscheck(fmu: str | PathLike[str], output: str | PathLike[str] = "crosscheck") -> list[ImporterResult]:
-    """Run an FMU of this package in every importer that is installed; return the result of each.
+    """Run an FMU in every importer that is installed; leave input, reference, options and results.
+
+    Importers: fmpy, and ecospy and libcosimpy if they are installed. Ends with exit code 1 if a result differs
+    from the reference.
+
+    On the command line::
+
+        strainfmu crosscheck estimator.fmu -o compatibility
 
     Parameters
     ----------
-    fmu : any FMU that this package exported.
-    output : folder for input, reference, options and results.
+    fmu : any FMU exported by this program.
+    output : folder to write.
 
     Raises
     ------

@@ -54,7 +54,13 @@ class EventCost:
 def bench_worst(
     folder: str | PathLike[str] = "demo", *, random_steps: int = 20_000
 ) -> dict[str, Mapping[str, EventCost]]:
-    """Return the costs of the slowest steps of native FMUs of the map in ``folder``, as :func:`worst_steps`."""
+    """Return the costs of the slowest steps of native FMUs of the map in ``folder``, as :func:`worst_steps`.
+
+    Parameters
+    ----------
+    folder : as :func:`bench` takes it.
+    random_steps : with ``worst``: steps with events at random.
+    """
     return worst_steps(Path(folder) / "map.h5", random_steps)
 
 
