@@ -137,9 +137,8 @@ def overview(
     condition = snapshots.conditions()[index]
     at_nodes = snapshots.pressure[index] / condition.ambient_pressure
     facing = condition.leeward_roll_angle + np.pi
-    ends = colour_ends(snapshots.surface, at_nodes)
-    drawn = _draw_body(body, surface.as_map(at_nodes), surface, facing, ends)
-    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, at_nodes))
+    drawn = _draw_body(body, surface.as_map(at_nodes), surface, facing)
+    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
     position = inverse_map.gauge_position
     away = np.arctan2(position[:, 1], position[:, 2]) - facing
     front = np.cos(away) > -1e-6  # with those on the outline
