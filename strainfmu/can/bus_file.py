@@ -316,4 +316,6 @@ def bus_template(gauge_names: Sequence[str]) -> str:
                 "#                                           # * stands for all others: the signals of their names"
             ]
             lines += [f'# "{name}" = "Message.Signal"' for name in gauge_names]
+            signals = Path(__file__).with_name("mapped_signals.toml").read_text("utf-8")
+            lines += ["", *(f"# {line}".replace("# #", "#") for line in signals.splitlines())]
     return "\n".join(lines) + "\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -17,8 +18,10 @@ from recorded_case import read_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.bus_file import TABLES, BusDescription, bus_template, read_bus
-from strainfmu.can.dbc_files import MAPPING_TABLE, OTHER_ENTRIES, load_mapping
+from strainfmu.can.dbc_files import MAPPING_TABLE, OTHER_ENTRIES, database_of, load_mapping
+from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.demo import GROUP, private_port
+from strainfmu.can.frame_layout import FLOW_STDS, MAPPED_QUANTITIES
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import Identifiers
 from strainfmu.errors import InputError
@@ -122,11 +125,50 @@ def test_the_template_is_a_bus_file_and_so_is_each_of_its_lines(tmp_path: Path) 
     assert read_bus(path).options() == BridgeOptions(interface="socketcan", channel="can0")
     table = ""
     for line in text.splitlines():
-        if line.startswith("["):
-            table = line.strip("[]")
-        if line.startswith("# ") and " = " in line and "Message" not in line:
+        if line.startswith(("[", "# [input.")):
+            table = line.partition("[")[2].partition("]")[0]
+        if line.startswith("# ") and " = " in line and table in TABLES:
             entry = tomllib.loads(line[2:])
             assert TABLES[table].keys() >= entry.keys()
+
+
+def test_signals_of_the_template_are_accepted(tmp_path: Path) -> None:
+    """Every signal that it names, of a DBC file that has them all."""
+    lines = bus_template(["g1", "g2"]).splitlines()
+    first = lines.index(next(line for line in lines if line.startswith("# With dbc, as far")))
+    signals = [line.removeprefix("# ") for line in lines[first + 1 : lines.index("[results]")]]
+    names = {"g1": "Rack1.Strain_1", "g2": "Rack1.Strain_2"}
+    rows = "\n".join(f'"{gauge}" = "{signal}"' for gauge, signal in names.items())
+    (path := tmp_path / "bus.toml").write_text("\n".join([*signals, "[input.strain]", rows]))
+    mapping = load_mapping(path)
+    units = {"m": ("Nav.Altitude",)} | {
+        "Pa": ("Air.q_inf", "Air.p_static", "Ports.p1"),
+        "rad": ("Inertial.Alpha",),
+        "m/s2": ("Inertial.Ay",),
+    }
+    units |= {"K": ("Air.T_t", "Warm.T_nose"), "N": ("Engine.thrust",), "us": ("Rack1.Time",)}
+    of = {signal: unit for unit, several in units.items() for signal in several} | {"Rack1.Strain_1": "um/m"}
+    text = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
+    for number, message in enumerate(["Rack1", "Air", "Nav", "Inertial", "Warm", "Ports", "Engine", "Fins"]):
+        text += f"BO_ {256 + number} {message}: 8 A\n"
+        inside = sorted(set(re.findall(rf'"({message}\.\w+)"', path.read_text())))
+        for place, named in enumerate(inside):
+            start, name = 24 + 8 * place, named.partition(".")[2]
+            text += f' SG_ {name} : {start}|8@1+ (1,0) [0|0] "{of.get(named, "")}" B\n'
+    text += 'BA_DEF_ SG_ "GenSigStartValue" INT 0 255;\nBA_DEF_DEF_ "GenSigStartValue" 0;\n'
+    layout = mapped_layout(
+        database_of(text, "rack.dbc"),
+        mapping | {"cycle_time_ms": 10},
+        list(names),
+        "bus.toml",
+        sensor_names=["nose"],
+        parameter_names=["parameter.cant_deg"],
+        parameter_std_names=["parameter_std.cant_deg"],
+        flow_names=[*MAPPED_QUANTITIES, *FLOW_STDS.values()],
+        readings={"sensor.port_0deg": "Pa", "thrust": "N"},
+    )
+    assert layout.n_gauges == 2
+    assert layout.is_timed
 
 
 def bus_of_all(folder: Path) -> Path:

@@ -216,7 +216,7 @@ class Fmu2:
 
 
 class Fmu3:
-    """One instance of FMI 3.0, with arrays; value references 0 .. 32 as docs/developers/native.md lists them.
+    """One instance of FMI 3.0, with arrays; value references 0 .. 32 in the order of its variables.
 
     ``TARE`` and what follows it are those of a map without a filter.
     """
