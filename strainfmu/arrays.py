@@ -1,4 +1,5 @@
-"""Array types by the kind of their values; shapes and units stand in the docstrings of what uses them."""
+"""Array types by the kind of their values, and covariances; shapes and units stand in the docstrings of what uses
+them."""
 
 from __future__ import annotations
 
@@ -16,3 +17,25 @@ BoolArray = NDArray[np.bool_]
 def float_or_array(values: FloatArray) -> Any:
     """Return the value of one sample as a float, the values (k,) of k samples as they are."""
     return values if values.ndim else float(values)
+
+
+def is_covariance(matrix: FloatArray) -> bool:
+    """Tell whether ``matrix`` (n, n) is symmetric and positive definite."""
+    variance = np.diag(matrix)
+    if not (np.all(variance > 0.0) and np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0)):
+        return False
+    size = np.sqrt(variance)  # rows of unlike units and noise cost no digits
+    try:
+        np.linalg.cholesky(matrix / np.outer(size, size))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def inverse_root(covariance: FloatArray) -> FloatArray:
+    """Return (n, n) L^-1, lower triangular, of the positive definite ``covariance`` (n, n) = L L'.
+
+    It whitens: rows of errors with this covariance become rows of independent errors of unit size.
+    """
+    size = np.sqrt(np.diag(covariance))  # rows of unlike units and noise cost no digits
+    return np.tril(np.linalg.inv(np.linalg.cholesky(covariance / np.outer(size, size)))) / size

@@ -9,7 +9,7 @@ out comes back as its default.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import Field, fields, is_dataclass
 from os import PathLike
 from textwrap import wrap
@@ -36,13 +36,14 @@ def save_record(
     schema: str,
     schema_version: int,
     units: Mapping[str, str],
-    left_out: Collection[str] = (),
+    left_out: Callable[[Any], Collection[str]] = lambda record: (),
     built: str = "",
 ) -> str:
     """Write a dataclass ``record`` to ``path`` atomically and return its content hash.
 
-    ``units`` holds the unit of each field; fields without one have the ``unit`` of their metadata, or 1. The
-    fields ``left_out`` are not written. ``built`` is the time that the file states, outside its hash; "" for none.
+    ``units`` holds the unit of each field; fields without one have the ``unit`` of their metadata, or 1.
+    ``left_out`` gives the fields of a record that are not written. ``built`` is the time that the file states,
+    outside its hash; "" for none.
 
     Raises
     ------
@@ -55,14 +56,20 @@ def save_record(
     )
 
 
-def write_record(group: h5py.Group, record: Any, units: Mapping[str, str], left_out: Collection[str] = ()) -> None:
+def write_record(
+    group: h5py.Group,
+    record: Any,
+    units: Mapping[str, str],
+    left_out: Callable[[Any], Collection[str]] = lambda record: (),
+) -> None:
     """Write the fields of a dataclass into ``group``, so that a file can hold a record and other things.
 
     A field that is a record states its type and units in its metadata, see :func:`inner_record`.
     """
+    absent = left_out(record)
     for entry in fields(record):
         value = getattr(record, entry.name)
-        if entry.name in left_out:
+        if entry.name in absent:
             continue
         if isinstance(value, dict):
             # Entries inside keep their order: that of a map's parameters of the flow is that of their tables.
@@ -76,7 +83,7 @@ def write_record(group: h5py.Group, record: Any, units: Mapping[str, str], left_
         elif isinstance(value, tuple):
             group.create_dataset(entry.name, data=np.array([name.encode() for name in value], dtype="S"))
         elif is_dataclass(value):
-            write_record(group.create_group(entry.name), value, entry.metadata["units"])
+            write_record(group.create_group(entry.name), value, entry.metadata["units"], left_out)
         elif value is not None:
             unit = units.get(entry.name, entry.metadata.get("unit"))
             group.create_dataset(entry.name, data=value).attrs["unit"] = unit or "1"

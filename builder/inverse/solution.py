@@ -24,8 +24,7 @@ from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inertia import InertiaMap
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
 from strainfmu.estimator.pressure_modes import (
     LowRankPrior,
     PressureModes,

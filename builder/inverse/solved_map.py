@@ -39,8 +39,7 @@ def inverse_map_of(
     solved, load_per_state = solution.solved, loads @ solution.field_modes
     coefficients = ensemble.coefficients(loads[FIVE_LOADS])
     gauges = structure.layouts[vehicle.gauges.layout]
-    ranges = flight_ranges(vehicle, ensemble.conditions)
-    half_spaces = coefficient_half_spaces(ensemble, coefficients)
+    envelope_direction, envelope_limit = coefficient_half_spaces(ensemble, coefficients)
     return InverseMap(
         vehicle=vehicle.name,
         case=problem.entry.case,
@@ -58,11 +57,9 @@ def inverse_map_of(
         nominal_dynamic_pressure=ensemble.nominal_dynamic_pressure,
         provenance=_provenance(vehicle, snapshots, structure, problem, solution),
         dynamic_pressure_error=0.01 * vehicle.noise.dynamic_pressure_percent,
-        envelope_direction=half_spaces.direction,
-        envelope_limit=half_spaces.limit,
-        dynamic_pressure_range=ranges.dynamic_pressure,
-        mach_number_range=ranges.mach_number,
-        altitude_range=ranges.altitude,
+        envelope_direction=envelope_direction,
+        envelope_limit=envelope_limit,
+        **flight_ranges(vehicle, ensemble.conditions),
         form=problem.entry.form,
         **other_load_fields(problem.entry),
         **_errors(problem, solution),
@@ -109,12 +106,7 @@ def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, 
     if inside != 0.0:
         parts["fixed_strain"] = -inside * problem.strain_operator.sum(axis=1)
         parts["fixed_load"] = -inside * problem.load_operator.sum(axis=1)
-    errors = error_model(list(problem.errors), problem.ensemble, coefficients)
-    if errors is not None:
-        parts["gauge_error_product"] = errors.of_gauge
-        parts["common_error"] = errors.common
-        parts["mean_product"] = errors.mean_product
-    return parts
+    return parts | error_model(list(problem.errors), problem.ensemble, coefficients)
 
 
 def _compressed(terms: list[NoiseTerm], n_gauges: int, n_loads: int) -> tuple[FloatArray, FloatArray]:

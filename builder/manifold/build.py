@@ -28,9 +28,7 @@ from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_tables import ParameterTables
-from strainfmu.estimator.tables.surface_field import FlightField, ShapeField
+from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ParameterTables, ShapeField
 
 
 def with_manifold(

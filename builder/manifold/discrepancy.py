@@ -15,9 +15,9 @@ from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 _NEGLIGIBLE = 1e-3
 """Eigenvalue relative to the largest below which a shape of the Gaussian process is left out."""
@@ -94,8 +94,8 @@ TESTED = 6
 """Shapes of pressure off the tables that are tested, together."""
 
 
-def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
-    """Return the strain (n_d, n_s) of the shapes of pressure off the tables that gauges see best, None for none.
+def tested_shapes(manifold: ManifoldMap) -> FloatArray:
+    """Return the strain (n_d, n_s) of the shapes of pressure off the tables that gauges see best.
 
     Chi-square spreads over all gauges the strain that such a pressure causes in a few directions, and hardly
     changes. The directions have the largest variance relative to the variance of all else, in the middle of the
@@ -114,4 +114,4 @@ def tested_shapes(manifold: ManifoldMap) -> FloatArray | None:
     value, vector = np.linalg.eigh(np.linalg.solve(root, half.T))
     kept = np.argsort(-value)[:TESTED]
     kept = kept[value[kept] > 1.0]
-    return np.asarray(root @ vector[:, kept]) if len(kept) else None
+    return np.asarray(root @ vector[:, kept])

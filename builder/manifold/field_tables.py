@@ -16,7 +16,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.tables.surface_field import FlightField
+from strainfmu.estimator.map.nonlinear_map import FlightField
 
 MAX_FIELD_HARMONIC = 32
 """Highest harmonic of the field: the leeward shock needs more than the gauges see."""

@@ -1,7 +1,7 @@
 """Hardware errors that follow the flight state: their strain as quadratic forms of the loads.
 
 The estimator holds the variance of the error of each gauge as c' Q c, c = [1, C_A, C_N, C_Y, M_P, M_Y], see
-:class:`~strainfmu.estimator.tables.manifold_map.ManifoldMap`. The strain of an error is regressed on c. What is
+:class:`~strainfmu.estimator.map.nonlinear_map.ManifoldMap`. The strain of an error is regressed on c. What is
 left, above all of hoop gauges shifted round the body next to the leeward meridian, grows with the square of the
 incidence and depends on where the wind comes from: its square is fitted by squares of combinations of c.
 """
@@ -20,7 +20,7 @@ from builder.manifold.sensor_tables import friction_error
 from builder.structure.as_built_kinds import Role
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.map.inverse_map import PAIRS
 from strainfmu.estimator.other_loads import FIVE_LOADS
 
 DIRECTIONS = 12

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.tables.parameter_tables import Powers
+from strainfmu.estimator.map.nonlinear_map import Powers
 
 FLOW_PARAMETERS = "flow parameters"
 """Error of tables of the mean over flow parameters: what follows from these once they are known."""
@@ -59,7 +59,7 @@ class ConditionSlopes:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ParameterSlopes:
     """Slopes over the flight state; as in
-    :class:`~strainfmu.estimator.tables.parameter_tables.ParameterTables`."""
+    :class:`~strainfmu.estimator.map.nonlinear_map.ParameterTables`."""
 
     powers: Powers
     slope: FloatArray

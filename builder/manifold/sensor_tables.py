@@ -74,7 +74,7 @@ def friction_error(vehicle: Vehicle, problem: Problem) -> list[HardwareError]:
 def gains_of_sensors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
     """Return a map's fields that hold errors of the sensors' gains: their own, and that shared with gauges."""
     if problem.sensors is None:
-        return {"sensor_gain_std": None, "sensor_common_gain_std": None}
+        return {}
     rows = problem.sensors.rows
     shared = np.array(["common gain" in row.shared for row in rows])
     return {

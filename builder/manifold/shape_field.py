@@ -17,7 +17,7 @@ from builder.manifold.parameter_slopes import ParameterSlopes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.tables.surface_field import FieldParameters, ShapeField
+from strainfmu.estimator.map.nonlinear_map import FieldParameters, ShapeField
 
 _NEGLIGIBLE = 1e-3
 """Singular value, relative to the largest, below which a mode of the snapshots is left out."""

@@ -35,7 +35,7 @@ from builder.vehicle.map.model_form import model_form
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.tables.surface_field import FlightField, ShapeField
+from strainfmu.estimator.map.nonlinear_map import FlightField, ShapeField
 
 MIN_FLOWS = (2, 4)
 """Least number of Mach numbers, and of incidences but zero, of a spline of a body of revolution."""
@@ -48,7 +48,7 @@ class StateTables:
     Attributes
     ----------
     mach_knots, incidence_knots, coefficients : see
-        :class:`~strainfmu.estimator.tables.flight_tables.FlightTables`, no part of them fixed.
+        :class:`~strainfmu.estimator.map.flight_tables.FlightTables`, no part of them fixed.
     errors : by name, columns (n, k) per p_inf whose squares add up to the mean one.
     process : (n, k) response per p_inf to the fields of a Gaussian process of unit variance.
     overpressure : (n_p,) p / p_inf - 1 at the smallest incidence, the mean over the Mach numbers.

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 ROLLS = 24
 """Roll angles of the wind that are compared."""

@@ -7,7 +7,7 @@ from typing import Literal
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import wrong_estimator
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import PER_PRESSURE
 
 Estimators = Literal["auto", "linear", "nonlinear"]
 

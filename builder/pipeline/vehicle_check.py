@@ -159,8 +159,8 @@ def _rows(
     parameters = parameter_ranges(tuple(vehicle.conditions.parameters), conditions)
     of_map = flight_ranges(vehicle, conditions)
     ranges = condition_ranges(conditions) | {
-        RECORDED_KEYS[ALTITUDE]: of_map.altitude.tolist(),
-        RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map.dynamic_pressure.tolist(),
+        RECORDED_KEYS[ALTITUDE]: of_map["altitude_range"].tolist(),
+        RECORDED_KEYS[DYNAMIC_PRESSURE]: of_map["dynamic_pressure_range"].tolist(),
     }
     for one in (*valid_conditions(ranges), *valid_parameters(parameters)):
         yield f"valid over {one.quantity}", one.text

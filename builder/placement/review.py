@@ -14,8 +14,8 @@ from builder.placement.gaussian_model import Posterior
 from builder.placement.lost_gauge import LARGEST_RATIO, fault_sizes, loss_ratios
 from builder.placement.selection import first_of_best, marginal_worth
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.map.flight_tables import MACH, U, W
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.tables.flight_tables import MACH, U, W
 
 DETECTED = 4.0
 """Standard deviations from the prediction by the other gauges at which an offset of a gauge counts as detected."""

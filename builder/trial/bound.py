@@ -23,11 +23,11 @@ from builder.trial.conditions import flight_states
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.policies import RANGE_TOLERANCE
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.flight_condition import FlightCondition
 
 KNOWN = (MACH_NUMBER, STATIC_PRESSURE, DYNAMIC_PRESSURE)
@@ -65,8 +65,8 @@ def cramer_rao_bound(
         manifold,
         error_strain=none[0],
         error_load=none[1],
-        considered_strain=None,
-        considered_load=None,
+        considered_strain=np.zeros(0),
+        considered_load=np.zeros(0),
         considered_response=None,
         parameters=None,
         shape_field=None,

@@ -40,8 +40,7 @@ from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.inverse_map_checks import PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import PER_PRESSURE, InverseMap
 
 LINEAR_1, LINEAR_2, NONLINEAR, RANDOM_WALK = "linear Case 1", "linear Case 2", "nonlinear", "Kalman filter"
 

@@ -244,6 +244,6 @@ def _ratios(estimator: Estimator, found: Estimate) -> FloatArray:
         found.chi_square / np.asarray(found.chi_square_limit),
         (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
     ]
-    if manifold.shapes.shape[1]:
+    if manifold.discrepancy_shapes.shape[1]:
         tests.append(found.discrepancy_chi_square / shape_limit(manifold, estimator.settings.alarm_scale))
     return np.stack(tests)

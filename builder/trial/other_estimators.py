@@ -24,12 +24,11 @@ from builder.trial.readings import ANGLES, Readings
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.map.inverse_map import PAIRS, InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 
 def training_flights(

@@ -38,9 +38,9 @@ from strainfmu.estimator.air_inputs import (
     QSource,
 )
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.flight_condition import FlightCondition
 
 BATCH = 20_000

@@ -12,8 +12,7 @@ from sphinx.application import Sphinx
 
 from strainfmu.cosim.models.autopilot import AutopilotSettings, autopilot_interface
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.sensors import strain_rows
-from strainfmu.estimator.map.temperature import no_temperature
+from strainfmu.estimator.map.sensors import no_temperature, strain_rows
 from strainfmu.interface.enumerations import HEALTH_ITEMS, TARE_ITEMS, Items
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
 from strainfmu.interface.fmi_variables import Variable

@@ -8,7 +8,7 @@ from generated_text import GeneratedText
 from sphinx.application import Sphinx
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.schema import Entry, entries, records_of
+from strainfmu.estimator.map.schema import Entry, entries, records_of
 
 
 def _rows(name: str, one: Entry) -> Iterator[str]:

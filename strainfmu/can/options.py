@@ -7,7 +7,7 @@ from pathlib import Path
 
 from strainfmu.can.profiles import Identifiers
 from strainfmu.errors import InputError
-from strainfmu.estimator.setting_inputs import OF_READINGS
+from strainfmu.estimator.settings import OF_READINGS
 
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-4, 10.0
 """Limits of an input's nominal period [s]. No bus carries shorter ones; a status of longer ones is useless."""

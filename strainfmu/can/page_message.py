@@ -18,11 +18,11 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.map.nonlinear_map import FlightField
+from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import LoadGroup, column_of
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, TEMPERATURE
-from strainfmu.estimator.tables.surface_field import FlightField
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS

@@ -17,7 +17,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import chi_square_limit, chi_square_survival
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 AMBIGUOUS_CORRELATION = 0.9
 """|correlation| of two z above which a 10 sigma bias of one is taken for the other in more than 1 % of cases."""
@@ -41,7 +41,7 @@ def outlier_threshold(n_gauges: int, false_alarm_probability: float) -> float:
 
 def shape_limit(manifold: ManifoldMap, alarm_scale: float) -> float:
     """Return the alarm level of the chi-square of the shapes of pressure off the tables."""
-    return alarm_scale * manifold.shape_scale * chi_square_limit(max(manifold.shapes.shape[1], 1))
+    return alarm_scale * manifold.shape_scale * chi_square_limit(max(manifold.discrepancy_shapes.shape[1], 1))
 
 
 def outside_score(manifold: ManifoldMap) -> float:

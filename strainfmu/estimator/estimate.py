@@ -16,7 +16,7 @@ from strainfmu.estimator.estimates.group_loads import GroupLoads, SectionLoads
 from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
+from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, rows_of
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, VALID
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from strainfmu.estimator.core import Core
     from strainfmu.estimator.estimates.axes import TurnedCoefficients
-    from strainfmu.estimator.map.flow_parameters import FlowParameters
+    from strainfmu.estimator.map.validity import FlowParameters
 
 
 class Source(Protocol):

@@ -43,8 +43,8 @@ from strainfmu.estimator.arguments import (
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.other_loads import names_of, number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource

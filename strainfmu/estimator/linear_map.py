@@ -31,13 +31,13 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.inverse_map_checks import check_covariance
 from strainfmu.estimator.pressure_modes import PressureModes, leading_modes, prior_of_snapshots
 from strainfmu.estimator.regularisation import RULES, Rule, expected_data, select_gamma
 from strainfmu.estimator.state_map import (
     GaussianMap,
     LeastSquaresMap,
     RelativeCondition,
+    check_covariance,
     gaussian_map,
     least_squares_map,
     relative_condition,

@@ -61,7 +61,7 @@ It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
 
 # The filter.
 
-MACH_NUMBER_RATE, ANGLE_RATE, LOG_PRESSURE_RATE = 0.2, 0.1, 0.1
+STATE_RATES = (0.2, 0.1, 0.1, 0.1)
 """Standard deviations of dM/dt [1/s], of du/dt and dw/dt, components of the total incidence [rad/s], and of
 d(ln p_inf)/dt [1/s] without any strain: 60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s."""
 

@@ -2,7 +2,7 @@
 
 They are the names in the core's records, in FMUs and, where files hold such arrays, in files. Flow and navigation
 are in :mod:`~strainfmu.estimator.air_inputs`, settings of the vehicle in
-:mod:`~strainfmu.estimator.setting_inputs`.
+:mod:`~strainfmu.estimator.settings`.
 """
 
 from __future__ import annotations

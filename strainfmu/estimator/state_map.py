@@ -25,14 +25,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root, is_covariance
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map_checks import check_covariance
-from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.records import brief
 
 MAX_CONDITION_NUMBER = 1e10
 """Of the whitened, scaled A in Case 1: above it the gauges do not identify the states."""
+
+
+def check_covariance(covariance: FloatArray) -> None:
+    """Check that ``covariance`` (n_d, n_d) of gauges is one.
+
+    Raises
+    ------
+    InputError
+        The matrix is not symmetric positive definite.
+    """
+    if not is_covariance(covariance):
+        raise InputError("noise_covariance must be symmetric and positive definite")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,8 +15,8 @@ from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, STD, VIBRATION
 from strainfmu.estimator.estimates.flight_pressure import pressure_of
 from strainfmu.estimator.estimates.linear_field import linear_pressure
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField
-from strainfmu.estimator.map.inertia import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
+from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of

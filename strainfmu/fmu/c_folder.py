@@ -19,11 +19,11 @@ from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGAT
 from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.resource.map_file import native_resource
-from strainfmu.estimator.setting_inputs import SETTING_INPUTS
+from strainfmu.estimator.settings import SETTING_INPUTS
 from strainfmu.estimator.signal_names import (
     COEFFICIENT_ARRAY,
     LOAD_NAMES,

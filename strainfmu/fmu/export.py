@@ -85,7 +85,7 @@ _COMMON_SOURCES = (
     "fmu/python/stop_time.py",
     "fmu/python/wrapper_exit.py",
 )
-_ESTIMATOR_ROOMS = ("estimates", "map", "numerics", "reference", "resource", "tables", "zeros")
+_ESTIMATOR_ROOMS = ("estimates", "map", "numerics", "reference", "resource", "zeros")
 _ESTIMATOR_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/",
@@ -99,11 +99,11 @@ _PLANT_SOURCES = (
     "estimator/air_inputs.py",
     "estimator/arguments.py",
     "estimator/map/__init__.py",
+    "estimator/map/schema.py",
+    "estimator/map/schema.py",
     "estimator/map/sensors.py",
-    "estimator/setting_inputs.py",
+    "estimator/settings.py",
     "estimator/signal_names.py",
-    "estimator/tables/__init__.py",
-    "estimator/tables/schema.py",
     "interface/",
     "cosim/__init__.py",
     "cosim/models/__init__.py",

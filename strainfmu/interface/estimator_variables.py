@@ -13,15 +13,17 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.setting_inputs import (
+from strainfmu.estimator.settings import (
+    LARGEST_SETTING,
     OF_ALARMS,
     OF_AREA,
     OF_LENGTH,
     OF_READINGS,
     OF_STATION,
     SETTING_INPUTS,
+    default_settings,
+    setting_minimum,
 )
-from strainfmu.estimator.settings import LARGEST_SETTING, default_settings, setting_minimum
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, STRAIN, VALID
 from strainfmu.interface.enumerations import HEALTH_TYPE
 from strainfmu.interface.filter_variables import with_filter_parameter

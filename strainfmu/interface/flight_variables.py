@@ -20,7 +20,7 @@ from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS, NOT_
 
 if TYPE_CHECKING:
     from strainfmu.estimator.map.inverse_map import InverseMap
-    from strainfmu.estimator.tables.manifold_map import ManifoldMap
+    from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 _AIR_DATA_TEXT = (
     "Angle of attack",

@@ -10,7 +10,7 @@ import numpy as np
 
 from strainfmu.estimator.map.inverse_map import groups_of_outputs
 from strainfmu.estimator.other_loads import FAMILIES, LoadArray, LoadKind, load_arrays, output_places
-from strainfmu.estimator.setting_inputs import OF_STATION
+from strainfmu.estimator.settings import OF_STATION
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
 if TYPE_CHECKING:

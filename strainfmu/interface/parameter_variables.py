@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE, flow_parameters
+from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE, flow_parameters
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import STATE
 from strainfmu.interface.input_names import NAVIGATION_INPUTS, NOT_GIVEN, NOT_KNOWN

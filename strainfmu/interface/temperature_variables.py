@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import VALID_GAUGES

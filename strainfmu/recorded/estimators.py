@@ -38,9 +38,9 @@ from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
-from strainfmu.estimator.map.flow_parameters import PARAMETER_TOLERANCE
-from strainfmu.estimator.map.inertia import LATERAL_FORCES, contradicted_forces
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.map.sensors import LATERAL_FORCES, contradicted_forces
+from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT

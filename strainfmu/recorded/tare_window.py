@@ -15,8 +15,8 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
 from strainfmu.estimator.zeros.tare_verdict import refusal
 from strainfmu.interface.sensor_variables import reading_units

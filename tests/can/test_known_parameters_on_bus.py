@@ -23,9 +23,9 @@ from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult, parameter_names_of, parameter_std_names_of
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import with_known
+from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 FINS, Q, STD = 0x300, 0.7 * 6.5**2 * 4000.0, 0.05

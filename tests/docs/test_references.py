@@ -22,7 +22,7 @@ from strainfmu.cosim.models import flight_model
 from strainfmu.cosim.systems import recording
 from strainfmu.estimator.map import inverse_map
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.schema import entries, records_of
+from strainfmu.estimator.map.schema import entries, records_of
 from strainfmu.fmu.description import fmi2
 
 pytestmark = pytest.mark.fast

@@ -12,11 +12,11 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import MACH, evaluate
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.policies import SEARCH_EVERY
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, strain_covariance
-from strainfmu.estimator.tables.flight_tables import MACH, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

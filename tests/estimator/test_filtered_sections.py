@@ -12,7 +12,7 @@ from other_load_maps import COMBINATION, with_further, with_further_tables
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.source import white_noise
+from strainfmu.estimator.resource.map_file import white_noise
 
 pytestmark = pytest.mark.fast
 DT = 0.01

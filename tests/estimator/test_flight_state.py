@@ -11,9 +11,9 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS
@@ -141,7 +141,7 @@ def test_a_lost_gauge_is_as_one_that_is_not_there() -> None:
         error_strain=manifold.error_strain[kept],
         gauge_error_product=manifold.gauge_error_product[:, kept],
         common_error=manifold.common_error[:, :, kept],
-        discrepancy_shapes=manifold.shapes[kept],
+        discrepancy_shapes=manifold.discrepancy_shapes[kept],
     )
     reference = estimator_of(without).estimate(strain[:, kept], **flow)
     assert np.allclose(found.loads, reference.loads, rtol=1e-9)

@@ -15,8 +15,8 @@ from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.policies import COLD_ITERATIONS, SEARCH_EVERY, START_ITERATIONS, WARM_ITERATIONS
-from strainfmu.estimator.tables.flight_tables import evaluate
 
 pytestmark = pytest.mark.fast
 

@@ -279,7 +279,7 @@ def test_samples_with_wrong_navigation_leave_the_others_as_they_are() -> None:
 def test_a_shape_of_pressure_off_the_tables_is_seen_where_chi_square_is_not() -> None:
     whole = replace(whole_map(), manifold=flight_map(discrepancy=3e-2))
     assert whole.manifold is not None
-    shapes = whole.manifold.shapes
+    shapes = whole.manifold.discrepancy_shapes
     assert 1 <= shapes.shape[1] <= TESTED
     estimator, strain = Estimator(whole), strain_at(CONDITION)
     largest = 0.0

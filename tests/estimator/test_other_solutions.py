@@ -14,9 +14,9 @@ from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.nonlinear import NonlinearEstimate, NonlinearReference, Sample
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 
 pytestmark = pytest.mark.fast
 

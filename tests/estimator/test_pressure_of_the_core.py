@@ -17,8 +17,8 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast

@@ -11,9 +11,9 @@ from other_load_maps import with_further_tables
 from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.smoothing import Samples, Smoothed, Smoother
-from strainfmu.estimator.tables.flight_tables import evaluate
 
 pytestmark = pytest.mark.fast
 DT = 0.01

@@ -14,8 +14,8 @@ from scaled_maps import scaled_map
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.policies import RETURN_AFTER, SEARCH_EVERY
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 
 pytestmark = pytest.mark.fast
 N_D = STATIONS * ROWS

@@ -10,11 +10,11 @@ from inputs import Inputs
 
 from strainfmu.atmosphere import pressure_and_temperature, static_pressure_at
 from strainfmu.estimator.air_inputs import INERTIAL_NAMES
-from strainfmu.estimator.map.flow_parameters import flow_parameters
-from strainfmu.estimator.map.inertia import channels_of
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap, with_known
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap, with_known
+from strainfmu.estimator.map.sensors import channels_of
+from strainfmu.estimator.map.validity import flow_parameters
 
 Random = np.random.Generator
 

@@ -19,8 +19,8 @@ from draw import (
 from inputs import Inputs
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.reference.gain import residual_precision
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 Random = np.random.Generator
 
@@ -117,7 +117,7 @@ def one_sensor_off(m: InverseMap, seed: int) -> Inputs:
 def pressure_off_the_tables(m: InverseMap, seed: int, size: float) -> Inputs:
     """A discrepancy mode in single samples, below the threshold of chi-square."""
     found = calm_flight(m, np.random.default_rng(seed), 40)
-    mode = _tables(m).shapes[:, 1]
+    mode = _tables(m).discrepancy_shapes[:, 1]
     part = np.where(np.arange(40) % 8 == 3, size * np.linspace(0.5, 1.5, 40), 0.0)
     return replace(found, strain=found.strain + part[:, None] * mode)
 

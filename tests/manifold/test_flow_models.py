@@ -18,7 +18,7 @@ from builder.manifold.build import with_manifold
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.tables.flight_tables import evaluate
+from strainfmu.estimator.map.flight_tables import evaluate
 
 STATE = (6.0, 0.07, 0.03, 5e3)
 """M [1], u, w [rad], p_inf [Pa]."""

@@ -12,7 +12,7 @@ from builder.inverse.solution import Problem
 from builder.manifold.followed_errors import followed_errors, squares_fitted
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.map.inverse_map import PAIRS
 
 FIRST, SECOND = np.array(PAIRS).T
 

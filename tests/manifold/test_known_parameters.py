@@ -15,9 +15,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import with_known
+from strainfmu.estimator.map.nonlinear_map import with_known
 
 
 @cache

@@ -18,8 +18,7 @@ from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.surface_field import ShapeField, field_with_known
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap, ShapeField, field_with_known
 
 STD = 0.05
 

@@ -20,11 +20,11 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.other_loads import names_of
 from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import export_estimator
 
 STATIONS = (0.6, 1.2, 1.75, 2.5, 3.6)

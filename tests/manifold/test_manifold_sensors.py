@@ -25,8 +25,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import reading_names
 from tests.inverse.sensors.test_sensors import CELLS, FIBRE, IMU, POINTS, PORTS

@@ -34,9 +34,9 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.flight_pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import FlightTables, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.tables.flight_tables import FlightTables, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.flight_condition import FlightCondition
 
 RANDOM = np.random.default_rng(8)

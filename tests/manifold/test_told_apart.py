@@ -11,7 +11,7 @@ from flight_maps import ROWS, STATIONS, flight_map
 
 from builder.manifold.told_apart import check_told_apart, winds_read_alike
 from strainfmu.errors import InputError
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 pytestmark = pytest.mark.fast
 

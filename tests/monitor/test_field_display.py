@@ -23,9 +23,9 @@ from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import with_known
+from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed

@@ -10,9 +10,9 @@ from shape_case import N_D
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.tables.flight_tables import evaluate
-from strainfmu.estimator.tables.manifold_map import with_known
+from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 

@@ -20,12 +20,12 @@ from sensor_maps import ROWS, with_sensors
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import (
     InverseMap,
     load_inverse_map,
     save_inverse_map,
 )
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.tare_window import Window, tare_file

@@ -31,8 +31,8 @@ from builder.reports.findings.gauge_value import gauge_value
 from builder.reports.page.html import page_html
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH
 
 N_D = STATIONS * ROWS
 

@@ -11,7 +11,7 @@ from scaled_maps import scaled_map
 from builder.manifold.tables import spline_coefficients
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.surface_field import FlightField
+from strainfmu.estimator.map.nonlinear_map import FlightField
 
 N_ROLL = 8
 ROLL = 2.0 * np.pi * np.arange(N_ROLL) / N_ROLL

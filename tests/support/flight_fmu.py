@@ -10,8 +10,8 @@ from flight_maps import MACH, N_D
 from flight_maps import whole_map as whole_map
 from raw_fmu import N_OUTPUTS, N_SCALARS, OK, Fmu2
 
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.interface.input_names import FLOW_INPUTS, NAVIGATION_INPUTS
 
 FIRST = N_OUTPUTS + 2 * N_D + N_SCALARS

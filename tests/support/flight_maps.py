@@ -11,7 +11,7 @@ from builder.manifold.discrepancy import tested_shapes
 from builder.manifold.tables import spline_coefficients
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 STATIONS, ROWS = 4, 12
 N_D = STATIONS * ROWS

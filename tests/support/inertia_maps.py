@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
+from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 
 PRIOR = np.array([20.0, 25.0, 25.0, 5.0, 5.0, *(6 * [2.0])])
 ERRORS = np.array([0.1, 0.1, 0.1, 0.5, 0.5, *(6 * [0.05])])

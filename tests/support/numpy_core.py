@@ -26,39 +26,35 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
-from strainfmu.estimator.map.envelope import (
+from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.sensors import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
+from strainfmu.estimator.map.validity import (
+    LARGEST_SCORE,
+    LEAST_PART_OF_SLOPE,
     MACH_TOLERANCE,
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
+    PARAMETER_TOLERANCE,
     PRESSURE_TOLERANCE,
     RANGE_DEVIATIONS,
-    FlightRanges,
-    HalfSpaces,
-    flight_ranges,
-    half_spaces,
-)
-from strainfmu.estimator.map.flow_parameters import (
-    LARGEST_SCORE,
-    PARAMETER_TOLERANCE,
     FlowParameters,
     flow_parameters,
+    incidence_per_force,
 )
-from strainfmu.estimator.map.inertia import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
-from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
-from strainfmu.estimator.map.validity import LEAST_PART_OF_SLOPE, incidence_per_force
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
-from strainfmu.estimator.setting_inputs import (
+from strainfmu.estimator.settings import (
     OF_ALARMS,
     OF_AREA,
     OF_LENGTH,
     OF_READINGS,
     OF_STATION,
     SETTING_NAMES,
+    EstimatorSettings,
+    default_settings,
 )
-from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.signal_names import (
     COEFFICIENT_ARRAY,
     FILTER_TIME_CONSTANT,
@@ -241,7 +237,7 @@ class NumpyCore:
         known = usable & (std >= 0.0) & (std < np.inf)
         std = np.where(known, std, 0.0)
         is_outside = _outside_by_navigation(
-            flight_ranges(self._map),
+            self._map,
             dynamic_pressure=q,
             dynamic_pressure_std=std,
             mach_number=mach,
@@ -305,9 +301,9 @@ class NumpyCore:
         z, chi_square = of_map.standardised, of_map.chi_square
         worst = np.argmax(np.abs(z), axis=1)
         suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
-        spaces, five = half_spaces(held), slice(0, LOADS)
+        five = slice(0, LOADS)
         covariance = of_map.coefficient_covariance[:, five, five]
-        score = _envelope_score(spaces, of_map.coefficients[:, five], covariance)
+        score = _envelope_score(held, of_map.coefficients[:, five], covariance)
         health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
         # The later takes the place of the earlier.
         health[score > held.envelope_score_limit] = HealthState.OUTSIDE
@@ -478,23 +474,23 @@ def _parameter_score(known: FlowParameters, values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), 0.0, np.minimum(excess, LARGEST_SCORE))
 
 
-def _envelope_score(envelope: HalfSpaces, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:
+def _envelope_score(inverse_map: InverseMap, coefficients: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return (k,) the largest (n'C - limit) / sigma of n'C over the half-spaces, 0 where C is inside all [1].
 
     ``coefficients`` is (k, 5), ``covariance`` theirs (k, 5, 5), both for the references of the map.
     """
-    excess = coefficients @ envelope.direction.T - envelope.limit
+    excess = coefficients @ inverse_map.envelope_direction.T - inverse_map.envelope_limit
     score = np.zeros(len(coefficients))
     for sample in np.flatnonzero(np.any(excess > 0.0, axis=1)):
         beyond = excess[sample] > 0.0
-        direction = envelope.direction[beyond]
+        direction = inverse_map.envelope_direction[beyond]
         variance = np.sum((direction @ covariance[sample]) * direction, axis=1)
         score[sample] = np.max(excess[sample, beyond] / np.sqrt(variance))
     return score
 
 
 def _outside_by_navigation(
-    ranges: FlightRanges,
+    inverse_map: InverseMap,
     *,
     dynamic_pressure: FloatArray,
     dynamic_pressure_std: FloatArray,
@@ -504,11 +500,11 @@ def _outside_by_navigation(
 ) -> BoolArray:
     """Return (k,) whether q_inf [Pa], M or h [m] leave the ranges or contradict each other; NaN is not known."""
     q, mach = dynamic_pressure, mach_number
-    low, high = ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
-    outside = (q < ranges.dynamic_pressure[0]) | (q > ranges.dynamic_pressure[1])
+    low, high = inverse_map.mach_number_range * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])
+    outside = (q < inverse_map.dynamic_pressure_range[0]) | (q > inverse_map.dynamic_pressure_range[1])
     slack = RANGE_DEVIATIONS * mach_number_std
     outside |= (mach < low - slack) | (mach > high + slack)
-    outside |= (altitude < ranges.altitude[0]) | (altitude > ranges.altitude[1])
+    outside |= (altitude < inverse_map.altitude_range[0]) | (altitude > inverse_map.altitude_range[1])
     if np.all(np.isnan(mach) | np.isnan(altitude)):  # nothing to compare the dynamic pressure with
         return np.asarray(outside)
     with np.errstate(over="ignore", invalid="ignore"):  # of values out of range, which are outside already

@@ -10,8 +10,8 @@ import numpy as np
 from flight_maps import AREA, LENGTH, table_coefficients
 
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import LoadGroup, load_groups
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 STATION = np.array([0.8])
 COMBINATION = np.random.default_rng(8).standard_normal((7, 5))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.parameter_tables import ParameterTables, Powers
+from strainfmu.estimator.map.nonlinear_map import ParameterTables, Powers
 
 PARAMETERS = {"fin_deg": [-4.0, 4.0], "power": [0.0, 0.5], "cant_deg": [2.0, 2.0]}
 

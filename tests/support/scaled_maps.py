@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.proportional_errors import PAIRS
+from strainfmu.estimator.map.inverse_map import PAIRS, InverseMap
 
 NOMINAL = 130e3
 

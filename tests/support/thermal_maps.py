@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 
 REFERENCE = 293.15
 

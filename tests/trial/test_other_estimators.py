@@ -26,10 +26,10 @@ from builder.trial.other_estimators import (
 )
 from builder.trial.readings import ANGLES, Readings
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import evaluate
 
 ALTITUDES_KM = (15.0, 25.0)
 

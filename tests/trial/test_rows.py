@@ -22,8 +22,8 @@ from builder.trial.score import PARTS, Clusters, Row, judged, rows_of
 from builder.trial.table import cells_of, columns_of, in_order, loads_of, reasons, write_table
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.tables.flight_tables import evaluate
 from strainfmu.flight_condition import FlightCondition
 
 pytestmark = pytest.mark.fast

@@ -20,8 +20,7 @@ from builder.calibration.estimate.regression import LoadEquation, load_equation
 from builder.calibration.ground_test.equations_file import AT_STATION, WHOLE, AppliedTest
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.map.inverse_map_checks import ABSOLUTE, PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import ABSOLUTE, COEFFICIENT_NAMES, PER_PRESSURE, InverseMap
 
 WIDE = 1e3
 """Standard deviation of a load before a reading over the largest applied one, where no gauge is redundant."""

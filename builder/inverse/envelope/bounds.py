@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from builder.inverse.modes.ensemble import Ensemble
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure
-from strainfmu.estimator.map.envelope import FlightRanges, HalfSpaces
 from strainfmu.flight_condition import FlightCondition
 
 ROLL_ANGLES = 24
@@ -24,8 +24,9 @@ PRESSURE_SLACK = 0.01
 _RATIOS = (-1.0, 0.0, 1.0)
 
 
-def coefficient_half_spaces(ensemble: Ensemble, coefficients: FloatArray) -> HalfSpaces:
-    """Return the half-spaces that hold the ``coefficients`` (n, 5) of all members of ``ensemble``.
+def coefficient_half_spaces(ensemble: Ensemble, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return directions (m, 5) and limits (m,) of the half-spaces that hold the ``coefficients`` (n, 5) of all
+    members of ``ensemble``.
 
     As listed: all 210 sign patterns of one to four coefficients in units of their spread. Rolled: what is the same
     at every roll angle, C_A and the amplitudes of the cross force and moment, combined likewise at 24 roll angles.
@@ -40,7 +41,7 @@ def coefficient_half_spaces(ensemble: Ensemble, coefficients: FloatArray) -> Hal
     size = np.linalg.norm(direction, axis=1)
     direction = direction[size > 0.0] / size[size > 0.0, None]
     reach = coefficients @ direction.T if ensemble.grid is None else _reach_at_any_roll(coefficients, direction)
-    return HalfSpaces(direction=direction, limit=np.max(reach, axis=0))
+    return direction, np.max(reach, axis=0)
 
 
 def _reach_at_any_roll(coefficients: FloatArray, direction: FloatArray) -> FloatArray:
@@ -76,8 +77,8 @@ def _rolled() -> FloatArray:
     return np.array(rows)
 
 
-def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> FlightRanges:
-    """Return the ranges of q_inf, Mach number and altitude of a map from the flows of ``conditions``.
+def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> dict[str, Any]:
+    """Return fields of a map: the ranges of q_inf, Mach number and altitude from the flows of ``conditions``.
 
     In form "dynamic_pressure" the altitude is the range of map.valid_altitude_km, and q_inf what its ends and the
     Mach numbers of the flows allow; in form "absolute" both are the ranges of the snapshots.
@@ -93,8 +94,8 @@ def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Fl
         heights = 1e3 * vehicle.map.valid_altitude_km[0], 1e3 * vehicle.map.valid_altitude_km[1]
         q_range = dynamic_pressure(low, heights[1]), dynamic_pressure(high, heights[0])
     slack = np.array([1.0 - PRESSURE_SLACK, 1.0 + PRESSURE_SLACK])
-    return FlightRanges(
-        dynamic_pressure=np.array(q_range) * slack,
-        mach_number=np.array([low, high]),
-        altitude=np.array(heights),
-    )
+    return {
+        "dynamic_pressure_range": np.array(q_range) * slack,
+        "mach_number_range": np.array([low, high]),
+        "altitude_range": np.array(heights),
+    }

@@ -20,7 +20,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
+from strainfmu.estimator.map.inverse_map import PAIRS
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -114,14 +114,16 @@ def rms_ambient_pressure(ensemble: Ensemble) -> float:
     return float(np.sqrt(np.average(ensemble.ambient_pressure**2, weights=ensemble.weight)))
 
 
-def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: FloatArray) -> ErrorModel | None:
-    """Return how ``errors`` follow the coefficients (n, 5) of the ensemble's members; None without errors.
+def error_model(
+    errors: list[HardwareError], ensemble: Ensemble, coefficients: FloatArray
+) -> dict[str, FloatArray]:
+    """Return fields of a map: how ``errors`` follow the coefficients (n, 5) of the members; none without errors.
 
     The strain of an error is regressed on [1, C] over the members. What the regression leaves stays in the
     weights.
     """
     if not errors:
-        return None
+        return {}
     weight = ensemble.member_weight
     c = np.hstack([np.ones((len(coefficients), 1)), coefficients])
     root = np.sqrt(weight)[:, None]
@@ -134,8 +136,8 @@ def error_model(errors: list[HardwareError], ensemble: Ensemble, coefficients: F
             continue
         for row, (a, b) in enumerate(PAIRS):
             of_gauge[row] += (1.0 if a == b else 2.0) * slope[a] * slope[b]
-    return ErrorModel(
-        of_gauge=of_gauge,
-        common=np.array(common).reshape(-1, 6, n_d),
-        mean_product=np.array([weight @ (c[:, a] * c[:, b]) for a, b in PAIRS]),
-    )
+    return {
+        "gauge_error_product": of_gauge,
+        "common_error": np.array(common).reshape(-1, 6, n_d),
+        "mean_product": np.array([weight @ (c[:, a] * c[:, b]) for a, b in PAIRS]),
+    }

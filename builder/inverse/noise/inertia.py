@@ -22,7 +22,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.structure.mass import Mass
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
+from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 
 NAME, MASSES, THEORY = "inertia", "errors of masses", "strain of inertia"
 """Names of the noise term of the modes, of the errors of masses, and of the error of the strain by inertia."""

@@ -12,11 +12,10 @@ from functools import cached_property
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
-from strainfmu.estimator.map.inverse_map_checks import check_covariance
-from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.pressure_modes import PressureModes
+from strainfmu.estimator.state_map import check_covariance
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from builder.structure.loads.temperature import TemperatureField, temperature_mo
 from builder.vehicle.file import Vehicle
 from builder.vehicle.structure.temperature import Temperature
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.signal_names import TEMPERATURE
 
 NAME = TEMPERATURE

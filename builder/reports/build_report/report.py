@@ -36,7 +36,7 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,9 +11,9 @@ from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
 from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.policies import RANGE_TOLERANCE
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 ALL, PRESSURE_ALONE = "M, p_inf and q_inf", "q_inf only"
 NAVIGATION = (ALL, PRESSURE_ALONE)

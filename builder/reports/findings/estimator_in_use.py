@@ -18,12 +18,12 @@ from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, enve
 from builder.reports.findings.prior_observability import PriorObservability
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 NOISE, OFF_TABLES = "gauge noise and apparent strain", "pressure off the tables"
 HARDWARE = (
@@ -162,7 +162,7 @@ def _sources_of(
     c = np.append(1.0, loads / (pressure * manifold.references))
     first, second = np.triu_indices(len(c))
     of_gauge = np.maximum((c[first] * c[second]) @ manifold.gauge_error_product, 0.0)
-    common_errors = [one for one in (manifold.common_error, manifold.considered_common) if one is not None]
+    common_errors = [manifold.common_error, manifold.considered_common]
     common = np.einsum("a,tan->nt", c, np.concatenate(common_errors))
     columns = np.hstack([np.vstack([manifold.error_strain, manifold.error_load]), manifold.considered_columns])
 

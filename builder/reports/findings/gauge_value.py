@@ -20,7 +20,7 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, strain_at
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import FloatArray, IntArray, inverse_root
 from strainfmu.estimator.alarm_limits import (
     ambiguous_groups,
     correlations,
@@ -31,14 +31,13 @@ from strainfmu.estimator.alarm_limits import (
 )
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.numerics.whitening import inverse_root
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import LOADS, models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 MISS_PROBABILITY = 0.01
 """Probability that a bias of the stated detectable or isolable size is missed."""

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from builder.vehicle.toml.limits import GAMMA, one_line
 from builder.vehicle.toml.sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
-from strainfmu.estimator.map.inverse_map_checks import FORMS, PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import FORMS, PER_PRESSURE
 from strainfmu.estimator.regularisation import RULES
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from strainfmu.cli.inspection.temperature import MICRO, plain_table
 from strainfmu.estimator.air_inputs import VIBRATION
-from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
+from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 
 
 def inertia_table(inertia: InertiaMap) -> Table:

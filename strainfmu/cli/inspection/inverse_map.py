@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.cli.inspection.inertia import inertia_table
 from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
@@ -27,13 +27,12 @@ from strainfmu.estimator.map.inverse_map import (
     InverseMap,
     load_inverse_map,
 )
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
-from strainfmu.estimator.numerics.whitening import inverse_root
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.files import content_hash_of
 
 MICRO = 1e6

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from builder.inverse.modes.mode_choice import mode_choice_lines
-from strainfmu.estimator.map.inverse_map_checks import ABSOLUTE, PER_PRESSURE
+from strainfmu.estimator.map.inverse_map import ABSOLUTE, PER_PRESSURE
 
 OF_LEVELS = ("chi-square", "largest |z|", "chi-square of the shapes")
 

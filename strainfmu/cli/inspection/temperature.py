@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.reference.readings import amplitudes
 
 MICRO = 1e6

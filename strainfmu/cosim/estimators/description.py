@@ -15,8 +15,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import LoadGroup, groups_among
-from strainfmu.estimator.setting_inputs import OF_READINGS
-from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.estimator.settings import OF_READINGS, SENSOR_RANGE
 from strainfmu.interface.contents import FmuContents, stated_contents
 from strainfmu.interface.health_names import CHI_SQUARE, STATE
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX

@@ -9,8 +9,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.other_loads import LoadGroup
-from strainfmu.estimator.setting_inputs import OF_READINGS
-from strainfmu.estimator.settings import SENSOR_RANGE
+from strainfmu.estimator.settings import OF_READINGS, SENSOR_RANGE
 from strainfmu.interface.health_names import ENVELOPE_SCORE as ENVELOPE_SCORE
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX
 from strainfmu.interface.parameter_variables import STD_PREFIX

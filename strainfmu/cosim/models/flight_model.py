@@ -21,7 +21,7 @@ from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH
+from strainfmu.estimator.settings import OF_AREA, OF_LENGTH
 from strainfmu.files import build_time
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition
 from strainfmu.interface.sensor_variables import reading_names

@@ -16,13 +16,18 @@ import numpy as np
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
 from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
+from strainfmu.estimator.map import flight_tables
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
+from strainfmu.estimator.map.nonlinear_map import (
+    FlightField,
+    ManifoldMap,
+    ShapeField,
+    field_with_known,
+    with_known,
+)
 from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.reference.air import lognormal_std
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables import flight_tables
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
-from strainfmu.estimator.tables.manifold_map import ManifoldMap, with_known
-from strainfmu.estimator.tables.surface_field import FlightField, ShapeField, field_with_known
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""

@@ -10,6 +10,16 @@ normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load an
 of a truncated mode. The file holds primary quantities alone. The compiled core computes what follows from them as
 it opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to reports.
 
+Errors of gain, stiffness, wall, gauge position and layout roll grow with strain, which is nearly linear in the
+coefficients C that the step has estimated. The weights have them at their mean over the snapshots; with c = [1, C]
+the covariance is the one in the weights plus
+
+    s^2 sum_ab (c_a c_b - mean of c_a c_b) G H_ab G',   H_ab = diag(sum_t D_tai D_tbi) + sum_t E_ta E_tb',
+
+D_t a term that is independent from gauge to gauge, E_t one that all gauges have in common, both per standard
+deviation. The same sum with the precision P instead of G gives the expected chi-square. G and P change slowly with
+the pressure ratio s: their products are computed at fixed levels and are linear in s between them.
+
 Form "absolute" is the paper's: the model holds as it stands. In form "dynamic_pressure" it holds at the nominal
 dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f = f_0 + s (..)
 (:mod:`strainfmu.estimator.reference.linear`).
@@ -17,6 +27,7 @@ dynamic pressure; at s times that, d = d_0 + s (m - d_0 + A q + N y) + e_g and f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from os import PathLike
@@ -27,41 +38,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.map.inertia import InertiaMap, with_inertia
-from strainfmu.estimator.map.inverse_map_checks import (
-    GROUPS,
-    PER_PRESSURE,
-    check_groups,
-    check_inverse_map,
-    check_number_of_loads,
-)
-from strainfmu.estimator.map.sensors import HingeLines, SensorRows, strain_rows
-from strainfmu.estimator.map.temperature import ThermalMap, no_temperature
-from strainfmu.estimator.map.validity import valid_ranges
-from strainfmu.estimator.notebook import html_table
-from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.other_loads import LoadGroup, is_moment, load_groups, names_of
-from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
-from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES
-from strainfmu.estimator.signal_names import LOAD_UNITS as LOAD_UNITS
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.schema import (
+from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
+from strainfmu.estimator.map.schema import (
+    ANY,
+    BOUNDS,
+    COVARIANCE,
+    FROM_0,
     POSITIVE,
-    Sizes,
     check,
     described,
     entries,
     entry,
-    equal,
-    has_no_values,
-    neutral_names,
-    neutral_value,
+    neutral_fields,
 )
+from strainfmu.estimator.map.sensors import (
+    HingeLines,
+    InertiaMap,
+    SensorRows,
+    ThermalMap,
+    no_temperature,
+    strain_rows,
+    with_inertia,
+)
+from strainfmu.estimator.map.validity import valid_ranges
+from strainfmu.estimator.notebook import html_table
+from strainfmu.estimator.numerics.fixed_order import product, row_squares
+from strainfmu.estimator.other_loads import FIVE_LOADS, LoadGroup, is_moment, load_groups, names_of, number_of
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
+from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES
+from strainfmu.estimator.signal_names import LOAD_UNITS as LOAD_UNITS
 from strainfmu.files import build_time
 from strainfmu.records import load_record, save_record
 
 SCHEMA = "strainfmu.inverse_map"
 SCHEMA_VERSION = 10
+
+CASES = (1, 2)
+"""Least squares on POD modes; low-rank Gaussian prior."""
+
+FORMS = PER_PRESSURE, ABSOLUTE = (DYNAMIC_PRESSURE, "absolute")
+"""Strain in proportion to q_inf, for any altitude; the paper's, for the pressure level of the snapshots."""
+
+PAIRS = tuple((a, b) for a in range(6) for b in range(a, 6))
+"""The 21 products c_a c_b of c = [1, C_A, C_N, C_Y, M_P, M_Y], a <= b."""
+
+GROUPS = (("gauge_error_product", "common_error", "mean_product"), ("fixed_strain", "fixed_load"))
+"""Fields that a map has all of, or none."""
+
+FIELD = ("field_mean", "field_modes", "point", "triangle")
+"""The same of the pressure on the surface."""
+
+_ROUND_OFF = 1e-6
+"""Largest relative difference between numbers that are equal but for round-off."""
 
 DEFAULT_SCORE_LIMIT = 3.0
 """Standard deviations beyond the envelope that count as outside, where the map states no other."""
@@ -83,7 +113,8 @@ class InverseMap:
 
     # fmt: off
     vehicle: str = entry(meaning="name of the vehicle and what it stands for", unit="")
-    case: int = entry(meaning="1, least squares on POD modes, or 2, low-rank Gaussian prior", unit="")
+    case: int = entry(meaning="1, least squares on POD modes, or 2, low-rank Gaussian prior", unit="",
+        allowed=CASES)
     gauge_names: tuple[str, ...] = entry("n_d", "", "names, unique")
     gauge_position: FloatArray = entry("n_d 3", "m", "position in body axes")
     gauge_direction: FloatArray = entry("n_d 3", "1", "unit vectors of the measured strain in body axes")
@@ -93,7 +124,7 @@ class InverseMap:
         "A; the unit of a state is Pa in Case 1, 1 in Case 2", place="linear.state_operator", stored="n_q n_d")
     gauge_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
         "Gamma_g, covariance of the errors that have no columns: gauge noise, and all that does not follow q_inf",
-        place="linear.gauge_covariance")
+        place="linear.gauge_covariance", rule=COVARIANCE, c_rule=ANY)
     error_strain: FloatArray = entry("n_d k", "m/m",
         "N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure",
         place="linear.error_strain", stored="k n_d")
@@ -108,8 +139,8 @@ class InverseMap:
     mean_strain: FloatArray = entry("n_d", "m/m", "m, strain of the mean pressure", place="linear.mean_strain")
     strain_range: FloatArray = entry("n_d", "m/m", "largest |strain| over the snapshots")
     coefficient_range: FloatArray = entry("5 2", "1", "smallest and largest coefficient over the snapshots")
-    reference_area: float = entry(unit="m2", meaning="S")
-    reference_length: float = entry(unit="m", meaning="L")
+    reference_area: float = entry(unit="m2", meaning="S", rule=POSITIVE)
+    reference_length: float = entry(unit="m", meaning="L", rule=POSITIVE)
     nominal_dynamic_pressure: float = entry(unit="Pa", meaning="mean q_inf of the snapshots",
         place="settings.dynamic_pressure", rule=POSITIVE)
     provenance: dict[str, Any] = field(default_factory=dict)
@@ -117,11 +148,12 @@ class InverseMap:
         "pressure at the nodes is field_mean + field_modes q; no nodes: no field", neutral=0, dtype="f4")
     field_modes: NDArray[np.float32] = entry("n_p n_q", "Pa/state", "see field_mean", neutral=0, dtype="f4")
     field_std: NDArray[np.float32] = entry("n_p", "Pa",
-        "standard deviation of pressure that no state holds, as of truncated modes", neutral=0, dtype="f4")
+        "standard deviation of pressure that no state holds, as of truncated modes", neutral=0, dtype="f4",
+        rule=FROM_0)
     field_is_net: bool = entry(meaning="1 if the field is p - p_inf", neutral=False, default=False)
     point: NDArray[np.float32] = entry("n_p 3", "m", "nodes of the surface of the field", neutral=0, dtype="f4")
     triangle: NDArray[np.int32] = entry("n_t 3", "1", "its triangles, numbers of nodes", neutral=0, dtype="i4")
-    form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute")
+    form: str = entry(unit="", meaning="dynamic_pressure or absolute", default="absolute", allowed=FORMS)
     fixed_strain: FloatArray = entry("n_d", "m/m",
         "d_0, strain that does not follow q_inf, as by an internal pressure that is not the ambient one",
         neutral=0.0)
@@ -139,7 +171,7 @@ class InverseMap:
         place="scaled_errors.mean_product")
     dynamic_pressure_error: float = entry(
         meaning="standard deviation of q_inf over q_inf, where the caller states none", default=0.0,
-        place="linear.dynamic_pressure_error")
+        place="linear.dynamic_pressure_error", low=0.0, high=1.0, c_rule=ANY)
     chi_square_scale: float = entry(
         meaning="factor on the detection threshold of chi-square, from data of a truth model", default=1.0,
         place="linear.chi_square_scale", rule=POSITIVE)
@@ -152,14 +184,14 @@ class InverseMap:
         neutral=0.0, place="envelope.direction", stored="5 m")
     envelope_limit: FloatArray = entry("m", "1", "see envelope_direction", neutral=0.0, place="envelope.limit")
     envelope_score_limit: float = entry(meaning="standard deviations beyond them that count as outside",
-        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit")
+        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit", rule=POSITIVE, c_rule=ANY)
     dynamic_pressure_range: FloatArray = entry("2", "Pa", "validity, -inf to inf without limits", neutral=0,
-        is_range=True)
-    mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, is_range=True)
-    altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, is_range=True)
+        rule=BOUNDS)
+    mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, rule=BOUNDS)
+    altitude_range: FloatArray = entry("2", "m", "validity", neutral=0, rule=BOUNDS)
     sensors: SensorRows = entry(unit="",
         meaning="what the rows measure; other fields hold all rows as strain, readings over ``sensors.scale``",
-        neutral=lambda one: strain_rows(len(one.gauge_names)), default=strain_rows(0), record=SensorRows)
+        neutral=lambda whole: strain_rows(len(whole.gauge_names)), default=strain_rows(0), record=SensorRows)
     section_station: FloatArray = entry("n_s", "m", "x of the sections, rising; may be empty", default=np.zeros(0))
     hinge_lines: HingeLines | None = entry(unit="",
         meaning="lines of the hinge moments; None where none are wanted", default=None, record=HingeLines)
@@ -168,7 +200,7 @@ class InverseMap:
         default=None, record=HingeLines)
     thermal: ThermalMap = entry(unit="",
         meaning="modes of the wall's temperature and sensors of it; no modes where the map knows of none",
-        neutral=lambda one: no_temperature(one.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
+        neutral=lambda whole: no_temperature(whole.gauge_covariance), default=no_temperature(np.zeros((0, 0))),
         record=ThermalMap)
     inertia: InertiaMap | None = entry(unit="", meaning="modes of the vehicle's inertia, and what measures them",
         default=None, record=InertiaMap)
@@ -177,20 +209,11 @@ class InverseMap:
     # fmt: on
 
     def __post_init__(self) -> None:
-        check_groups(self)
-        sizes = {"n_d": len(self.gauge_names), "n_f": self.load_of_mean.size, "n_q": self.state_operator.shape[-1]}
-        sizes["n_p"] = len(self.field_mean)
-        self._fill(sizes, are_arrays=True)
-        check_number_of_loads(self)
-        check(self, "inverse map", m=len(self.envelope_limit), **sizes)
-        self._fill(sizes, are_arrays=False)
-        check_inverse_map(self)
-
-    def _fill(self, sizes: Sizes, are_arrays: bool) -> None:
-        """Put neutral values into the fields without values."""
-        for name in neutral_names(self):
-            if bool(entries(self)[name].shape) == are_arrays and has_no_values(getattr(self, name)):
-                object.__setattr__(self, name, neutral_value(self, name, sizes))
+        _check_groups(self)
+        _check_number_of_loads(self)
+        lengths = {"n_f": self.load_of_mean.size, "n_p": len(self.field_mean)}
+        check(self, "inverse map", n_d=len(self.gauge_names), n_q=self.state_operator.shape[-1], **lengths)
+        _check_consistency(self)
 
     def _repr_html_(self) -> str:
         method = {1: "least squares on POD modes", 2: "low-rank Gaussian prior"}[self.case]
@@ -198,7 +221,7 @@ class InverseMap:
             ("method", f"Case {self.case}, {method}"),
             ("gauges", f"{self.n_gauges}"),
             ("pressure states", f"{self.n_states}"),
-            *((one.quantity, one.text) for one in valid_ranges(self)),
+            *((valid.quantity, valid.text) for valid in valid_ranges(self)),
         ]
         return html_table(f"Inverse map: {self.vehicle}", ("", ""), rows)
 
@@ -308,27 +331,81 @@ class InverseMap:
         return self.n_gauges - (self.n_states if self.case == 1 else 0)
 
 
+def _check_groups(inverse_map: InverseMap) -> None:
+    """Check that fields which belong together are all given or all absent."""
+    for names in GROUPS:
+        stated = [name for name in names if getattr(inverse_map, name).shape != (0,)]
+        if stated and len(stated) < len(names):
+            raise InputError(f"inverse map: {', '.join(stated)} of {', '.join(names)} found, must be all or none")
+    missing = [name for name in FIELD if not getattr(inverse_map, name).size]
+    if missing and len(missing) < len(FIELD):
+        raise InputError(f"inverse map: {', '.join(missing)} missing, the pressure field needs {', '.join(FIELD)}")
+
+
+def _check_number_of_loads(inverse_map: InverseMap) -> None:
+    """Check that the loads are the five, or these with the loads of every group."""
+    groups, n_loads = inverse_map.load_groups, inverse_map.load_of_mean.size
+    sizes = {group.family: group.size for group in groups if group.family.is_listed}
+    allowed = FIVE_LOADS.stop + number_of(groups)
+    if n_loads != allowed and (sizes or n_loads != FIVE_LOADS.stop):
+        counts = ", ".join(f"{size} {family.singular}s" for family, size in sizes.items())
+        words = f"{allowed} for {counts}" if sizes else f"{FIVE_LOADS.stop} or {allowed}"
+        raise InputError(f"inverse map: load_of_mean has {n_loads} loads, must be {words}")
+
+
+def _check_consistency(inverse_map: InverseMap) -> None:
+    """Check what several fields must be together; each by itself is right."""
+    wrong = next(_contradictions(inverse_map), None)
+    if wrong is not None:
+        raise InputError(f"inverse map: {wrong}")
+
+
+def _contradictions(inverse_map: InverseMap) -> Iterator[str]:
+    """Yield what is wrong, and what is allowed."""
+    gamma, is_free = inverse_map.regularisation, inverse_map.case == 1
+    n_d, n_q, n_p = inverse_map.n_gauges, inverse_map.n_states, len(inverse_map.field_mean)
+    triangle, manifold = inverse_map.triangle, inverse_map.manifold
+    if len(set(inverse_map.gauge_names)) != n_d or n_d == 0:
+        yield "gauge_names must hold at least one name and none twice"
+    if not (gamma == 0.0 if is_free else 0.0 < gamma < np.inf):
+        yield f"regularisation is {gamma}, must be {'0' if is_free else 'positive'} in Case {inverse_map.case}"
+    if inverse_map.follows_pressure and gamma not in (0.0, 1.0):
+        yield f"regularisation is {gamma}, must be 1 (0 in Case 1) in form 'dynamic_pressure'"
+    if is_free and n_d <= n_q:
+        yield f"{n_d} gauges for {n_q} states found, health needs at least one gauge more"
+    if inverse_map.errors_follow_strain and not inverse_map.mean_product.any():
+        yield "mean_product is 0, must be given where gauge_error_product or common_error is not 0"
+    if len(triangle) and not (triangle.min() >= 0 and triangle.max() < n_p):
+        yield f"triangle names nodes outside 0 .. {n_p - 1}"
+    surface = None if manifold is None else manifold.surface_field
+    if surface is not None and inverse_map.has_field and surface.n_nodes != n_p:
+        yield f"pressure_field has {surface.n_nodes} nodes, must have {n_p}"
+    if manifold is not None and len(manifold.sensor_gain_std) != n_d - inverse_map.n_strain_gauges:
+        n_aux = n_d - inverse_map.n_strain_gauges
+        yield f"tables of {len(manifold.sensor_gain_std)} auxiliary sensors, must be of {n_aux}"
+    total = np.diag(inverse_map.gauge_covariance) + row_squares(inverse_map.error_strain)
+    if not np.all(total >= (1.0 - _ROUND_OFF) * inverse_map.noise_std**2):
+        yield "gauge_covariance has variances below noise_std squared, must hold the gauge noise"
+    whitened = inverse_map.state_operator / inverse_map.noise_std[:, None]
+    size = np.linalg.norm(whitened, axis=0)
+    if is_free and not (np.all(size > 0.0) and np.linalg.matrix_rank(whitened / size) == n_q):
+        yield "state_operator does not identify the states: its columns are dependent"
+
+
 def nothing_of(inverse_map: InverseMap, *names: str) -> dict[str, Any]:
     """Return changes of ``inverse_map``, for :func:`dataclasses.replace`, that leave its fields ``names`` out."""
-    factories = {one.name: one.default_factory for one in fields(inverse_map)}
-    changes = dict[str, Any]()
-    for name in names:
-        factory = factories[name]
-        if factory is MISSING:
-            raise ValueError(f"{name}: expected a field that a map may leave out")
-        changes[name] = factory()
-    return changes
+    factories = {item.name: item.default_factory for item in fields(inverse_map) if item.name in names}
+    assert MISSING not in factories.values(), f"expected fields that a map may leave out, got {names}"
+    return {name: factory() for name, factory in factories.items()}  # type: ignore[operator]
 
 
-def neutral_fields(inverse_map: InverseMap) -> list[str]:
-    """Return the names of the fields of ``inverse_map`` that hold neutral values, which its file leaves out."""
-    sizes = {"n_d": inverse_map.n_gauges, "n_f": inverse_map.n_loads, "n_q": inverse_map.n_states}
-    sizes["n_p"] = len(inverse_map.field_mean)
-    names = [
-        name
-        for name in neutral_names(inverse_map)
-        if equal(getattr(inverse_map, name), neutral_value(inverse_map, name, sizes))
-    ]
+def left_out(record: Any) -> list[str]:
+    """Return the names of the fields of a map, or of a record in it, that its file leaves out."""
+    if not isinstance(record, InverseMap):
+        return neutral_fields(record)
+    names = neutral_fields(
+        record, n_d=record.n_gauges, n_f=record.n_loads, n_q=record.n_states, n_p=len(record.field_mean)
+    )
     partial = {name for group in GROUPS if not set(names).issuperset(group) for name in group}
     return [name for name in names if name not in partial]
 
@@ -344,8 +421,8 @@ def save_inverse_map(inverse_map: InverseMap, path: str | PathLike[str], built: 
         The file could not be written; what was there before is untouched.
     """
     state = "Pa" if inverse_map.case == 1 else "1"
-    units = {name: one.unit.replace("state", state) for name, one in entries(inverse_map).items()}
-    left_out, built = neutral_fields(inverse_map), built or build_time()
+    units = {name: stated.unit.replace("state", state) for name, stated in entries(inverse_map).items()}
+    built = built or build_time()
     return save_record(inverse_map, Path(path), SCHEMA, SCHEMA_VERSION, units, left_out, built=built)
 
 

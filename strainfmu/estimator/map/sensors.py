@@ -1,22 +1,45 @@
-"""Sensors of a map that are no strain gauges, and lines about which it gives hinge moments.
+"""Sensors of a map: its rows, the lines of its moments, and sensors of temperature and motion.
 
-A map's rows all have the unit m/m inside. The row of another sensor is divided by its scale, so that its own noise
-equals the noise of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the digits of every
-covariance.
+**Rows** all have the unit m/m inside. The row of another sensor than a strain gauge is divided by its scale, so
+that its own noise equals the noise of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the
+digits of every covariance.
+
+**Temperature** of the wall strains the gauges; its strain is subtracted as far as sensors measure it.
+The rise above the reference is a sum of modes with amplitudes a, a priori independent with standard deviations s.
+Sensors read theta = C a + e. Given those that are known,
+
+    P = (diag(1/s^2) + C' R^-1 C)^-1,   a = P C' R^-1 theta,
+
+gauges are B a warmer and read (1 + g B a) (strain / (1 + m B a) + Phi a + p(B a)) + zero: gauge-factor slope g,
+modulus slope m, thermal strain Phi of the modes less the gauges' compensation, and the data sheet's polynomial p.
+All but the strain is taken off; Phi P Phi' is left in the covariance. Without sensors P = diag(s^2), a = 0: the
+modes are nuisances, which the gauges' covariance of the map holds already.
+
+**Inertia.** Material at r from the unit moves against a specific force f + dw/dt x r + w x (w x r), with the
+specific force f of the unit (acceleration without gravity) and the angular rates w. Its inertia causes the strain
+Phi a of the gauges. The amplitudes a are the channels of :func:`channels_of`: f, dw/dt about y and z, and the
+products P = w w' - w'w 1 of w x (w x r) = P r. Inertia modes are modes of temperature, each with its own sensor:
+:func:`with_inertia` joins both. Modes of vibration have no sensors: the input ``vibration`` states their standard
+deviation, in steps of the root of 2, instead of the map's.
+
+In free flight strain per pressure has the inertia of the motion that the pressure causes: Phi of f and dw/dt is
+then 0 for the masses of the model, and nothing counts twice.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import MEASURED_MOTION, NOT_KNOWN
+from strainfmu.estimator.map.schema import COVARIANCE, POSITIVE, check, described, empty, entry
 from strainfmu.estimator.signal_names import FORCE, MOMENT
 from strainfmu.estimator.signal_names import STRAIN as STRAIN
-from strainfmu.estimator.tables.schema import POSITIVE, check, described, entry
 
 KINDS = (
     STRAIN,
@@ -29,8 +52,6 @@ KINDS = (
     "fibre strain",
 )
 
-_SHOWN_STRAIN = (1e6, "um/m")
-
 
 @described
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +59,7 @@ class SensorRows:
     """What the n_d rows of a map measure."""
 
     # fmt: off
-    kind: tuple[str, ...] = entry("n_d", "", "strain or another kind of sensor")
+    kind: tuple[str, ...] = entry("n_d", "", "strain or another kind of sensor", allowed=KINDS)
     unit: tuple[str, ...] = entry("n_d", "", "unit of the readings")
     scale: FloatArray = entry("n_d", "unit/(m/m)", "reading per row; 1 for strain", place="sensors.scale",
         stored="n_others", rule=POSITIVE)
@@ -50,14 +71,8 @@ class SensorRows:
     # fmt: on
 
     def __post_init__(self) -> None:
-        n = len(self.kind)
-        unknown = sorted(set(self.kind) - set(KINDS))
-        if unknown:
-            raise InputError(f"sensors: kind '{unknown[0]}', must be one of {', '.join(KINDS)}")
         check(self, "sensors")
-        if not (np.all(self.scale > 0.0) and np.all(self.largest > 0.0)):
-            raise InputError("sensors: scale and largest must be positive")
-        if n and (STRAIN not in self.kind or not np.all(self.is_strain[: self.n_strain_gauges])):
+        if self.kind and not (STRAIN in self.kind and np.all(self.is_strain[: self.n_strain_gauges])):
             raise InputError("sensors: expected strain gauges, then the other sensors, got another order")
 
     @property
@@ -66,7 +81,7 @@ class SensorRows:
         return not self.kind
 
     @property
-    def is_strain(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def is_strain(self) -> BoolArray:
         """(n_d,) which rows are strain gauges."""
         return np.array([kind == STRAIN for kind in self.kind], dtype=bool)
 
@@ -76,7 +91,7 @@ class SensorRows:
         return self.kind.count(STRAIN)
 
     @property
-    def follows_thrust(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def follows_thrust(self) -> BoolArray:
         """(n_d,) which readings thrust moves."""
         return self.thrust_response != 0.0
 
@@ -85,20 +100,15 @@ class SensorRows:
 
         Thrust that is NaN leaves NaN in the readings that it moves, and the others alone.
         """
-        found, moved = np.array(readings, dtype=float), self.follows_thrust
-        found[..., moved] -= np.asarray(thrust, dtype=float)[..., None] * self.thrust_response[moved]
-        return found
+        corrected, moved = np.array(readings, dtype=float), self.follows_thrust
+        corrected[..., moved] -= np.asarray(thrust, dtype=float)[..., None] * self.thrust_response[moved]
+        return corrected
 
 
 def strain_rows(n: int) -> SensorRows:
     """Return the rows of a map of ``n`` strain gauges alone; of a map yet to come for 0."""
-    return SensorRows(
-        kind=(STRAIN,) * n,
-        unit=("m/m",) * n,
-        scale=np.ones(n),
-        largest=np.ones(n),
-        thrust_response=np.zeros(n),
-    )
+    same = np.ones(n)
+    return SensorRows(kind=(STRAIN,) * n, unit=("m/m",) * n, scale=same, largest=same, thrust_response=np.zeros(n))
 
 
 def shown_units(rows: SensorRows) -> list[tuple[float, str]]:
@@ -107,7 +117,7 @@ def shown_units(rows: SensorRows) -> list[tuple[float, str]]:
     Strain is shown in um/m, another sensor's reading in its own unit.
     """
     each = zip(rows.kind, rows.scale.tolist(), rows.unit, strict=True)
-    return [_SHOWN_STRAIN if kind == STRAIN else (scale, unit) for kind, scale, unit in each]
+    return [(1e6, "um/m") if kind == STRAIN else (scale, unit) for kind, scale, unit in each]
 
 
 def refuse_sensors(rows: SensorRows, what: str) -> None:
@@ -118,21 +128,15 @@ def refuse_sensors(rows: SensorRows, what: str) -> None:
     InputError
         It has some; the message says that ``what`` takes strain alone.
     """
-    found = sorted(set(rows.kind) - {STRAIN})
-    if found:
-        raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(found)} sensors")
+    kinds = sorted(set(rows.kind) - {STRAIN})
+    if kinds:
+        raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(kinds)} sensors")
 
 
 @described
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HingeLines:
-    """Hinge lines, each of a region of the surface.
-
-    Raises
-    ------
-    InputError
-        Shapes or values are wrong.
-    """
+    """Hinge lines, each of a region of the surface."""
 
     # fmt: off
     name: tuple[str, ...] = entry("n_h", "", "unique names")
@@ -149,3 +153,232 @@ class HingeLines:
         check(self, "hinge_lines")
         if not np.allclose(np.linalg.norm(self.direction, axis=1), 1.0, rtol=0.0, atol=1e-9):
             raise InputError("hinge_lines: direction must hold unit vectors")
+
+
+LARGEST_RISE = 2000.0
+"""|rise| above the reference [K] beyond which a sensor is taken to be broken."""
+
+
+@described
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ThermalMap:
+    """Temperature modes of a map for n_d gauges, k modes and n_t sensors."""
+
+    # fmt: off
+    reference_temperature: float = entry(unit="K", meaning="at which zeros, gauge factors and modulus hold",
+        place="thermal.reference_temperature")
+    prior_std: FloatArray = entry("k", "K", "s, standard deviation of each mode's amplitude",
+        place="thermal.prior_std", rule=POSITIVE)
+    mode_strain: FloatArray = entry("n_d k", "1/K", "Phi, what gauges read of each mode per amplitude",
+        place="thermal.mode_strain")
+    gauge_operator: FloatArray = entry("n_d k", "1", "B, temperature of the gauges per amplitude",
+        place="thermal.gauge_operator")
+    sensor_names: tuple[str, ...] = entry("n_t", "", "names of the sensors", dtype=str)
+    sensor_operator: FloatArray = entry("n_t k", "1", "C, temperature of the sensors per amplitude",
+        place="thermal.sensor_operator")
+    sensor_std: FloatArray = entry("n_t", "K", "standard deviations of the sensors' errors",
+        place="thermal.sensor_std", rule=POSITIVE)
+    apparent_strain: FloatArray = entry("j", "1/K, 1/K^2 ..", "coefficients of p, of rise^1 to rise^j",
+        place="thermal.apparent_strain")
+    gauge_factor_slope: float = entry(unit="1/K", meaning="g", place="thermal.gauge_factor_slope")
+    modulus_slope: float = entry(unit="1/K", meaning="m", place="thermal.modulus_slope")
+    isothermal_covariance: FloatArray = entry("n_d n_d", "(m/m)^2", "the map's gauge_covariance without the modes",
+        place="thermal.isothermal_covariance", c_rule=COVARIANCE)
+    # fmt: on
+
+    def __post_init__(self) -> None:
+        check(self, "thermal", k=len(self.prior_std))
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there are no modes and no sensors."""
+        return not (self.n_modes or self.n_sensors)
+
+    @property
+    def linear_strain(self) -> FloatArray:
+        """(n_d, k) what gauges read of each mode per amplitude, the data sheet's first term with it [(m/m)/K]."""
+        first = self.apparent_strain[0] if len(self.apparent_strain) else 0.0
+        return np.asarray(self.mode_strain + first * self.gauge_operator)
+
+    @property
+    def n_modes(self) -> int:
+        """Number of temperature modes k."""
+        return len(self.prior_std)
+
+    @property
+    def n_sensors(self) -> int:
+        """Number of sensors n_t."""
+        return len(self.sensor_names)
+
+
+def no_temperature(gauge_covariance: FloatArray) -> ThermalMap:
+    """Return no modes and no sensors, for gauges whose errors have ``gauge_covariance`` (n_d, n_d) [(m/m)^2]."""
+    return empty(ThermalMap, isothermal_covariance=gauge_covariance)
+
+
+def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
+    """Return (k, n_t) which of ``temperature`` [K] are readings: above 0 and plausible."""
+    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
+
+
+CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
+"""Names of the amplitudes for people; units m/s2, rad/s2, rad2/s2."""
+
+SPECIFIC_FORCE = slice(0, 3)
+"""Place of the specific force among the channels; own weight on the ground acts by it alone."""
+
+LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
+"""Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
+
+ROOT_2 = 1.4142135623730951
+
+LARGEST_CHANNEL = 1e6
+"""Size of a channel beyond which the unit is taken to be broken."""
+
+
+@described
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InertiaMap:
+    """Inertia modes of a map for n_d gauges, one for each of the k :data:`CHANNELS`, and modes of vibration."""
+
+    # fmt: off
+    prior_std: FloatArray = entry("k", "m/s2, rad/s2, rad2/s2",
+        "s, standard deviations of the channels where they are not measured", rule=POSITIVE)
+    sensor_std: FloatArray = entry("k", "m/s2, rad/s2, rad2/s2",
+        "standard deviations of the errors of measured channels", rule=POSITIVE)
+    mode_strain: FloatArray = entry("n_d k", "(m/m)/(m/s2), (m/m)/(rad/s2), (m/m)/(rad2/s2)",
+        "Phi, strain of the gauges per channel")
+    rest_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
+        "the map's gauge_covariance without modes of inertia, vibration and temperature")
+    vibration_strain: FloatArray = entry("n_d v", "1",
+        "strain of the gauges by each mode of vibration, over the strain of the gauge that it strains most")
+    vibration_std: float = entry(unit="m/m", meaning="standard deviation of each mode where it is not known",
+        rule=POSITIVE)
+    vehicle_mass: float | None = entry(unit="kg",
+        meaning="mass of the whole vehicle in flight, for :func:`contradicted_forces`; None where not stated",
+        default=None, place="vehicle.mass", rule=POSITIVE, member="vehicle_mass")
+    # fmt: on
+
+    def __post_init__(self) -> None:
+        check(self, "inertia", k=len(CHANNELS))
+
+
+LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
+"""Place among the five loads of the force that causes each specific force across the axis."""
+
+OTHER_FORCES = 0.5
+"""Part of the larger force by which a fin or a jet may part the lateral force from the vehicle's mass times f."""
+
+
+def contradicted_forces(
+    inertia: InertiaMap | None,
+    inertial: Mapping[str, FloatArray],
+    loads: FloatArray,
+    loads_std: FloatArray,
+    limit: float,
+) -> dict[str, BoolArray]:
+    """Return (m,) whether each specific force across the axis contradicts the lateral force F of m samples.
+
+    It does where F - m f is beyond ``limit`` by its variance, as chi-square with one degree of freedom, and beyond
+    :data:`OTHER_FORCES`: m f in g instead of m/s2, for one. None of them without a mass of the vehicle.
+
+    Parameters
+    ----------
+    inertial : inertial inputs (m,) by name, NaN or :data:`NOT_KNOWN` where not known.
+    loads, loads_std : (m, 5) [N, N m].
+    """
+    if inertia is None or inertia.vehicle_mass is None:
+        return {}
+    mass, contradicts = inertia.vehicle_mass, {}
+    for (name, place), std in zip(LATERAL_FORCES.items(), inertia.sensor_std[1:3], strict=True):
+        read = inertial[name]
+        expected, force = mass * np.where(np.abs(read) <= LARGEST_CHANNEL, read, np.nan), loads[:, place]
+        off = np.abs(force - expected)
+        is_large = off > OTHER_FORCES * np.maximum(np.abs(force), np.abs(expected))
+        is_certain = off**2 > limit * ((mass * std) ** 2 + loads_std[:, place] ** 2)
+        contradicts[name] = is_large & is_certain & (read != NOT_KNOWN)
+    return contradicts
+
+
+def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
+    """Return the channels (m, k) of m samples of the inertial inputs by name, NaN where not known."""
+    known = [
+        np.where(values[name] == NOT_KNOWN, np.nan, values[name]) for name in (one.name for one in MEASURED_MOTION)
+    ]
+    force, (x, y, z), turn = known[:3], known[3:6], known[6:]
+    products = (-(y * y + z * z), -(x * x + z * z), -(x * x + y * y), x * y, x * z, y * z)
+    return np.stack([*force, *turn, *products], axis=1)
+
+
+def known_channels(channels: FloatArray) -> BoolArray:
+    """Return (m, k) which of ``channels`` (m, k) are measured: finite and plausible."""
+    return np.asarray(np.abs(channels) <= LARGEST_CHANNEL)
+
+
+def with_inertia(thermal: ThermalMap, inertia: InertiaMap | None) -> ThermalMap:
+    """Return ``thermal`` with the modes of ``inertia`` behind its own, and the channels behind its sensors.
+
+    Its sensors read channels above the reference temperature. The gauges are no warmer by the modes. Modes of
+    vibration are the last; nothing measures them.
+    """
+    if inertia is None:
+        return thermal
+    k, n_t, n, v = len(CHANNELS), thermal.n_sensors, thermal.n_modes, inertia.vibration_strain.shape[1]
+    operator = np.zeros((n_t + k, n + k + v))
+    operator[:n_t, :n], operator[n_t:, n : n + k] = thermal.sensor_operator, np.eye(k)
+    strain = np.hstack([inertia.mode_strain, inertia.vibration_strain])
+    return replace(
+        thermal,
+        prior_std=np.concatenate([thermal.prior_std, inertia.prior_std, np.full(v, inertia.vibration_std)]),
+        mode_strain=np.hstack([thermal.mode_strain, strain]),
+        gauge_operator=np.hstack([thermal.gauge_operator, np.zeros_like(strain)]),
+        sensor_names=(*thermal.sensor_names, *CHANNELS),
+        sensor_operator=operator,
+        sensor_std=np.append(thermal.sensor_std, inertia.sensor_std),
+        isothermal_covariance=inertia.rest_covariance,
+    )
+
+
+def readings_of_modes(
+    thermal: ThermalMap,
+    inertia: InertiaMap | None,
+    temperature: FloatArray,
+    inertial: Mapping[str, FloatArray],
+) -> tuple[FloatArray, BoolArray]:
+    """Return readings (m, n_t + k) of :func:`with_inertia` of m samples, and which of them are known.
+
+    ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
+    """
+    known = known_sensors(thermal, temperature)
+    if inertia is None:
+        return temperature, known
+    channels = channels_of(inertial)
+    read = np.hstack([temperature, thermal.reference_temperature + channels])
+    return read, np.hstack([known, known_channels(channels)])
+
+
+def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:
+    """Return (m,) the ``vibration`` (m,) [m/m] over the vibration of the map, as the covariance takes it.
+
+    NaN where it is not known. It is the next larger power of the root of 2: matrices stay while the vibration
+    changes little.
+    """
+    if inertia is None:
+        return np.full(len(vibration), np.nan)
+    known = np.isfinite(vibration) & (vibration >= 0.0)
+    ratio = np.where(known, vibration, 0.0) / inertia.vibration_std
+    steps, step = [NO_VIBRATION], LEAST_VIBRATION
+    while step <= MOST_VIBRATION:
+        steps += [step * ROOT_2, 2.0 * step]
+        step *= 2.0
+    found = np.array(steps)[np.searchsorted([LEAST_VIBRATION, *steps[1:-1]], np.minimum(ratio, MOST_VIBRATION))]
+    return np.where(known, found, np.nan)
+
+
+def with_vibration(modes: ThermalMap, inertia: InertiaMap | None, ratio: float) -> ThermalMap:
+    """Return the ``modes`` of :func:`with_inertia` whose vibration is ``ratio`` of the map's; NaN: as it is."""
+    if inertia is None or np.isnan(ratio):
+        return modes
+    first = modes.n_modes - inertia.vibration_strain.shape[1]
+    scale = np.where(np.arange(modes.n_modes) < first, 1.0, ratio)
+    return replace(modes, prior_std=modes.prior_std * scale)

@@ -1,15 +1,29 @@
-"""Validity of a map: the ranges that its snapshots cover, each with its unit as a user reads it."""
+"""Validity of a map: the ranges that its snapshots cover, as users read them, and when a flight is outside.
+
+A half-space of the envelope is a direction n with the largest n'C over the snapshots. An estimate is outside if
+n'C exceeds it by more than its own uncertainty explains, in standard deviations of n'C. Dynamic pressure, Mach
+number and altitude have ranges of their own; where all three are known they must agree, q = 0.7 M^2 p(h).
+
+Flow parameters, such as deflections of controls, have ranges too. The linear estimate does not use them: the prior
+holds all values of the snapshots. The nonlinear one does where their standard deviation is stated
+(:mod:`strainfmu.estimator.map.nonlinear_map`). A value that is known and out of range shows that the map does not
+hold, whatever strain and coefficients say.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.arguments import per_sample
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 from strainfmu.flight_condition import (
     ALTITUDE,
@@ -20,6 +34,92 @@ from strainfmu.flight_condition import (
     FlightCondition,
     with_unit,
 )
+
+MIN_DYNAMIC_PRESSURE, MAX_DYNAMIC_PRESSURE = 1e-6, 1e7
+"""q_inf [Pa] below which there is no flow, and above which no vehicle flies (M 10 at sea level: 7.1e6)."""
+
+MACH_TOLERANCE = 0.025
+"""Relative error of a measured Mach number that the range allows: three standard deviations of 0.05 at M 6.
+
+A flight at the end of the range is inside it. At 0.01 one flight in twelve there was outside by its measured M.
+"""
+
+RANGE_DEVIATIONS = 3.0
+"""Stated standard deviations by which M may leave its range in addition, and of q_inf behind the next entry."""
+
+PRESSURE_TOLERANCE = 0.05
+"""Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
+
+PARAMETER_TOLERANCE = 0.01
+"""Part of its range by which a parameter may leave it: errors of a sensor of deflection, and of rounding."""
+
+LARGEST_SCORE = 1e9
+"""Score of a value that is no finite number, infinity."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlowParameters:
+    """The n_p parameters of a map, in units of the vehicle file.
+
+    Attributes
+    ----------
+    names : n_p names, as in the vehicle file.
+    minimum, maximum : (n_p,) over the snapshots.
+    """
+
+    names: tuple[str, ...]
+    minimum: FloatArray
+    maximum: FloatArray
+
+    @property
+    def span(self) -> FloatArray:
+        """(n_p,) width of each range; of a value that the snapshots hold fixed its size, at least 1."""
+        width = self.maximum - self.minimum
+        return np.asarray(np.where(width > 0.0, width, np.maximum(np.abs(self.maximum), 1.0)))
+
+    def values(
+        self, given: Mapping[str, ArrayLike] | None, samples: int, argument: str = "parameters"
+    ) -> FloatArray:
+        """Return (samples, n_p) the values ``given`` by name, NaN of those that are not.
+
+        ``argument`` is what errors call ``given``.
+
+        Raises
+        ------
+        InputError
+            ``given`` names nothing, the map has no parameter of a name, or a value is no number or not one of each
+            sample.
+        """
+        values = np.full((samples, len(self.names)), np.nan)
+        if given is None:
+            return values
+        known = ", ".join(self.names) or "none"
+        if not isinstance(given, Mapping):
+            raise InputError(f"{argument}: expected values by name, of the map's {known}, got {given!r}")
+        for name, value in given.items():
+            if name not in self.names:
+                raise InputError(f"{argument}: expected the parameters of the map, {known}, got '{name}'")
+            values[:, self.names.index(name)] = per_sample(name, value, samples)
+        return values
+
+    def stds(self, given: Mapping[str, ArrayLike] | None, samples: int) -> FloatArray:
+        """Return (samples, n_p) standard deviations ``given`` by name, as :meth:`values`; errors as there, and for
+        one below 0."""
+        stds = self.values(given, samples, "parameters_std")
+        if np.any(stds < 0.0):
+            raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(stds):g}")
+        return stds
+
+    def outside(self, score: FloatArray) -> tuple[str, ...]:
+        """Return the names of those that leave their range, by their ``score`` (n_p,)."""
+        return tuple(name for name, each in zip(self.names, score, strict=True) if each > PARAMETER_TOLERANCE)
+
+
+def flow_parameters(inverse_map: Any) -> FlowParameters:
+    """Return the parameters of ``inverse_map``, none of one whose snapshots have none."""
+    ranges: dict[str, list[float]] = inverse_map.provenance.get("parameters", {})
+    bounds = np.array([*ranges.values()], dtype=float).reshape(-1, 2)
+    return FlowParameters(names=tuple(ranges), minimum=bounds[:, 0], maximum=bounds[:, 1])
 
 
 @dataclass(frozen=True)
@@ -41,30 +141,20 @@ class ValidRange:
 
 _TOTAL_INCIDENCE = "total_incidence"
 
-_RECORDED = {
-    MACH_NUMBER: "1",
-    ANGLE_OF_ATTACK: "deg",
-    SIDESLIP_ANGLE: "deg",
-    _TOTAL_INCIDENCE: "deg",
-    ALTITUDE: "m",
-    DYNAMIC_PRESSURE: "Pa",
+_UNITS = {
+    MACH_NUMBER: ("1", "1", 1.0),
+    ANGLE_OF_ATTACK: ("deg", "deg", 1.0),
+    SIDESLIP_ANGLE: ("deg", "deg", 1.0),
+    _TOTAL_INCIDENCE: ("deg", "deg", 1.0),
+    ALTITUDE: ("m", "km", 1e-3),
+    DYNAMIC_PRESSURE: ("Pa", "kPa", 1e-3),
 }
-"""Quantities of a flight condition in a map's provenance, and their units there."""
+"""Quantities of a flight condition: unit in a map's provenance, unit for the reader, factor between them."""
 
-RECORDED_KEYS = {name: with_unit(name, unit) for name, unit in _RECORDED.items()}
+RECORDED_KEYS = {name: with_unit(name, unit) for name, (unit, _, _) in _UNITS.items()}
 """The name of each in the provenance: it ends on the unit."""
 
-_SHOWN = {
-    MACH_NUMBER: ("1", 1.0),
-    ANGLE_OF_ATTACK: ("deg", 1.0),
-    SIDESLIP_ANGLE: ("deg", 1.0),
-    _TOTAL_INCIDENCE: ("deg", 1.0),
-    ALTITUDE: ("km", 1e-3),
-    DYNAMIC_PRESSURE: ("kPa", 1e-3),
-}
-"""Unit of each for the reader, factor to that unit."""
-
-VALIDITY_LABELS = {one.name: one.label for one in CONDITION_QUANTITIES} | {
+VALIDITY_LABELS = {quantity.name: quantity.label for quantity in CONDITION_QUANTITIES} | {
     _TOTAL_INCIDENCE: "total incidence, at any roll angle",
     DYNAMIC_PRESSURE: "dynamic pressure",
 }
@@ -74,10 +164,10 @@ VALIDITY_LABELS = {one.name: one.label for one in CONDITION_QUANTITIES} | {
 def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
     """Return minimum and maximum of each quantity over ``conditions``, by its name in a map's provenance."""
     ranges = {}
-    for name, unit in _RECORDED.items():
+    for name, (unit, _, _) in _UNITS.items():
         if name != _TOTAL_INCIDENCE:
-            found = [getattr(one, name) for one in conditions]
-            values = [degrees(one) for one in found] if unit == "deg" else found
+            values = [getattr(condition, name) for condition in conditions]
+            values = [degrees(value) for value in values] if unit == "deg" else values
             ranges[RECORDED_KEYS[name]] = [min(values), max(values)]
     return ranges
 
@@ -91,15 +181,15 @@ def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
             maximum=factor * ranges[key][1],
             unit=unit,
         )
-        for name, (unit, factor) in _SHOWN.items()
+        for name, (_, unit, factor) in _UNITS.items()
         if (key := RECORDED_KEYS[name]) in ranges
     ]
 
 
 def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
     """Return minimum and maximum of each flow parameter over ``conditions``, by its name."""
-    values = zip(*(one.parameters for one in conditions), strict=True)
-    return {name: [min(found), max(found)] for name, found in zip(names, values, strict=True)}
+    values = zip(*(condition.parameters for condition in conditions), strict=True)
+    return {name: [min(each), max(each)] for name, each in zip(names, values, strict=True)}
 
 
 def valid_parameters(ranges: dict[str, list[float]]) -> list[ValidRange]:
@@ -115,9 +205,9 @@ def valid_ranges(inverse_map: Any) -> list[ValidRange]:
     """
     incidence = RECORDED_KEYS[_TOTAL_INCIDENCE]
     keys = [key for key in RECORDED_KEYS.values() if key != incidence]
-    held = {key: inverse_map.provenance[key] for key in keys if key in inverse_map.provenance}
-    # Earlier maps hold the altitude as one number.
-    ranges = {name: value if isinstance(value, list) else [value, value] for name, value in held.items()}
+    recorded = {key: inverse_map.provenance[key] for key in keys if key in inverse_map.provenance}
+    # Earlier maps have the altitude as one number.
+    ranges = {name: value if isinstance(value, list) else [value, value] for name, value in recorded.items()}
     stated = {
         MACH_NUMBER: inverse_map.mach_number_range,
         ALTITUDE: inverse_map.altitude_range,
@@ -158,9 +248,8 @@ def incidence_per_force(inverse_map: Any) -> float:
     gives a coefficient. 0 where nothing is known of it: for maps without full symmetry, whose lateral force need
     not be 0 without incidence.
     """
-    held = inverse_map.provenance
-    stated = held.get("total_incidence_deg")
-    if held.get("symmetry") != "full" or not isinstance(stated, list) or not stated:
+    stated = inverse_map.provenance.get("total_incidence_deg")
+    if inverse_map.provenance.get("symmetry") != "full" or not isinstance(stated, list) or not stated:
         return 0.0
     incidence, force = radians(max(stated)), float(np.abs(inverse_map.coefficient_range[1:3]).max())
     return incidence / force if incidence > 0.0 and force > 0.0 else 0.0

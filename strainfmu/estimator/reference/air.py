@@ -28,6 +28,7 @@ from strainfmu.estimator.air_inputs import (
     QSource,
 )
 from strainfmu.estimator.alarm_limits import outlier_threshold
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM
 from strainfmu.estimator.reference.pressure_source import (
@@ -38,7 +39,6 @@ from strainfmu.estimator.reference.pressure_source import (
     measured_directions,
     pressure_source,
 )
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 
 N_AIR, LEAST_RELATIVE_STD = 3, 1e-3
 """Number of air data, and their smallest standard deviation over the value."""

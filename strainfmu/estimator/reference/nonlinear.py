@@ -22,10 +22,11 @@ from math import log
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, inverse_root
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.numerics.whitening import inverse_root
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.policies import LARGEST_STEP
 from strainfmu.estimator.reference.air import (
     DROPPED,
@@ -38,8 +39,6 @@ from strainfmu.estimator.reference.air import (
     without,
 )
 from strainfmu.estimator.reference.update import Model, Posterior, condition, model_of, prepare
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 
 SMALLEST_PART = 0.25
 """Smallest part of a Gauss-Newton step that is taken."""
@@ -112,8 +111,7 @@ def strain_covariance(
     if considered:
         columns, tables = manifold.considered_columns[:n_d], manifold.considered_tables
         scaled = scaled + columns @ columns.T
-        if manifold.considered_common is not None:
-            common = np.concatenate([common, manifold.considered_common])
+        common = np.concatenate([common, manifold.considered_common])
         if tables is not None:
             of_state.append(evaluate(tables, state).value[:, :n_d])
     columns = pressure[:, None, None] * np.einsum("ka,tan->knt", c, common)
@@ -127,7 +125,7 @@ def strain_covariance(
 class NonlinearReference:
     """A nonlinear map with the tables and the noise of a sample.
 
-    See :func:`~strainfmu.estimator.tables.manifold_map.with_known` and
+    See :func:`~strainfmu.estimator.map.nonlinear_map.with_known` and
     :func:`~strainfmu.estimator.reference.readings.row_noise`.
     """
 

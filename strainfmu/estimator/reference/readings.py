@@ -13,7 +13,7 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.reference.update import condition, model_of, prepare
 
 

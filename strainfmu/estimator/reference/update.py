@@ -17,9 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.arrays import BoolArray, FloatArray, inverse_root
 from strainfmu.errors import InputError
-from strainfmu.estimator.numerics.whitening import inverse_root
 
 CHECKED = 1e-10
 """Precision of a row over its own precision from which other rows check it; less is round-off."""

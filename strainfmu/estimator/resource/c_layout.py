@@ -11,9 +11,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from strainfmu.estimator.map.schema import Stored
 from strainfmu.estimator.resource.map_file import LAYOUT
 from strainfmu.estimator.signal_names import TARE
-from strainfmu.estimator.tables.schema import Stored
 from strainfmu.files import write_bytes_atomically
 
 HEADER = Path(__file__).parents[3] / "fmus" / "native" / "estimator" / "map" / "map_layout.h"

@@ -1,8 +1,8 @@
 """The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
 
-A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` and the table
-of :mod:`~strainfmu.estimator.resource.nonlinear_arrays` list what follows from them, :data:`PARTS` the parts that
-not every map has. A bound that a map does not state is the largest finite number.
+A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` lists what
+follows from them, :data:`PARTS` the parts that not every map has. A bound that a map does not state is the largest
+finite number.
 
 Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Gains, whitening
 and directions of the linear estimator follow from them: the compiled estimator computes these as it opens a map.
@@ -13,210 +13,393 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import cached_property, partial
+from math import log
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
+from strainfmu.estimator import policies
+from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
-from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold
+from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold, outside_score, shape_limit
 from strainfmu.estimator.arguments import NOT_KNOWN
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
-from strainfmu.estimator.map.envelope import (
+from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
+from strainfmu.estimator.map.inverse_map import InverseMap, has_filter, has_other_outputs
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
+from strainfmu.estimator.map.schema import BOUNDS, FROM_0, INCREASING, POSITIVE, Stored, entries, stored_value
+from strainfmu.estimator.map.sensors import CHANNELS, LARGEST_RISE, InertiaMap, SensorRows, ThermalMap
+from strainfmu.estimator.map.validity import (
+    LARGEST_SCORE,
     MACH_TOLERANCE,
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
+    PARAMETER_TOLERANCE,
     PRESSURE_TOLERANCE,
+    flow_parameters,
+    incidence_per_force,
 )
-from strainfmu.estimator.map.flow_parameters import LARGEST_SCORE, PARAMETER_TOLERANCE, flow_parameters
-from strainfmu.estimator.map.inertia import CHANNELS, InertiaMap
-from strainfmu.estimator.map.inverse_map import InverseMap, has_filter, has_other_outputs
-from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
-from strainfmu.estimator.map.validity import incidence_per_force
-from strainfmu.estimator.numerics.fixed_order import product
-from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
-from strainfmu.estimator.policies import (
-    ANGLE_RATE,
-    LARGEST_TIME,
-    LOG_PRESSURE_RATE,
-    MACH_NUMBER_RATE,
-    MIN_EXPECTED_RATIO,
-    MIN_INFORMATION,
-    SMALLEST_TIME,
-    WHITE_NAVIGATION,
-)
-from strainfmu.estimator.resource import nonlinear_arrays
+from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
+from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
 from strainfmu.estimator.resource.container import pack, texts
-from strainfmu.estimator.resource.source import Source, white_noise
-from strainfmu.estimator.setting_inputs import OF_AREA, OF_LENGTH, OF_READINGS
-from strainfmu.estimator.settings import LARGEST_SETTING, SMALLEST_SETTING
+from strainfmu.estimator.settings import (
+    LARGEST_SETTING,
+    OF_AREA,
+    OF_LENGTH,
+    OF_READINGS,
+    SMALLEST_SETTING,
+    default_settings,
+)
 from strainfmu.estimator.signal_names import TARE
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
-from strainfmu.estimator.tables.parameter_tables import Powers
-from strainfmu.estimator.tables.schema import FROM_0, POSITIVE, Stored, derived, stored_arrays, stored_value
+from strainfmu.estimator.zeros import tare
 from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.load_patterns import load_odds, load_patterns
-from strainfmu.estimator.zeros.tare import (
-    LEAST_GAUGES,
-    LEAST_PART,
-    LEAST_SAMPLES,
-    LOUD,
-    MOVED,
-    OWN_FACTOR,
-    KnownStrain,
-    TareLimits,
-)
 
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
 """Bytes of the guid, of the name of a parameter, of an array of outputs; with a final zero."""
 
-_LARGEST = sys.float_info.max
-_LIMITS = TareLimits()
+_LIMITS = tare.TareLimits()
+
+
+class Spread(NamedTuple):
+    """What has a prior, as columns: (n_d, n_d) strain, (n_d, n_f) loads; (n_f, n_f) what no column has."""
+
+    strain: FloatArray
+    load: FloatArray
+    unseen: FloatArray
+
+
+class Source:
+    """What values of ``map.bin`` follow from: a map, the strain of loads during a tare, and what several need."""
+
+    def __init__(self, inverse_map: InverseMap, known: tare.KnownStrain) -> None:
+        self.map, self.known = inverse_map, known
+        self.tables: Any = inverse_map.manifold
+        self.settings, self.parameters = default_settings(inverse_map), flow_parameters(inverse_map)
+        self.load_arrays = load_arrays(inverse_map.load_groups)
+        # In form "absolute" nothing follows q_inf.
+        self.fixed_strain = inverse_map.fixed_strain * inverse_map.follows_pressure
+        self.fixed_load = inverse_map.fixed_load * inverse_map.follows_pressure
+
+    @cached_property
+    def spread(self) -> Spread:
+        """Errors that scale, and in Case 2 the states: covariances of strain and loads are the same.
+
+        In form "absolute" nothing scales: errors are noise, and states alone are columns.
+        """
+        follows = self.map.follows_pressure
+        strain, load = self.map.error_strain[:, : None if follows else 0], self.map.error_load
+        load = load[:, : strain.shape[1]]
+        if self.map.case == 2:
+            strain = np.hstack([self.map.state_operator, strain])
+            load = np.hstack([self.map.load_per_state, load])
+        n = len(strain)
+        rows = np.zeros((max(strain.shape[1], n), n + len(load)))
+        rows[: strain.shape[1]] = np.hstack([strain.T, load.T])
+        triangle, _ = householder(rows, n)
+        rest = triangle[n:, n:]
+        return Spread(strain=triangle[:n, :n].T, load=triangle[:n, n:], unseen=product(rest.T.copy(), rest))
+
+    @cached_property
+    def channels(self) -> dict[str, ChannelTables]:
+        """Tables without repetition by part."""
+        roll_angle = np.arctan2(*self.map.gauge_position[:, 1:].T)
+        tables = {"flight": channel_tables(self.tables.tables.response, roll_angle)}
+        if self.tables.considered_tables is not None:
+            tables["considered"] = channel_tables(self.tables.considered_tables.response, roll_angle)
+        if self.map.has_other_loads:
+            first = self.tables.n_gauges + FIVE_LOADS.stop
+            tables["flight_loads"] = channel_tables(self.tables.response[:, :, first:], np.zeros(0))
+        return tables
+
+    @cached_property
+    def factors(self) -> tuple[FloatArray, FloatArray]:
+        """Tables of flow parameters as sums of few."""
+        return factors(self.tables.parameters.slope)
+
+
+def white_noise(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d,) variances of what is independent from sample to sample in the readings.
+
+    A covariance of the gauges below the one of their noise has less noise than stated.
+    """
+    covariance = inverse_map.gauge_covariance
+    if inverse_map.thermal_and_inertia.n_modes:
+        covariance = inverse_map.thermal_and_inertia.isothermal_covariance
+    elif inverse_map.manifold is not None:
+        covariance = inverse_map.manifold.gauge_covariance
+    std = inverse_map.noise_std
+    smallest = float(np.linalg.eigvalsh(covariance / (std[:, None] * std))[0])
+    return np.asarray(min(1.0, smallest) * std**2)
 
 
 def _bounds(value: FloatArray) -> FloatArray:
-    return np.clip(value, -_LARGEST, _LARGEST)
+    return np.clip(value, -sys.float_info.max, sys.float_info.max)
+
+
+def _parameter_names(names: tuple[str, ...]) -> np.ndarray:
+    try:
+        return texts(list(names), PARAMETER_NAME_SIZE)
+    except ValueError as error:
+        raise InputError(f"parameters: {error}") from error
+
+
+def _tables(part: str, fixed_response: Callable[[Any], FloatArray]) -> tuple[Stored, ...]:
+    """Return the arrays of tables without repetition (:mod:`.compact_tables`)."""
+    # fmt: off
+    return (
+        Stored(f"{part}.table", "coefficients of each channel, per p_inf", lambda s: s.channels[part].table,
+            "n_mach+2 n_incidence+2 n_channels n_harmonics", unit="1/Pa, m2, m3"),
+        Stored(f"{part}.row", "that a term adds to, ascending", lambda s: s.channels[part].row, "n_terms"),
+        Stored(f"{part}.channel", "of each term", lambda s: s.channels[part].channel, "n_terms"),
+        Stored(f"{part}.cosine", "factors of cos m phi_T in a term", lambda s: s.channels[part].cosine,
+            "n_terms n_harmonics"),
+        Stored(f"{part}.sine", "the same of sin m phi_T", lambda s: s.channels[part].sine, "n_terms n_harmonics"),
+        Stored(f"{part}.fixed_response", "part that does not follow p_inf", fixed_response, "n_rows",
+            unit="m/m, N, N.m"),
+    )
+    # fmt: on
+
+
+def _covariances(
+    place: str, before: str, errors: str, columns: Callable[[Any], tuple[FloatArray, FloatArray]]
+) -> tuple[Stored, ...]:
+    """Return the covariances of ``errors``, whose strain (n_d, k) and loads (n_f, k) per p_inf ``columns`` gives.
+
+    They are of strain, at ``place``, of the five loads and of the others, under names that begin with ``before``.
+    """
+
+    def of(first: str, second: str) -> Callable[[Any], FloatArray]:
+        def value(source: Any) -> FloatArray:
+            strain, load = columns(source)
+            parts = {"strain": strain, "five": load[FIVE_LOADS], "others": load[OTHER_LOADS]}
+            return product(parts[first], parts[second].T)
+
+        return value
+
+    # fmt: off
+    return (
+        Stored(place, f"of {errors}", of("strain", "strain"), "n_gauges n_gauges", unit="1/Pa^2"),
+        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", of("five", "strain"),
+            "5 n_gauges", unit=""),
+        Stored(f"flight.{before}load_covariance", "the same of loads", of("five", "five"), "5 5", unit=""),
+        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", of("others", "strain"),
+            "n_loads n_gauges", unit=""),
+        Stored(f"flight_loads.{before}variance", "the same of each load",
+            lambda s: np.sum(columns(s)[1][OTHER_LOADS] ** 2, axis=1), "n_loads", unit=""),
+    )
+    # fmt: on
 
 
 # fmt: off
 DERIVED: tuple[Stored, ...] = (
-    derived("linear.degrees_of_freedom", "of the residual with all gauges",
-        lambda s: s.map.residual_degrees_of_freedom, whole=(1, "n_gauges")),
-    derived("linear.known_prior", "1 in Case 2: any gauge identifies the state", lambda s: s.map.case == 2,
-        whole=(0, 1)),
-    derived("linear.chi_square_limit", "by degrees of freedom from 1 on",
+    Stored("linear.degrees_of_freedom", "of the residual with all gauges",
+        lambda s: s.map.residual_degrees_of_freedom, kind="whole", low=1, high="n_gauges"),
+    Stored("linear.known_prior", "1 in Case 2: any gauge identifies the state", lambda s: s.map.case == 2,
+        kind="whole", low=0, high=1),
+    Stored("linear.chi_square_limit", "by degrees of freedom from 1 on",
         lambda s: [chi_square_limit(freedom) for freedom in range(1, s.map.n_gauges + 1)], "n_gauges",
         rule=POSITIVE),
-    derived("linear.outlier_threshold", "by the number of gauges from 1 on",
+    Stored("linear.outlier_threshold", "by the number of gauges from 1 on",
         lambda s: [outlier_threshold(n, FALSE_ALARM_PROBABILITY) for n in range(1, s.map.n_gauges + 1)],
         "n_gauges", rule=POSITIVE),
-    derived("linear.min_information", "below which gauges do not identify the state", lambda s: MIN_INFORMATION),
-    derived("linear.ambiguous_correlation", "above which gauges cannot be distinguished",
-        lambda s: AMBIGUOUS_CORRELATION),
-    derived("linear.min_dynamic_pressure", "below which there are no coefficients", lambda s: MIN_DYNAMIC_PRESSURE,
+    Stored("linear.min_information", "below which gauges do not identify the state", policies.MIN_INFORMATION),
+    Stored("linear.ambiguous_correlation", "above which gauges cannot be distinguished",
+        AMBIGUOUS_CORRELATION),
+    Stored("linear.min_dynamic_pressure", "below which there are no coefficients", MIN_DYNAMIC_PRESSURE,
         unit="Pa", rule=POSITIVE),
-    derived("linear.max_dynamic_pressure", "above which there are none", lambda s: MAX_DYNAMIC_PRESSURE,
+    Stored("linear.max_dynamic_pressure", "above which there are none", MAX_DYNAMIC_PRESSURE,
         unit="Pa"),
-    derived("settings.smallest", "bounds of settings", lambda s: SMALLEST_SETTING,
-        bounds=(sys.float_info.min, 1.0), member="smallest_setting"),
-    derived("settings.largest", "the same", lambda s: LARGEST_SETTING, bounds=(1.0, _LARGEST),
+    Stored("settings.smallest", "bounds of settings", SMALLEST_SETTING,
+        low=sys.float_info.min, high=1.0, member="smallest_setting"),
+    Stored("settings.largest", "the same", LARGEST_SETTING, low=1.0,
         member="largest_setting"),
-    derived(f"settings.{OF_AREA}", "what the map was built with", lambda s: s.settings.reference_area, unit="m2"),
-    derived(f"settings.{OF_LENGTH}", "the same", lambda s: s.settings.reference_length, unit="m"),
-    derived("settings.moment_station", "the same", lambda s: s.settings.moment_station, unit="m"),
-    derived(f"settings.{OF_READINGS}", "start value", lambda s: s.settings.sensor_range),
-    derived("settings.largest_zero", "of zero offsets and their standard deviations", lambda s: LARGEST_ZERO,
-        bounds=(0.0, _LARGEST)),
-    derived("settings.not_known",
-        "start value of flow parameters, and a value of thrust, that means what NaN does", lambda s: NOT_KNOWN),
-    derived(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
-        lambda s: _bounds(s.ranges.dynamic_pressure), "2", unit="Pa", rule="BOUNDS", kind="values"),
-    derived(f"envelope.{MACH_NUMBER}", "the same",
-        lambda s: _bounds(s.ranges.mach_number * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])), "2",
-        rule="BOUNDS", kind="values"),
-    derived(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.ranges.altitude), "2", unit="m", rule="BOUNDS",
+    Stored(f"settings.{OF_AREA}", "what the map was built with", lambda s: s.settings.reference_area, unit="m2"),
+    Stored(f"settings.{OF_LENGTH}", "the same", lambda s: s.settings.reference_length, unit="m"),
+    Stored("settings.moment_station", "the same", lambda s: s.settings.moment_station, unit="m"),
+    Stored(f"settings.{OF_READINGS}", "start value", lambda s: s.settings.sensor_range),
+    Stored("settings.largest_zero", "of zero offsets and their standard deviations", LARGEST_ZERO,
+        low=0.0),
+    Stored("settings.not_known",
+        "start value of flow parameters, and a value of thrust, that means what NaN does", NOT_KNOWN),
+    Stored(f"envelope.{DYNAMIC_PRESSURE}", "smallest and largest, may be infinite",
+        lambda s: _bounds(s.map.dynamic_pressure_range), "2", unit="Pa", rule=BOUNDS, kind="values"),
+    Stored(f"envelope.{MACH_NUMBER}", "the same",
+        lambda s: _bounds(s.map.mach_number_range * np.array([1.0 - MACH_TOLERANCE, 1.0 + MACH_TOLERANCE])), "2",
+        rule=BOUNDS, kind="values"),
+    Stored(f"envelope.{ALTITUDE}", "the same", lambda s: _bounds(s.map.altitude_range), "2", unit="m", rule=BOUNDS,
         kind="values"),
-    derived("envelope.half_gamma", "q = half_gamma M^2 p(h)", lambda s: 0.5 * HEAT_CAPACITY_RATIO),
-    derived("envelope.pressure_tolerance", "relative difference of the two that is no contradiction",
-        lambda s: PRESSURE_TOLERANCE),
-    derived("envelope.layers", "of the atmosphere", lambda s: layer_table(), "n_layers LAYER_SIZE", unit=""),
-    derived("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
-        whole=(0, 1)),
-    derived("scaled.fixed_strain", "d_0", lambda s: s.fixed_strain, "n_gauges", unit="m/m"),
-    derived("scaled.mean_strain", "m - d_0, at the nominal dynamic pressure",
+    Stored("envelope.half_gamma", "q = half_gamma M^2 p(h)", 0.5 * HEAT_CAPACITY_RATIO),
+    Stored("envelope.pressure_tolerance", "relative difference of the two that is no contradiction",
+        PRESSURE_TOLERANCE),
+    Stored("envelope.layers", "of the atmosphere", layer_table(), "n_layers LAYER_SIZE", unit=""),
+    Stored("scaled.follows_pressure", "whether the form is dynamic_pressure", lambda s: s.map.follows_pressure,
+        kind="whole", low=0, high=1),
+    Stored("scaled.fixed_strain", "d_0", lambda s: s.fixed_strain, "n_gauges", unit="m/m"),
+    Stored("scaled.mean_strain", "m - d_0, at the nominal dynamic pressure",
         lambda s: s.map.mean_strain - s.fixed_strain, "n_gauges", unit="m/m"),
-    derived("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
-    derived("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
+    Stored("scaled.fixed_load", "f_0", lambda s: s.fixed_load[FIVE_LOADS], "5", unit="N, N.m"),
+    Stored("scaled.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[FIVE_LOADS], "5",
         unit="N, N.m"),
-    derived("scaled.min_expected_ratio", "smallest expected chi-square over its degrees of freedom",
-        lambda s: MIN_EXPECTED_RATIO),
-    derived("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
+    Stored("scaled.min_expected_ratio", "smallest expected chi-square over its degrees of freedom",
+        policies.MIN_EXPECTED_RATIO),
+    Stored("scaled.spread", "N of what has a prior, N N' the sum over its columns", lambda s: s.spread.strain,
         "n_gauges n_gauges", unit="m/m"),
-    derived("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
+    Stored("scaled.spread_load", "loads of its columns", lambda s: s.spread.load[:, FIVE_LOADS], "n_gauges 5",
         unit="N, N.m"),
-    derived("scaled.spread_unseen", "what those columns do not hold",
+    Stored("scaled.spread_unseen", "what those columns do not hold",
         lambda s: s.spread.unseen[FIVE_LOADS, FIVE_LOADS], "5 5", unit=""),
-    derived("other_loads.array_name", "names of the arrays of outputs",
-        lambda s: texts([one.name for one in s.load_arrays], OUTPUT_NAME_SIZE), "n_arrays OUTPUT_NAME_SIZE",
+    Stored("other_loads.array_name", "names of the arrays of outputs",
+        lambda s: texts([array.name for array in s.load_arrays], OUTPUT_NAME_SIZE), "n_arrays OUTPUT_NAME_SIZE",
         kind="text"),
-    derived("other_loads.array_value",
+    Stored("other_loads.array_value",
         "what each holds: loads, their standard deviations, the same of coefficients",
-        lambda s: np.array([one.value for one in s.load_arrays], dtype=float), "n_arrays"),
-    derived("other_loads.array_first", "the first of its loads",
-        lambda s: np.array([one.group.first for one in s.load_arrays], dtype=float), "n_arrays"),
-    derived("other_loads.array_size", "and how many they are",
-        lambda s: np.array([one.group.size for one in s.load_arrays], dtype=float), "n_arrays"),
-    derived("other_loads.like", "which of the five loads its standard deviation grows as; 5: the widest",
-        lambda s: np.array([float(one.load.like) for one in s.map.load_groups for _ in range(one.size)]),
+        lambda s: np.array([array.value for array in s.load_arrays], dtype=float), "n_arrays"),
+    Stored("other_loads.array_first", "the first of its loads",
+        lambda s: np.array([array.group.first for array in s.load_arrays], dtype=float), "n_arrays"),
+    Stored("other_loads.array_size", "and how many they are",
+        lambda s: np.array([array.group.size for array in s.load_arrays], dtype=float), "n_arrays"),
+    Stored("other_loads.like", "which of the five loads its standard deviation grows as; 5: the widest",
+        lambda s: np.array([float(group.load.like) for group in s.map.load_groups for _ in range(group.size)]),
         "n_loads"),
-    derived("other_loads.is_moment", "0 or 1", lambda s: s.map.is_moment[OTHER_LOADS].astype(float), "n_loads"),
-    derived("other_loads.fixed_load", "f_0", lambda s: s.fixed_load[OTHER_LOADS], "n_loads", unit="N, N.m"),
-    derived("other_loads.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[OTHER_LOADS],
+    Stored("other_loads.is_moment", "0 or 1", lambda s: s.map.is_moment[OTHER_LOADS].astype(float), "n_loads"),
+    Stored("other_loads.fixed_load", "f_0", lambda s: s.fixed_load[OTHER_LOADS], "n_loads", unit="N, N.m"),
+    Stored("other_loads.load_of_mean", "f_mean - f_0", lambda s: (s.map.load_of_mean - s.fixed_load)[OTHER_LOADS],
         "n_loads", unit="N, N.m"),
-    derived("other_loads.load_per_state", "M", lambda s: s.map.load_per_state[OTHER_LOADS].T, "n_states n_loads",
+    Stored("other_loads.load_per_state", "M", lambda s: s.map.load_per_state[OTHER_LOADS].T, "n_states n_loads",
         unit="N/state, N.m/state"),
-    derived("other_loads.spread_load", "loads of the columns of spread", lambda s: s.spread.load[:, OTHER_LOADS],
+    Stored("other_loads.spread_load", "loads of the columns of spread", lambda s: s.spread.load[:, OTHER_LOADS],
         "n_gauges n_loads", unit="N, N.m"),
-    derived("other_loads.spread_unseen", "variances of what those do not hold",
+    Stored("other_loads.spread_unseen", "variances of what those do not hold",
         lambda s: np.diag(s.spread.unseen)[OTHER_LOADS], "n_loads", unit=""),
-    derived("filter.smallest_time", "of the time constant", lambda s: SMALLEST_TIME, unit="s", rule=POSITIVE),
-    derived("filter.largest_time", "of the time constant, and of a step", lambda s: LARGEST_TIME, unit="s",
+    Stored("filter.smallest_time", "of the time constant", policies.SMALLEST_TIME, unit="s", rule=POSITIVE),
+    Stored("filter.largest_time", "of the time constant, and of a step", policies.LARGEST_TIME, unit="s",
         rule=POSITIVE),
-    derived("filter.white_navigation",
-        "part of the variance of air data that is independent from sample to sample", lambda s: WHITE_NAVIGATION,
-        bounds=(0.0, 1.0)),
-    derived("filter.rate", "standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes",
-        lambda s: [MACH_NUMBER_RATE, ANGLE_RATE, ANGLE_RATE, LOG_PRESSURE_RATE], "4", unit="1/s", rule=POSITIVE,
-        kind="values"),
-    derived("filter.noise", "variances of what is independent from sample to sample", lambda s: white_noise(s.map),
+    Stored("filter.white_navigation",
+        "part of the variance of air data that is independent from sample to sample", policies.WHITE_NAVIGATION,
+        low=0.0, high=1.0),
+    Stored("filter.rate", "standard deviations of the rates of (M, u, w, ln p_inf) while no strain comes",
+        policies.STATE_RATES, "4", unit="1/s", rule=POSITIVE, kind="values"),
+    Stored("filter.noise", "variances of what is independent from sample to sample", lambda s: white_noise(s.map),
         "n_gauges", unit="(m/m)^2", rule=POSITIVE),
-    derived("thermal.largest_rise", "beyond which a sensor is taken to be broken", lambda s: LARGEST_RISE,
+    Stored("thermal.largest_rise", "beyond which a sensor is taken to be broken", LARGEST_RISE,
         unit="K", rule=POSITIVE),
-    derived("thermal.scaled_covariance", "of the errors that scale",
+    Stored("thermal.scaled_covariance", "of the errors that scale",
         lambda s: product(s.map.error_strain, s.map.error_strain.T), "n_gauges n_gauges", unit="(m/m)^2"),
-    derived("inertia.channels", "of the sensors, the last: of an inertial unit", lambda s: len(CHANNELS),
-        whole=(1, 4096), kind="count", member="n_channels"),
-    derived("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
-        lambda s: s.map.inertia.vibration_strain.shape[1], whole=(0, 4096), kind="count", member="n_vibrations"),
-    derived("parameters.tolerance", "score up to which a parameter is inside", lambda s: PARAMETER_TOLERANCE),
-    derived("parameters.largest_score", "of a value that is no finite number, infinity", lambda s: LARGEST_SCORE),
-    derived("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
-    derived("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
-    derived("parameters.span", "width of the range, at least the size of a value that is fixed",
+    Stored("inertia.channels", "of the sensors, the last: of an inertial unit", len(CHANNELS),
+        kind="count", low=1, high=4096, member="n_channels"),
+    Stored("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
+        lambda s: s.map.inertia.vibration_strain.shape[1], kind="count", low=0, high=4096, member="n_vibrations"),
+    Stored("parameters.tolerance", "score up to which a parameter is inside", PARAMETER_TOLERANCE),
+    Stored("parameters.largest_score", "of a value that is no finite number, infinity", LARGEST_SCORE),
+    Stored("parameters.minimum", "over the snapshots", lambda s: s.parameters.minimum, "n_parameters", unit=""),
+    Stored("parameters.maximum", "the same", lambda s: s.parameters.maximum, "n_parameters", unit=""),
+    Stored("parameters.span", "width of the range, at least the size of a value that is fixed",
         lambda s: s.parameters.span, "n_parameters", unit="", rule=POSITIVE),
-    derived("parameters.names", "as in the vehicle file", lambda s: _parameter_names(s.parameters.names),
+    Stored("parameters.names", "as in the vehicle file", lambda s: _parameter_names(s.parameters.names),
         "n_parameters PARAMETER_NAME_SIZE", kind="text"),
-    derived("angles.incidence_per_force", "largest total angle of attack over the largest lateral coefficient",
+    Stored("angles.incidence_per_force", "largest total angle of attack over the largest lateral coefficient",
         lambda s: incidence_per_force(s.map), unit="rad", rule=POSITIVE),
-    derived(f"{TARE}.dynamic_pressure", "largest at rest", lambda s: _LIMITS.dynamic_pressure, unit="Pa",
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.zero", "largest zero offset", lambda s: _LIMITS.zero, unit="m/m", bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.drift", "largest over the window", lambda s: _LIMITS.drift, unit="m/m",
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.least_samples", "of a window", lambda s: float(LEAST_SAMPLES),
-        bounds=(float(LEAST_SAMPLES), _LARGEST)),
-    derived(f"{TARE}.least_part", "of the samples that a gauge must read", lambda s: LEAST_PART,
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.least_gauges", "part of the gauges that must have a zero", lambda s: LEAST_GAUGES,
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.own_factor", "of the scatter of a gauge by its own noise", lambda s: OWN_FACTOR,
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.moved", "factor on the scatter from which gauges move", lambda s: MOVED,
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.loud", "factor on the scatter from which a gauge is loud", lambda s: LOUD,
-        bounds=(0.0, _LARGEST)),
-    derived(f"{TARE}.known_strain", "of the loads that act meanwhile", lambda s: s.known.value, "n_strains",
+    Stored(f"{TARE}.dynamic_pressure", "largest at rest", _LIMITS.dynamic_pressure, unit="Pa",
+        low=0.0),
+    Stored(f"{TARE}.zero", "largest zero offset", _LIMITS.zero, unit="m/m", low=0.0),
+    Stored(f"{TARE}.drift", "largest over the window", _LIMITS.drift, unit="m/m",
+        low=0.0),
+    Stored(f"{TARE}.least_samples", "of a window", float(tare.LEAST_SAMPLES),
+        low=float(tare.LEAST_SAMPLES)),
+    Stored(f"{TARE}.least_part", "of the samples that a gauge must read", tare.LEAST_PART,
+        low=0.0),
+    Stored(f"{TARE}.least_gauges", "part of the gauges that must have a zero", tare.LEAST_GAUGES,
+        low=0.0),
+    Stored(f"{TARE}.own_factor", "of the scatter of a gauge by its own noise", tare.OWN_FACTOR,
+        low=0.0),
+    Stored(f"{TARE}.moved", "factor on the scatter from which gauges move", tare.MOVED,
+        low=0.0),
+    Stored(f"{TARE}.loud", "factor on the scatter from which a gauge is loud", tare.LOUD,
+        low=0.0),
+    Stored(f"{TARE}.known_strain", "of the loads that act meanwhile", lambda s: s.known.value, "n_strains",
         unit="m/m"),
-    derived(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
+    Stored(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
         rule=FROM_0),
-    derived(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: load_patterns(s.map),
+    Stored(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: load_patterns(s.map),
         "n_patterns n_strains"),
-    derived(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
+    Stored(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
         lambda s: load_odds(s.map), "n_strains+1"),
+    Stored("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
+        MIN_INCIDENCE, unit="rad", rule=POSITIVE),
+    *_tables("flight", lambda s: s.tables.tables.fixed_response),
+    Stored("flight.log_pressure_range", "ln(p_inf / Pa)",
+        lambda s: [log(p) for p in s.tables.pressure_range.tolist()], "2", rule=INCREASING, kind="values"),
+    Stored("flight.middle_log_pressure", "the same", lambda s: np.log(s.tables.pressure_range).mean()),
+    Stored("flight.has_crossflow_range", "1, or 0: incidence_limit at every aerodynamic roll angle",
+        lambda s: s.tables.crossflow_range is not None, kind="whole", low=0, high=1),
+    Stored("flight.crossflow_middle", "of the ranges of u and w", lambda s: s.tables.crossflow.middle, "2",
+        unit="rad", kind="values"),
+    Stored("flight.crossflow_half", "half widths of these", lambda s: s.tables.crossflow.half, "2", unit="rad",
+        rule=POSITIVE, kind="values"),
+    Stored("flight.outside_score", "of the flight state from which it is outside",
+        lambda s: outside_score(s.tables)),
+    Stored("flight.range_tolerance", "part of a range by which it may be left", policies.RANGE_TOLERANCE),
+    Stored("flight.navigation_error",
+        "of navigation without a standard deviation: of M, relative of p_inf and q_inf",
+        lambda s: [getattr(s.tables, f"{name}_error") for name in NAVIGATION],
+        "3", kind="values"),
+    Stored("flight.prior_mean", "of the flight state where nothing is known",
+        lambda s: s.tables.state_prior.mean, "4", unit="", kind="values"),
+    Stored("flight.prior_precision", "its inverse variance", lambda s: 1.0 / s.tables.state_prior.std**2, "4",
+        unit="", rule=POSITIVE, kind="values"),
+    Stored("flight.navigation_limit", "standardised residuals above which navigation is inconsistent",
+        [outlier_threshold(1, rate) for rate in policies.FALSE_ALARMS], "3", kind="values"),
+    Stored("flight.navigation_alarm", "from which an input that is dropped is an alarm",
+        policies.NAVIGATION_ALARM),
+    Stored("flight.half_gamma", "q = half_gamma M^2 p", 0.5 * HEAT_CAPACITY_RATIO),
+    Stored("flight.log_half_gamma", "its logarithm", log(0.5 * HEAT_CAPACITY_RATIO)),
+    Stored("flight.largest_step", "of an iteration", policies.LARGEST_STEP, "4", unit="", rule=POSITIVE,
+        kind="values"),
+    Stored("flight.min_gain", "of an iteration that goes on", policies.MIN_GAIN),
+    Stored("flight.min_incidence_score", "from which the wind has a roll angle", policies.MIN_INCIDENCE_SCORE),
+    Stored("flight.search_every", "steps", policies.SEARCH_EVERY, kind="whole", low=0, high=1000000),
+    Stored("flight.return_after", "steps", policies.RETURN_AFTER, kind="whole", low=0, high=1000000),
+    Stored("flight.start_iterations", "an even number", policies.START_ITERATIONS, kind="whole", low=2, high=1000),
+    Stored("flight.cold_iterations", "after a search", policies.COLD_ITERATIONS, kind="whole", low=0, high=1000),
+    Stored("flight.warm_iterations", "of a step that goes on", policies.WARM_ITERATIONS, kind="whole", low=0,
+        high=1000),
+    Stored("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
+        lambda s: shape_limit(s.tables, 1.0)),
+    Stored("flight.outlier_threshold", "of the largest leave-one-out residual",
+        lambda s: outlier_threshold(s.tables.n_gauges, FALSE_ALARM_PROBABILITY)),
+    Stored("flight.chi_square_limit", "by degrees of freedom from 0 on",
+        lambda s: [chi_square_limit(max(k, 1)) for k in range(s.tables.n_gauges + len(NAVIGATION) + 1)],
+        "n_gauges+4"),
+    Stored("flight.gain_std", "error of each gain, relative", lambda s: s.tables.gain_std, "n_gauges"),
+    Stored("flight.common_gain", "error that gains have in common, in each of them",
+        lambda s: s.tables.common_gain, "n_gauges"),
+    *_covariances("flight.scaled_covariance", "", "errors that the gain may correct, per p_inf^2",
+        lambda s: (s.tables.error_strain, s.tables.error_load)),
+    *_covariances("flight.considered_covariance", "considered_", "considered errors",
+        lambda s: (s.tables.considered_strain, s.tables.considered_load)),
+    Stored("flight.considered_common", "considered ones of common_error",
+        lambda s: s.tables.considered_common,
+        "n_considered_common 6 n_gauges", unit="1/Pa"),
+    Stored("flight.shapes", "discrepancy modes", lambda s: s.tables.discrepancy_shapes.T, "n_shapes n_gauges"),
+    *_tables("considered", lambda s: s.tables.considered_tables.fixed_response),
+    *_tables("flight_loads", lambda s: s.tables.fixed_response[s.tables.n_gauges + FIVE_LOADS.stop :]),
+    Stored("parameter_tables.largest_score", "of a parameter's range by which it may leave it and still be used",
+        policies.LARGEST_USED_SCORE, low=0.0),
+    Stored("parameter_tables.basis", "tables, orthonormal, whose sums by", lambda s: s.factors[0],
+        "n_basis n_incidence+2 n_harmonics 2"),
+    Stored("parameter_tables.row_weight", "are of a unit of a power, per p_inf", lambda s: s.factors[1],
+        "n_mach+2 n_powers n_rows n_basis", unit="1/Pa, m2, m3"),
+    Stored("parameter_tables.product",
+        "of errors, per p_inf^2: of those that no parameter makes; of pairs of powers; of each spread",
+        lambda s: error_products(s.tables.parameters, s.tables.n_gauges, s.tables.n_loads),
+        "n_products product_size", unit=""),
 )
 # fmt: on
 """Values that follow from a map, from bounds of settings and from policies."""
@@ -236,54 +419,56 @@ RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] =
     (SensorRows, lambda s: s.map.sensors, {}),
     (
         ManifoldMap,
-        lambda s: s.nonlinear,
+        lambda s: s.tables,
         {"n_d": "n_gauges", "n_M": "n_mach", "n_a": "n_incidence", "n_e": "n_common"},
     ),
-    (Powers, lambda s: s.parameter_tables.powers, {"n_p": "n_parameters", "J": "n_powers"}),
+    (Powers, lambda s: s.tables.parameters.powers, {"n_p": "n_parameters", "J": "n_powers"}),
 )
 """Records of a map whose fields have places in ``map.bin``, where they come from, and their symbols there."""
 
 PARTS: dict[str, Callable[[InverseMap], bool]] = {
-    "scaled_errors": lambda one: one.follows_pressure and one.errors_follow_strain,
-    "other_loads": lambda one: one.follows_pressure and has_other_outputs(one),
+    "scaled_errors": lambda m: m.follows_pressure and m.errors_follow_strain,
+    "other_loads": lambda m: m.follows_pressure and has_other_outputs(m),
     "filter": has_filter,
-    "thermal": lambda one: one.thermal_and_inertia.n_modes > 0,
-    "inertia": lambda one: one.has_masses,
-    "vehicle": lambda one: one.inertia is not None and one.inertia.vehicle_mass is not None,
-    "parameters": lambda one: bool(flow_parameters(one).names),
-    "angles": lambda one: incidence_per_force(one) > 0.0,
-    "sensors": lambda one: one.has_auxiliary_sensors,
-    **nonlinear_arrays.PARTS,
+    "thermal": lambda m: m.thermal_and_inertia.n_modes > 0,
+    "inertia": lambda m: m.has_masses,
+    "vehicle": lambda m: m.inertia is not None and m.inertia.vehicle_mass is not None,
+    "parameters": lambda m: bool(flow_parameters(m).names),
+    "angles": lambda m: incidence_per_force(m) > 0.0,
+    "sensors": lambda m: m.has_auxiliary_sensors,
+    "flight": lambda m: m.manifold is not None,
+    "considered": lambda m: m.manifold is not None and m.manifold.considered_tables is not None,
+    "flight_loads": lambda m: m.manifold is not None and m.has_other_loads,
+    "parameter_tables": lambda m: m.manifold is not None and m.manifold.parameters is not None,
 }
 """Whether a map has a part; it has those that are not here."""
+
+
+def _field_value(
+    source: Source, *, name: str, record: Callable[[Source], Any], shape: str, stored: str
+) -> FloatArray:
+    value = np.asarray(getattr(record(source), name), dtype=float)
+    return np.asarray(stored_value(value, shape, stored, source.map.n_strain_gauges))
 
 
 def _field_arrays() -> tuple[Stored, ...]:
     """Return the arrays of ``map.bin`` that are fields of a map, with symbols as there."""
     arrays = list[Stored]()
-    for record, source, symbols in RECORDS:
-        for name, one, array in stored_arrays(record):
-            shape = " ".join(symbols.get(axis, axis) for axis in array.shape.split())
-
-            def value(
-                s: Source,
-                name: str = name,
-                shape: str = one.shape,
-                stored: str = array.shape,
-                source: Any = source,
-            ) -> Any:
-                whole = np.asarray(getattr(source(s), name), dtype=float)
-                return stored_value(whole, shape, stored, s.map.n_strain_gauges)
-
-            arrays.append(replace(array, shape=shape, value=value))
+    for kind, record, symbols in RECORDS:
+        for name, stated in entries(kind).items():
+            if stated.stored is not None:
+                axes = stated.stored.shape
+                value = partial(_field_value, name=name, record=record, shape=stated.shape, stored=axes)
+                shape = " ".join(symbols.get(axis, axis) for axis in axes.split())
+                arrays.append(replace(stated.stored, shape=shape, value=value))
     return tuple(arrays)
 
 
-LAYOUT = (*_field_arrays(), *DERIVED, *nonlinear_arrays.DERIVED)
+LAYOUT = (*_field_arrays(), *DERIVED)
 """All arrays of ``map.bin`` but the guid."""
 
 
-def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | None = None) -> bytes:
+def native_resource(inverse_map: InverseMap, guid: str, known: tare.KnownStrain | None = None) -> bytes:
     """Return the content of ``map.bin`` for ``inverse_map``, which instances with another ``guid`` refuse.
 
     ``known`` is the strain of the loads that act while a tare is taken; None for none.
@@ -300,15 +485,11 @@ def native_resource(inverse_map: InverseMap, guid: str, known: KnownStrain | Non
     return pack({"guid": text, **map_arrays(inverse_map, known)})
 
 
-def map_arrays(inverse_map: InverseMap, known: KnownStrain | None = None) -> dict[str, np.ndarray]:
+def map_arrays(inverse_map: InverseMap, known: tare.KnownStrain | None = None) -> dict[str, np.ndarray]:
     """Return the arrays of ``map.bin`` by name, but for the guid."""
-    source = Source(inverse_map, known or KnownStrain(value=np.zeros(inverse_map.n_strain_gauges)))
+    source = Source(inverse_map, known or tare.KnownStrain(value=np.zeros(inverse_map.n_strain_gauges)))
     absent = {part for part, is_in in PARTS.items() if not is_in(inverse_map)}
-    return {one.place: np.asarray(one.value(source)) for one in LAYOUT if one.part not in absent}
-
-
-def _parameter_names(names: tuple[str, ...]) -> np.ndarray:
-    try:
-        return texts(list(names), PARAMETER_NAME_SIZE)
-    except ValueError as error:
-        raise InputError(f"parameters: {error}") from error
+    present = [array for array in LAYOUT if array.part not in absent]
+    return {
+        array.place: np.asarray(array.value(source) if callable(array.value) else array.value) for array in present
+    }

@@ -13,8 +13,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
-from strainfmu.estimator.map.inertia import SPECIFIC_FORCE
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import SPECIFIC_FORCE
 
 GAUGES_PER_PATTERN = 4
 """Gauges that read for each pattern, at least: with fewer any zeros look like load."""

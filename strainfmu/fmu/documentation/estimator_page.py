@@ -10,7 +10,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
-from strainfmu.estimator.map.temperature import ThermalMap
+from strainfmu.estimator.map.sensors import ThermalMap
 from strainfmu.estimator.map.validity import all_ranges
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.fmu.documentation.index_page import Section

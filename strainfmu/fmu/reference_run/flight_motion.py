@@ -6,12 +6,12 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import air_data_at
 from strainfmu.estimator.reference.nonlinear import strain_covariance
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
-from strainfmu.estimator.tables.manifold_map import ManifoldMap
 from strainfmu.fmu.reference_run.flight_path import FlightPath, flight_path
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight, white_noise
 

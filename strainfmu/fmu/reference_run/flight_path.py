@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, LAYERS, pressure_and_temperature
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
-from strainfmu.estimator.map.envelope import flight_ranges
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 _DEPTH, _GAIN = 150.0, 0.05
@@ -77,9 +76,9 @@ def flight_path(inverse_map: InverseMap, n_rows: int) -> FlightPath:
 
 def _covered(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, float]:
     """Return (2,) Mach number and altitude [m] that the map covers, and a dynamic pressure [Pa] amid them."""
-    manifold, ranges = inverse_map.manifold, flight_ranges(inverse_map)
+    manifold = inverse_map.manifold
     if manifold is None:
-        return ranges.mach_number, ranges.altitude, inverse_map.nominal_dynamic_pressure
+        return inverse_map.mach_number_range, inverse_map.altitude_range, inverse_map.nominal_dynamic_pressure
     low, high = manifold.pressure_range.tolist()
     middle = float(_dynamic_pressure(np.mean(manifold.mach_range), np.sqrt(low * high)))
     return manifold.mach_range, np.array([altitude_of(high), altitude_of(low)]), middle
@@ -92,17 +91,17 @@ def _readings(
 
     NaN is not known. A linear map states no standard deviation of Mach number and altitude: these are right.
     """
-    manifold, ranges = inverse_map.manifold, flight_ranges(inverse_map)
-    mach_range, of_q, of_mach, of_pressure = ranges.mach_number, inverse_map.dynamic_pressure_error, 0.0, 0.0
+    manifold, mach_range = inverse_map.manifold, inverse_map.mach_number_range
+    of_q, of_mach, of_pressure = inverse_map.dynamic_pressure_error, 0.0, 0.0
     if manifold is not None:
         mach_range, of_q = manifold.mach_range, manifold.dynamic_pressure_error
         of_mach, of_pressure = manifold.mach_number_error, manifold.altitude_error
-    found = {DYNAMIC_PRESSURE: (q * (1.0 + _READING_ERROR * of_q), ranges.dynamic_pressure)}
+    found = {DYNAMIC_PRESSURE: (q * (1.0 + _READING_ERROR * of_q), inverse_map.dynamic_pressure_range)}
     if not np.isnan(mach).any():
         altitude = [altitude_of(one) for one in (pressure * (1.0 + _READING_ERROR * of_pressure)).tolist()]
         found |= {
             MACH_NUMBER: (mach + _READING_ERROR * of_mach, mach_range),
-            ALTITUDE: (np.array(altitude), ranges.altitude),
+            ALTITUDE: (np.array(altitude), inverse_map.altitude_range),
         }
     return {name: np.clip(rounded(values), *allowed) for name, (values, allowed) in found.items()}
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
+from strainfmu.estimator.map.nonlinear_map import with_known
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.reference.readings import amplitudes, row_noise
-from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.fmu.reference_run.flight_motion import flight_of_tables
 from strainfmu.fmu.reference_run.flight_path import flight_path
 from strainfmu.fmu.reference_run.reference_flight import ReferenceFlight

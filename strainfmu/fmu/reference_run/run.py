@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import flow_parameters
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
+from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
 from strainfmu.estimator.zeros.tare_edge import TareState

@@ -81,7 +81,7 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
     """Return (k, n_d, n_d) covariance of the errors of the strains [1] at ``coefficients`` (k, 5).
 
     ``ratio`` (k,) is the dynamic pressure over the nominal one. The map's own covariance holds errors in
-    proportion to strain at their mean over the snapshots: :mod:`strainfmu.estimator.map.proportional_errors`.
+    proportion to strain at their mean over the snapshots: :mod:`strainfmu.estimator.map.inverse_map`.
     """
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
     if not inverse_map.follows_pressure:

@@ -13,7 +13,7 @@ from scaled_maps import NOMINAL, whole_scaled_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.flow_parameters import flow_parameters
+from strainfmu.estimator.map.validity import flow_parameters
 
 pytestmark = pytest.mark.fast
 

@@ -12,8 +12,7 @@ from scaled_maps import NOMINAL, scaled_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import chi_square_limit
-from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.proportional_errors import PAIRS, ErrorModel
+from strainfmu.estimator.map.inverse_map import PAIRS, InverseMap
 
 pytestmark = pytest.mark.fast
 
@@ -27,25 +26,20 @@ class ByNumpy(Estimator):
         return NumpyCore(self.inverse_map, resource)
 
 
-def random_errors(size: float = 1.0) -> tuple[ErrorModel, np.ndarray, np.ndarray]:
-    """Return a model of two errors of each gauge (2, 6, n_d) and two common ones (2, 6, n_d), and these."""
+def random_errors(size: float = 1.0) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+    """Return a map's fields of two errors of each gauge (2, 6, n_d) and two common ones (2, 6, n_d), and these."""
     random = np.random.default_rng(5)
     own, common = (size * random.standard_normal((2, 6, N)) for _ in range(2))
     of_gauge = np.array([(1.0 if a == b else 2.0) * np.sum(own[:, a] * own[:, b], axis=0) for a, b in PAIRS])
     c = np.hstack([np.ones((50, 1)), random.uniform(-0.3, 0.3, (50, 5))])
     mean = np.array([np.mean(c[:, a] * c[:, b]) for a, b in PAIRS])
-    return ErrorModel(of_gauge=of_gauge, common=common, mean_product=mean), own, common
+    return {"gauge_error_product": of_gauge, "common_error": common, "mean_product": mean}, own, common
 
 
 def map_with_errors() -> tuple[InverseMap, np.ndarray, np.ndarray]:
     """Return a map of Case 1 whose weights hold the errors at their mean, and these errors."""
     errors, own, common = random_errors(4e-6)
-    fields = {
-        "gauge_error_product": errors.of_gauge,
-        "common_error": errors.common,
-        "mean_product": errors.mean_product,
-    }
-    return scaled_map(1, seed=2, n=N, errors=fields), own, common
+    return scaled_map(1, seed=2, n=N, errors=errors), own, common
 
 
 @pytest.mark.parametrize("level", [0.25, 1.0, 2.0**1.5])

@@ -15,7 +15,7 @@ from thermal_maps import with_temperature
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.temperature import LARGEST_RISE, ThermalMap
+from strainfmu.estimator.map.sensors import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.reference import linear
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
 from strainfmu.estimator.settings import default_settings

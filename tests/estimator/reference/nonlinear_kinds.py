@@ -17,11 +17,11 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.estimator.reference.air import AirInputs, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample
 from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.tables.manifold_map import with_known
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 AIR = ("mach_number", "static_pressure", "dynamic_pressure")

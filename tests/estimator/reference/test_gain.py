@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from random_map import random_model
 
-from strainfmu.estimator.numerics.whitening import inverse_root
+from strainfmu.arrays import inverse_root
 from strainfmu.estimator.reference.gain import nominal, state_model
 from strainfmu.estimator.reference.update import condition, prepare
 

@@ -9,11 +9,11 @@ from scaled_maps import NOMINAL, whole_scaled_map
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import WHITE_NAVIGATION
 from strainfmu.estimator.reference import linear
 from strainfmu.estimator.reference.windows import averaged, span_counts, windows
-from strainfmu.estimator.tables.flight_tables import evaluate
 
 pytestmark = pytest.mark.fast
 LONGEST = 1e3

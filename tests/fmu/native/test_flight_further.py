@@ -93,7 +93,7 @@ def test_tables_have_the_loads_of_their_map(inverse_map: InverseMap) -> None:
     assert has_other_outputs(inverse_map)
     assert not has_other_outputs(five)
     assert not any(name.startswith("flight_loads.") for name in map_arrays(five))
-    with pytest.raises(InputError, match="inverse map: tables of 5 loads, must be of 24"):
+    with pytest.raises(InputError, match=r"inverse map: manifold: error_load has shape \(5, .*\), must be \(24, "):
         replace(inverse_map, manifold=five.manifold)
 
 

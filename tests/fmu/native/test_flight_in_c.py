@@ -21,8 +21,8 @@ from raw_fmu import ERROR, N_OUTPUTS, OK
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.resource.compact_tables import channel_tables
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.tables.channel_tables import channel_tables
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast

@@ -18,9 +18,9 @@ from thermal_maps import with_temperature
 
 from strainfmu.atmosphere import dynamic_pressure, pressure_and_temperature
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.tables.flight_tables import LOG_PRESSURE, MACH, U, W
 from strainfmu.fmu.reference_run.flight_motion import flight_states, free_precision
 from strainfmu.fmu.reference_run.flight_path import altitude_of, flight_path
 from strainfmu.fmu.reference_run.readings import failing_gauge, reference_readings

@@ -16,8 +16,8 @@ from builder.inverse.problem import inverse_problem
 from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
 from builder.vehicle.file import Vehicle
+from strainfmu.estimator.map.flight_tables import FlightTables, evaluate
 from strainfmu.estimator.reference.gain import load_covariance
-from strainfmu.estimator.tables.flight_tables import FlightTables, evaluate
 from strainfmu.flight_condition import FlightCondition
 
 WIDE_DEG = (-24.0, 0.0, 24.0)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.estimator.map.schema import INCREASING, check, described, entry
 from strainfmu.estimator.numerics.spline import local_basis
 
 MIN_INCIDENCE = 1e-7
@@ -29,34 +29,21 @@ MACH, U, W, LOG_PRESSURE = range(N_STATES)
 """Places of M [1], u, w [rad] and ln(p_inf / Pa) in the flight state."""
 
 
+@described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightTables:
-    """Tables for n_d gauges and n_f loads.
+    """Tables for n_d gauges, then n_f loads."""
 
-    Attributes
-    ----------
-    mach_knots, incidence_knots : (n_M,), (n_a,) increasing [1, rad]; total incidence from 0.
-    response : (n_M + 2, n_a + 2, n_d + n_f, n_m, 2) spline coefficients of A and B, per p_inf: strains [1/Pa],
-        then loads [m2, m3].
-    fixed_response : (n_d + n_f,) y_fixed, what does not follow p_inf [m/m, N, N m].
-    n_loads : n_f, the last rows.
-    """
-
-    mach_knots: FloatArray
-    incidence_knots: FloatArray
-    response: FloatArray
-    fixed_response: FloatArray
+    # fmt: off
+    mach_knots: FloatArray = entry("n_M", "1", "increasing", rule=INCREASING)
+    incidence_knots: FloatArray = entry("n_a", "rad", "total incidence from 0, increasing", rule=INCREASING)
+    response: FloatArray = entry("n_M+2 n_a+2 n n_m 2", "1/Pa, m2, m3", "spline coefficients of A, B per p_inf")
+    fixed_response: FloatArray = entry("n", "m/m, N, N.m", "y_fixed, what does not follow p_inf")
     n_loads: int = 5
+    # fmt: on
 
     def __post_init__(self) -> None:
-        n = (len(self.mach_knots) + 2, len(self.incidence_knots) + 2)
-        shape = self.response.shape
-        if len(shape) != 5 or shape[:2] != n or shape[4] != 2 or self.fixed_response.shape != shape[2:3]:
-            raise InputError(
-                f"response: expected shape {n} + (gauges + {self.n_loads}, harmonics, 2), got {shape}"
-            )
-        if not (np.all(np.isfinite(self.response)) and np.all(np.isfinite(self.fixed_response))):
-            raise InputError("response: not all values are finite")
+        check(self, "tables")
 
     @property
     def n_gauges(self) -> int:
@@ -117,7 +104,7 @@ def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _
         (of_mach.value, of_incidence.value, wind.by_w),
     )
     n = tables.response.shape[2]
-    found = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
+    sums = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
     cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
     # Samples of one cell have their 16 coefficients of each harmonic in common.
     for i, j in set(map(tuple, cells.tolist())):
@@ -128,8 +115,8 @@ def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _
             * third[rows].reshape(len(rows), 1, -1)
             for first, second, third in factors
         ]
-        found[:, rows] = np.reshape(np.reshape(weight, (-1, len(local))) @ local, (len(factors), len(rows), n))
-    return _Sums(*found)
+        sums[:, rows] = np.reshape(np.reshape(weight, (-1, len(local))) @ local, (len(factors), len(rows), n))
+    return _Sums(*sums)
 
 
 class _Harmonics(NamedTuple):

@@ -5,8 +5,8 @@ import pytest
 from flight_maps import exact_response, flight_map
 from scipy.interpolate import BSpline
 
+from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.numerics.spline import basis, padded_knots
-from strainfmu.estimator.tables.flight_tables import evaluate
 
 pytestmark = pytest.mark.fast
 

@@ -1,0 +1,337 @@
+"""The schema of a map: each array stands once, with shape, unit, meaning, allowed values and place in ``map.bin``.
+
+A field of a record of a map is an :func:`entry`. What reads, writes, checks and shows maps, what fills in data
+that a map does not have, the page of files, ``map.bin`` and the header of its layout follow from the entries.
+
+Shapes are symbols, such as ``n_d n_q``; ``n_M+2`` is a symbol and a number. An array of ``map.bin`` is the entry's
+transpose where its stored shape names the axes in the reverse order; it has the first five of n_f loads where it
+names 5, the strain gauges of n_d rows where it names n_strains, and the rows after them where it names n_others.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY, MISSING, dataclass, field, fields, is_dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from strainfmu.arrays import is_covariance
+from strainfmu.errors import InputError
+from strainfmu.records import OPTIONAL, brief
+
+Record = TypeVar("Record")
+Sizes = dict[str, int]
+"""Lengths by symbol."""
+
+ANY, POSITIVE, COVARIANCE, FROM_0, INCREASING, RANGE, BOUNDS = (
+    "ANY",
+    "POSITIVE",
+    "COVARIANCE",
+    "FROM_0",
+    "INCREASING",
+    "RANGE",
+    "BOUNDS",
+)
+"""What the values of an array must be, besides finite; bounds of -inf and inf are none."""
+
+_RULES: dict[str, tuple[Callable[[Any], Any], str]] = {
+    POSITIVE: (lambda value: np.all((value > 0.0) & (value < np.inf)), "positive"),
+    FROM_0: (lambda value: np.all(value >= 0.0), "at least 0"),
+    INCREASING: (lambda value: np.all(np.diff(value) > 0.0), "increasing"),
+    RANGE: (lambda value: 0.0 < value[0] <= value[1], "a range above 0"),
+    COVARIANCE: (is_covariance, "symmetric and positive definite"),
+}
+"""What each rule asks, and its words."""
+
+SHARED = ("n_d", "n_f", "n_aux", "n_M", "n_a", "n", "n_v", "J")
+"""Symbols that mean the same in a record and in the records inside it."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """An array of ``map.bin``.
+
+    Attributes
+    ----------
+    place : PART.NAME.
+    meaning : of the values.
+    value : the values, or a function that gives them of the source of all values.
+    shape : in symbols; of a text its last length is the number of bytes.
+    unit : of the values.
+    rule : one of the rules above.
+    kind : ``number``, ``whole`` number, ``count`` (unsigned), ``values`` (a few, copied), ``array`` or ``text``;
+        by the shape a number or an array if empty.
+    low, high : of a number; of a whole number also a symbol.
+    member : name in C, if another one.
+    """
+
+    place: str
+    meaning: str
+    value: Any = None
+    shape: str = ""
+    _: KW_ONLY
+    unit: str = "1"
+    rule: str = ANY
+    kind: str = ""
+    low: float | None = None
+    high: float | str | None = None
+    member: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", self.kind or ("array" if self.shape else "number"))
+
+    @property
+    def part(self) -> str:
+        """The part of ``map.bin``."""
+        return self.place.partition(".")[0]
+
+    @property
+    def name(self) -> str:
+        """The name in its part."""
+        return self.place.partition(".")[2]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A field of a record of a map: its values, what stands for none, and its array in ``map.bin``."""
+
+    shape: str
+    unit: str
+    meaning: str
+    neutral: Any
+    dtype: Any
+    rule: str
+    low: float
+    high: float
+    allowed: tuple[Any, ...]
+    stored: Stored | None
+
+    @property
+    def axes(self) -> list[str]:
+        """The lengths of the shape."""
+        return self.shape.split()
+
+
+def entry(
+    shape: str = "",
+    unit: str = "1",
+    meaning: str = "",
+    *,
+    neutral: Any = MISSING,
+    default: Any = MISSING,
+    dtype: Any = float,
+    record: type[Any] | None = None,
+    rule: str = ANY,
+    low: float | None = None,
+    high: float | None = None,
+    allowed: tuple[Any, ...] = (),
+    place: str = "",
+    stored: str | None = None,
+    c_rule: str | None = None,
+    **form: Any,
+) -> Any:
+    """Return the field of an array, number, text or record of a map.
+
+    Parameters
+    ----------
+    neutral : number, or function of the map, that stands where a map does not have the data; a file leaves it out.
+    default : of a field that a caller may leave out; None also where there is no such array.
+    record : type of a record inside.
+    rule, low, high, allowed : what values must be; a number is from ``low`` to ``high``, or one of ``allowed``, as
+        texts are.
+    place, stored, form : array of ``map.bin``, its shape there, the field's if None, kind and member; see
+        :class:`Stored`.
+    c_rule : what C checks, if something else.
+    """
+    array = None
+    if place:
+        of_file = shape if stored is None else stored
+        form |= {"rule": rule, "low": low, "high": high} if c_rule is None else {"rule": c_rule}
+        array = Stored(place, meaning, shape=of_file, unit=unit, **form)
+    stated = Entry(
+        shape=shape,
+        unit=unit,
+        meaning=meaning,
+        neutral=neutral,
+        dtype=dtype,
+        rule=rule,
+        low=-np.inf if low is None else low,
+        high=np.inf if high is None else high,
+        allowed=allowed,
+        stored=array,
+    )
+    metadata = {"entry": stated, "unit": unit} | ({"record": record, "units": {}} if record else {})
+    if neutral is not MISSING:
+        metadata |= OPTIONAL
+        default = np.zeros(0, dtype=dtype) if default is MISSING else default
+    if default is MISSING or isinstance(default, int | float | str | None):
+        return field(default=default, metadata=metadata)
+    return field(default_factory=lambda: default, metadata=metadata)
+
+
+def entries(record: Any) -> dict[str, Entry]:
+    """Return the entries of a record, or of its type, by field."""
+    return {item.name: item.metadata["entry"] for item in fields(record) if "entry" in item.metadata}
+
+
+def records_of(record: Any, group: str = "") -> dict[str, type[Any]]:
+    """Return the types of records inside a type of records, by the path of their group; equal ones once."""
+    inside = dict[str, type[Any]]()
+    for item in fields(record):
+        kind = item.metadata.get("record")
+        if kind is not None and kind not in inside.values():
+            inside[group + item.name] = kind
+            inside |= records_of(kind, f"{group}{item.name}/")
+    return inside
+
+
+def described(record: type[Record]) -> type[Record]:
+    """Add the attributes to the description of a type of records, and a text of few lines."""
+    lines = [f"{name} : {_in_words(stated)}" for name, stated in entries(record).items() if stated.meaning]
+    record.__doc__ = f"{record.__doc__}\n\n    Attributes\n    ----------\n    " + "\n    ".join(lines) + "\n"
+    record.__repr__ = brief  # type: ignore[method-assign]
+    return record
+
+
+def _in_words(stated: Entry) -> str:
+    shape = f"({', '.join(stated.axes)}{',' if len(stated.axes) == 1 else ''}) " if stated.axes else ""
+    return f"{shape}{stated.meaning}" + (f" [{stated.unit}]" if stated.unit else "")
+
+
+def _length(axis: str, sizes: Mapping[str, int]) -> int | None:
+    terms = [int(term) if term.isdigit() else sizes.get(term) for term in axis.split("+")]
+    return None if None in terms else sum(terms)  # type: ignore[arg-type]
+
+
+def check(record: Any, where: str, **sizes: int) -> None:
+    """Fill in neutral values, and check shapes, also of records inside, and values against the schema.
+
+    A symbol that is not known gets the length of the first array that has it.
+
+    Raises
+    ------
+    InputError
+        An array has another shape than the symbols have, or values that are not allowed.
+    """
+    _fill(record, sizes, are_arrays=True)
+    _check_shapes(record, where, sizes)
+    for name, stated in entries(record).items():
+        value = getattr(record, name)
+        if value is not None and not is_dataclass(value):
+            _check_values(f"{where}: {name}", stated, value)
+    _fill(record, sizes, are_arrays=False)
+
+
+def _fill(record: Any, sizes: Sizes, are_arrays: bool) -> None:
+    for name in neutral_names(record):
+        if bool(entries(record)[name].shape) == are_arrays and has_no_values(getattr(record, name)):
+            object.__setattr__(record, name, neutral_value(record, name, sizes))
+
+
+def _check_shapes(record: Any, where: str, sizes: Sizes) -> None:
+    for name, stated in entries(record).items():
+        value = getattr(record, name)
+        if is_dataclass(value) and not (has_no_values(value) and stated.neutral is not MISSING):
+            inner = {symbol: sizes[symbol] for symbol in SHARED if symbol in sizes}
+            _check_shapes(value, f"{where}: {name}", inner)
+            sizes |= {symbol: inner[symbol] for symbol in SHARED if symbol in inner}
+        if not stated.shape or value is None:
+            continue
+        shape, axes = (len(value),) if isinstance(value, tuple) else np.shape(value), stated.axes
+        for axis, length in zip(axes, shape, strict=False):
+            symbol, _, more = axis.partition("+")
+            if len(axes) == len(shape) and not symbol.isdigit() and re.fullmatch(r"\d*", more):
+                sizes.setdefault(symbol, length - int(more or 0))
+        wanted = tuple(_length(axis, sizes) for axis in axes)
+        if len(wanted) != len(shape) or any(k not in (None, j) for k, j in zip(wanted, shape, strict=True)):
+            expected = ", ".join("any" if k is None else str(k) for k in wanted) + "," * (len(wanted) == 1)
+            raise InputError(f"{where}: {name} has shape {shape}, must be ({expected})")
+
+
+def _check_values(where: str, stated: Entry, value: Any) -> None:
+    if stated.allowed:
+        other = [item for item in (value if isinstance(value, tuple) else (value,)) if item not in stated.allowed]
+        if other:
+            raise InputError(f"{where} is {other[0]!r}, must be one of {', '.join(map(str, stated.allowed))}")
+    if isinstance(value, str | tuple):
+        return
+    has_no_bounds = stated.rule == BOUNDS and np.asarray(value).tolist() == [-np.inf, np.inf]
+    if stated.shape and not (has_no_bounds or np.all(np.isfinite(value))):
+        raise InputError(f"{where} holds values that are not finite")
+    is_allowed, words = _RULES.get(stated.rule, (lambda value: True, ""))
+    if not is_allowed(value):
+        raise InputError(f"{where}{'' if stated.shape else f' is {value:g},'} must be {words}")
+    if not stated.shape and not stated.low <= value <= stated.high:
+        words = f"at least {stated.low:g}" if stated.high == np.inf else f"{stated.low:g} to {stated.high:g}"
+        raise InputError(f"{where} is {value:g}, must be {words}")
+
+
+def neutral_value(record: Any, name: str, sizes: Mapping[str, int]) -> Any:
+    """Return the value of the field ``name`` that stands for data that ``record`` does not have."""
+    stated = entries(record)[name]
+    if callable(stated.neutral):
+        return stated.neutral(record)
+    if not stated.shape:
+        return stated.neutral
+    if stated.rule == BOUNDS:
+        return np.array([-np.inf, np.inf])
+    return np.full([_length(axis, sizes) or 0 for axis in stated.axes], stated.neutral, dtype=stated.dtype)
+
+
+def empty(kind: type[Record], **values: Any) -> Record:
+    """Return a record of ``kind`` that has ``values`` alone: other arrays without elements, numbers of 0."""
+    stated, sizes = entries(kind), Sizes()
+    for name, value in values.items():
+        sizes |= dict(zip(stated[name].axes, np.shape(value), strict=True))
+    for name, item in stated.items():
+        if name not in values:
+            shape = [sizes.get(axis, 0) for axis in item.axes]
+            values[name] = () if item.dtype is str else np.zeros(shape) if shape else 0.0
+    return kind(**values)
+
+
+def neutral_names(record: Any) -> list[str]:
+    """Return the names of the fields of a record that may be left out."""
+    return [name for name, stated in entries(record).items() if stated.neutral is not MISSING]
+
+
+def neutral_fields(record: Any, **sizes: int) -> list[str]:
+    """Return the names of the fields of ``record`` that hold neutral values, which a file leaves out."""
+    names = []
+    for name in neutral_names(record):
+        value = getattr(record, name)
+        if has_no_values(value) or equal(value, neutral_value(record, name, sizes)):
+            names.append(name)
+    return names
+
+
+def has_no_values(value: Any) -> bool:
+    """Tell whether an array, or a record by its property ``is_empty``, is None or without values."""
+    return value is None or bool(getattr(value, "is_empty", np.size(value) == 0))
+
+
+def equal(first: Any, second: Any) -> bool:
+    """Tell whether two arrays, or records of arrays, are equal."""
+    if is_dataclass(first):
+        return all(equal(getattr(first, item.name), getattr(second, item.name)) for item in fields(first))
+    return bool(np.array_equal(first, second))
+
+
+def stored_value(value: Any, shape: str, stored: str, n_strains: int) -> Any:
+    """Return ``value`` of ``shape`` as ``map.bin`` has it, of the shape ``stored``."""
+    axes, after = shape.split(), stored.split()
+    if len(axes) != len(after) or not axes:
+        return value
+    base = {"5": "n_f", "n_strains": "n_d", "n_others": "n_d"}
+    before, wanted = ([base.get(axis, axis) for axis in each] for each in (axes, after))
+    if wanted != before and wanted == before[::-1]:
+        value, axes = np.transpose(value), axes[::-1]
+    parts = {"5": slice(5), "n_strains": slice(n_strains), "n_others": slice(n_strains, None)}
+    return np.asarray(value)[
+        tuple(
+            parts.get(new, slice(None)) if new != old else slice(None)
+            for old, new in zip(axes, after, strict=True)
+        )
+    ]
