@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import is_dataclass
 from math import degrees
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
@@ -13,9 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from strainfmu.arrays import FloatArray, inverse_root
-from strainfmu.cli.inspection.inertia import inertia_table
 from strainfmu.cli.inspection.provenance import provenance_rows
-from strainfmu.cli.inspection.temperature import temperature_sensors, temperature_table
+from strainfmu.estimator.air_inputs import VIBRATION
 from strainfmu.estimator.alarm_limits import detectable_noncentrality, minimal_detectable_bias
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import (
@@ -25,14 +26,16 @@ from strainfmu.estimator.map.inverse_map import (
     SCHEMA,
     SCHEMA_VERSION,
     InverseMap,
+    left_out,
     load_inverse_map,
 )
-from strainfmu.estimator.map.nonlinear_map import ManifoldMap
-from strainfmu.estimator.map.sensors import shown_units
+from strainfmu.estimator.map.schema import Entry, entries
+from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap, ThermalMap, shown_units
 from strainfmu.estimator.map.validity import RECORDED_KEYS, valid_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
+from strainfmu.estimator.reference.readings import amplitudes
 from strainfmu.files import content_hash_of
 
 MICRO = 1e6
@@ -40,7 +43,13 @@ MISS_PROBABILITY = 0.01
 EIGENVALUES_SHOWN = 12
 CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
-NAMED = ("gauge", "coefficient", "term")
+VALUES_SHOWN = 8
+"""Of an array; of a longer one its range."""
+
+SHOWN_UNITS = {"rad": (180.0 / np.pi, "deg"), "m/m": (MICRO, "um/m")}
+"""Of values in these units, factor to what users see, and its unit."""
+
+NAMED = ("gauge", "coefficient", "term", "data", "channel", "sensor")
 """Headings of columns of names, which are not broken."""
 
 SHOWN_APART = (
@@ -71,17 +80,17 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     console.print(_validity(loaded))
     console.print(_noise(loaded))
     if loaded.manifold is not None:
-        console.print(_tables(loaded.manifold))
         console.print(_table_errors(loaded))
     if loaded.case == 2:
         console.print(_eigenvalues(loaded))
     console.print(_coefficients(loaded))
     console.print(_gauges(loaded))
     if loaded.has_temperature:
-        console.print(temperature_table(loaded.thermal))
-        console.print(temperature_sensors(loaded.thermal))
+        console.print(_temperature_sensors(loaded.thermal))
     if loaded.inertia is not None:
-        console.print(inertia_table(loaded.inertia))
+        console.print(_inertia(loaded.inertia))
+    for table in _data(loaded, "Data of the map"):
+        console.print(table)
     if folder is not None:
         for name in _draw(loaded, folder):
             console.print(f"{folder / name}: written", highlight=False, markup=False, soft_wrap=True)
@@ -117,8 +126,6 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
         rule = str(loaded.provenance.get("gamma_rule", "unknown")).replace("_", " ")
         table.add_row("gamma, found by", f"{loaded.regularisation:.6g}, {escape(rule)}")
     table.add_row("degrees of freedom of chi-square", str(loaded.residual_degrees_of_freedom))
-    table.add_row("reference area, length", f"{loaded.reference_area:.6g} m2, {loaded.reference_length:.6g} m")
-    table.add_row("pressure field", "held" if loaded.has_field else "not held")
     # Maps state the choice of modes in full, but older ones only which were skipped.
     in_choice = ("modes_skipped",) if "mode_choice" in loaded.provenance else ()
     for row in provenance_rows(loaded.provenance, (*SHOWN_APART, *in_choice)):
@@ -128,8 +135,8 @@ def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:
 
 def _validity(loaded: InverseMap) -> Table:
     table = _table("Valid over what the snapshots cover", ("quantity", "range"))
-    for one in valid_ranges(loaded):
-        table.add_row(escape(one.quantity), one.text)
+    for valid in valid_ranges(loaded):
+        table.add_row(escape(valid.quantity), valid.text)
     return table
 
 
@@ -144,20 +151,32 @@ def _noise(loaded: InverseMap) -> Table:
     return table
 
 
-def _tables(manifold: ManifoldMap) -> Table:
-    """Return what the tables of the nonlinear estimator hold."""
-    table = _table("Nonlinear estimator: tables over the flight state", ("quantity", "value"))
-    incidence = np.degrees(manifold.incidence_knots)
-    table.add_row("Mach numbers of the flows", ", ".join(f"{one:g}" for one in manifold.mach_knots))
-    table.add_row(escape("total incidences [deg]"), ", ".join(f"{one:.3g}" for one in incidence))
-    table.add_row("circumferential harmonics", f"0 to {manifold.response.shape[3] - 1}")
-    table.add_row(
-        "navigation, one standard deviation",
-        f"M {manifold.mach_number_error:g}, p_inf "
-        f"{100.0 * manifold.static_pressure_error:g} %, by altitude {100.0 * manifold.altitude_error:g} %, "
-        f"q_inf {100.0 * manifold.dynamic_pressure_error:g} %",
-    )
-    return table
+def _data(record: Any, title: str) -> Iterator[Table]:
+    """Yield a table of what ``record`` holds, as its schema states it, then tables of the records in it."""
+    table = _table(title, ("data", "shape", "values", "unit", "meaning"))
+    absent = left_out(record)
+    present = [(name, stated, getattr(record, name)) for name, stated in entries(record).items()]
+    present = [row for row in present if row[0] not in absent and row[2] is not None and np.size(row[2])]
+    for name, stated, value in present:
+        if not is_dataclass(value):
+            shape = " x ".join(map(str, np.shape(value)))
+            table.add_row(name, shape, *map(escape, _values(stated, value)), escape(stated.meaning))
+    yield table
+    for name, _, value in present:
+        if is_dataclass(value):
+            yield from _data(value, f"{title}: {name.replace('_', ' ')}")
+
+
+def _values(stated: Entry, value: Any) -> tuple[str, str]:
+    """Return a text of ``value``, few numbers or their range, and its unit as users see it."""
+    factor, unit = SHOWN_UNITS.get(stated.unit, (1.0, stated.unit))
+    if isinstance(value, str | tuple):
+        texts = [value] if isinstance(value, str) else [*dict.fromkeys(value)]
+        return ", ".join(texts if len(texts) <= 4 else [*texts[:3], "..", texts[-1]]), unit
+    numbers = factor * np.ravel(np.asarray(value, dtype=float))
+    if numbers.size > VALUES_SHOWN:
+        return f"{numbers.min():.4g} to {numbers.max():.4g}", unit
+    return ", ".join(f"{number:.6g}" for number in numbers), unit
 
 
 def _table_errors(loaded: InverseMap) -> Table:
@@ -195,7 +214,7 @@ def _coefficients(loaded: InverseMap) -> Table:
     rows = zip(COEFFICIENT_NAMES, loaded.coefficient_range, std, std / scale, LOAD_NAMES, LOAD_UNITS, strict=True)
     for name, (low, high), of_load, sigma, load, unit in rows:
         of_range = f"{100.0 * sigma / (high - low):.2f}" if high - low > 1e-6 * sigma else "-"
-        values = *(_rounded(one) for one in (low, high, sigma)), of_range, f"{of_load:.4g} {unit}"
+        values = *(_rounded(value) for value in (low, high, sigma)), of_range, f"{of_load:.4g} {unit}"
         table.add_row(name, *values, load.replace("_", " "))
     return table
 
@@ -232,6 +251,39 @@ def _reading(value: float, factor: float, unit: str) -> str:
     return f"{factor * value:.3g}" + ("" if unit == "um/m" else f" {unit}")
 
 
+def _temperature_sensors(thermal: ThermalMap) -> Table:
+    """Return the temperature sensors, and what thermal strain they leave in the gauges."""
+    at_rest, strain = np.full((1, thermal.n_sensors), thermal.reference_temperature), thermal.linear_strain
+    rms = []
+    for known in (False, True):
+        remaining = amplitudes(thermal, at_rest, np.full(thermal.n_sensors, known)).covariance
+        rms.append(MICRO * np.sqrt(max(float(np.mean(np.sum((strain @ remaining) * strain, axis=1))), 0.0)))
+    title = (
+        f"Temperature sensors: thermal strain left, rms of the gauges, {rms[0]:.3g} um/m with none of them, "
+        f"{rms[1]:.3g} um/m with all"
+    )
+    table = _table(title, ("sensor", "input"), "sigma [K]")
+    for number, (name, std) in enumerate(zip(thermal.sensor_names, thermal.sensor_std, strict=True), start=1):
+        table.add_row(escape(name), escape(f"temperature[{number}]"), f"{std:.3g}")
+    return table
+
+
+def _inertia(inertia: InertiaMap) -> Table:
+    """Return each channel with its standard deviations, and the strain that it leaves in the gauges, rms."""
+    table = _table("Inertia", ("channel", "not measured, sigma", "um/m", "measured, sigma", "um/m"))
+    of_strain = MICRO * np.sqrt(np.mean(inertia.mode_strain**2, axis=0))
+    rows = zip(CHANNELS, inertia.prior_std.tolist(), inertia.sensor_std.tolist(), of_strain.tolist(), strict=True)
+    for name, prior, error, strain in rows:
+        remaining = (prior**-2 + error**-2) ** -0.5
+        table.add_row(
+            escape(name), f"{prior:.3g}", f"{prior * strain:.3g}", f"{error:.3g}", f"{remaining * strain:.3g}"
+        )
+    rms = float(np.sqrt(np.mean(np.sum(inertia.vibration_strain**2, axis=1))))
+    stated = MICRO * inertia.vibration_std
+    table.add_row(VIBRATION, f"{stated:.3g} um/m", f"{stated * rms:.3g}", "as given", "")
+    return table
+
+
 def _draw(loaded: InverseMap, folder: Path) -> list[str]:
     """Draw the figures that need the map alone and return the names of the files."""
     from builder.figures.drawing.canvas import save
@@ -260,9 +312,9 @@ def _table(title: str, words: tuple[str, ...], *numbers: str, last: tuple[str, .
     """Return an empty table; headings are shown as they are, units in brackets are no markup."""
     table = Table(title=escape(title), box=SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     justified: list[tuple[str, Literal["left", "right"]]] = [
-        *((one, "left") for one in words),
-        *((one, "right") for one in numbers),
-        *((one, "left") for one in last),
+        *((heading, "left") for heading in words),
+        *((heading, "right") for heading in numbers),
+        *((heading, "left") for heading in last),
     ]
     for number, (heading, justify) in enumerate(justified):
         is_name = heading in NAMED and number == 0
