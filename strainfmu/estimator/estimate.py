@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray, IntArray, float_or_array
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
-from strainfmu.estimator.estimates.group_loads import GroupLoads, SectionLoads
-from strainfmu.estimator.estimates.load_estimate import NamedLoads, Sigma
+from strainfmu.estimator.estimates.load_estimate import GroupLoads, NamedLoads, SectionLoads, Sigma
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
@@ -443,19 +442,18 @@ class Estimate(NamedLoads):
 
     def to_frame(self) -> DataFrame:
         """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
-        from strainfmu.estimator.estimates.estimate_table import dataframe_of
+        from strainfmu.estimator.estimates.estimate_views import dataframe_of
 
-        names = np.array([state.name for state in HealthState])
-        return dataframe_of(self, names[np.atleast_1d(self.health)])
+        return dataframe_of(self)
 
     to_dataframe = to_frame
 
     def __repr__(self) -> str:
-        from strainfmu.estimator.estimates.estimate_text import estimate_text, estimates_text
+        from strainfmu.estimator.estimates.estimate_views import estimate_text, estimates_text
 
         return estimates_text(self) if self.is_series else estimate_text(self)
 
     def _repr_html_(self) -> str:
-        from strainfmu.estimator.estimates.estimate_html import estimate_html, estimates_html
+        from strainfmu.estimator.estimates.estimate_views import estimate_html, estimates_html
 
         return estimates_html(self) if self.is_series else estimate_html(self)

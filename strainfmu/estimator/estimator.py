@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from math import isfinite, nan
-from operator import itemgetter
+from math import nan
 from os import PathLike
 from pathlib import Path
-from struct import Struct
-from struct import error as StructError
 from typing import Any, Unpack
 
 import numpy as np
@@ -21,16 +18,10 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.absolute_sections import other_loads
 from strainfmu.estimator.air_inputs import (
-    AIR_INPUT_NAMES,
-    AIR_INPUTS,
     ALTITUDE,
     DYNAMIC_PRESSURE,
-    INERTIAL_NAMES,
-    Q_SOURCE,
     TOTAL_TEMPERATURE,
-    QSource,
 )
 from strainfmu.estimator.arguments import (
     SampleInputs,
@@ -38,113 +29,44 @@ from strainfmu.estimator.arguments import (
     is_series,
     per_sample,
     real_numbers,
-    strain_of_samples,
 )
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import flow_parameters
+from strainfmu.estimator.off_deadline import absolute_loads, surface_pressure
 from strainfmu.estimator.other_loads import names_of, number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.sample_records import (
+    SampleRecords,
+    Samples,
+    checked_start,
+    refuse_without_altitude,
+    split,
+    time_of,
+    times_of,
+)
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.signal_names import (
     COEFFICIENT_ARRAY,
     FILTER_TIME_CONSTANT,
     LOAD_NAMES,
     STRAIN,
-    TEMPERATURE,
-    THRUST,
-    VALID,
 )
-from strainfmu.estimator.surface_pressure import SurfaceSample, surface_pressure
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
 
-_NO_THRUST = 0.0
-
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK
-
-_NOT_GIVEN: dict[str, Any] = {
-    **dict.fromkeys(AIR_INPUT_NAMES, nan),
-    Q_SOURCE: QSource.AUTO,
-    VALID: None,
-    TEMPERATURE: None,
-    THRUST: _NO_THRUST,
-    "parameters": None,
-    "parameters_std": None,
-}
-_air_of = itemgetter(*AIR_INPUT_NAMES)
-_more_of = itemgetter(TEMPERATURE, THRUST, "parameters", "parameters_std")
-
-_STDS = tuple(one.name for one in AIR_INPUTS if one.is_std)
-_SOURCES = {member: float(member) for member in QSource}
-"""Their numbers; a look-up takes a fraction of a conversion's time."""
-
-_TOTAL_PLACE = AIR_INPUT_NAMES.index(TOTAL_TEMPERATURE)
-_STD_PLACES = tuple(place for place, one in enumerate(AIR_INPUTS) if one.is_std)
-
-EXACT = 1e-150
-"""Standard deviation that stands for 0: to the core, as to hosts of FMUs, 0 is one that is not given."""
 
 PIECE, PIECE_NONLINEAR = 4096, 32
 """Samples, at least, for which another thread is worth its start."""
 
 BLOCK = 1024
 """Samples whose records are made together: they stay in the processor's cache."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Samples:
-    """Samples that have been checked.
-
-    Attributes
-    ----------
-    strain : (k, n_d) readings; None where ``inputs`` are written already.
-    columns : places in a record, and what is written there: a number, or one or a row of each sample.
-    mask : (k, n_d) of bool; None for all sensors.
-    inputs : (k, n_inputs) their records, written by :meth:`filled`.
-    start : (k, 4) flight states to start from; None for a search.
-    """
-
-    strain: FloatArray | None
-    columns: tuple[tuple[slice, Any], ...]
-    mask: BoolArray | None
-    inputs: FloatArray
-    start: FloatArray | None = None
-
-    def filled(self, rows: slice) -> FloatArray:
-        """Write the records of ``rows`` and return them."""
-        found = self.inputs[rows]
-        if self.strain is not None:
-            found[:, : self.strain.shape[1]] = self.strain[rows]
-        for place, value in self.columns:
-            of_each = isinstance(value, np.ndarray) and value.ndim == 2 and len(value) == len(self.inputs)
-            found[:, place] = value[rows] if of_each else value
-        return found
-
-
-def _source_number(source: QSource | str | ArrayLike) -> Any:
-    """Return the number of a source of the dynamic pressure, or the numbers of the sources of each sample.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
-    if type(source) is QSource:
-        return _SOURCES[source]
-    if isinstance(source, str):
-        if source.upper() not in QSource.__members__:
-            raise InputError(f"{Q_SOURCE}: expected one of {', '.join(QSource.__members__)}, got '{source}'")
-        return _SOURCES[QSource[source.upper()]]
-    numbers = np.nan_to_num(real_numbers(Q_SOURCE, source))
-    if not np.isin(numbers, list(_SOURCES.values())).all():
-        raise InputError(f"{Q_SOURCE}: expected 0 to {max(QSource).value}, got {str(source)[:60]}")
-    return float(numbers) if numbers.ndim == 0 else numbers
 
 
 def load(
@@ -225,18 +147,7 @@ class Estimator:
         self._set_up(self.core)
         self._tracks: Core | None = None
         self._others: list[Core] = []
-        n, inputs = inverse_map.n_gauges, self.core.inputs
-        first_air = inputs[AIR_INPUT_NAMES[0]].start
-        self._n, self._shape = n, (n,)
-        self._std_places = [inputs[name].start for name in _STDS]
-        self._temperature, self._thrust = inputs[TEMPERATURE], inputs[THRUST]
-        self._parameter = inputs["parameter"]
-        # What lies behind the readings of a record: air data, and what is not known of a plain sample.
-        more = np.full(self.core.n_inputs, nan)
-        more[self._thrust] = _NO_THRUST
-        self._no_more = tuple(more[first_air + len(AIR_INPUT_NAMES) :].tolist())
-        self._pack_behind: Callable[..., None] = Struct(f"{self.core.n_inputs - first_air}d").pack_into
-        self._behind_offset = first_air * self.core.sample.itemsize
+        self._records = SampleRecords(inverse_map, self.core)
 
     def _new_core(self, resource: bytes) -> Core:
         """Return the compiled core of the map."""
@@ -369,16 +280,16 @@ class Estimator:
             sensors or parameters of that kind. Values that are not finite are no
             error: health states what the estimate lacks.
         """
-        air, more, valid = _split(dynamic_pressure, inputs)
+        air, more, valid = split(dynamic_pressure, inputs)
         known: Mapping[str, Any] = inputs
         if TOTAL_TEMPERATURE in known:
-            _refuse_without_altitude(known[TOTAL_TEMPERATURE], known.get(ALTITUDE, nan))
+            refuse_without_altitude(known[TOTAL_TEMPERATURE], known.get(ALTITUDE, nan))
         if not is_series(strain):
-            begin = None if start is None else _checked_start(np.atleast_2d(start), 1)[0]
+            begin = None if start is None else checked_start(np.atleast_2d(start), 1)[0]
             return self._one(strain, valid, air, more, core=self.core, how=_EACH, start=begin)
-        samples = self._samples(strain, valid, air, more)
+        samples = self._records.samples(strain, valid, air, more)
         if start is not None:
-            samples = replace(samples, start=_checked_start(start, len(samples.inputs)))
+            samples = replace(samples, start=checked_start(start, len(samples.inputs)))
         with self._lock:
             record = self._each(samples, with_fit=with_residuals or self.is_nonlinear)
         make_fit = None if with_residuals or self.is_nonlinear else self._with_fit
@@ -403,17 +314,17 @@ class Estimator:
         filter (:meth:`filter`); samples of a time that does not go on are of the same moment. Other arguments and
         errors as :meth:`estimate`.
         """
-        air, more, valid = _split(dynamic_pressure, inputs)
+        air, more, valid = split(dynamic_pressure, inputs)
         core = self._tracks or self._new_track()
         if not is_series(strain):
-            at = 0.0 if self.filter_time_constant == 0.0 else self._time(time)
+            at = 0.0 if self.filter_time_constant == 0.0 else time_of(time)
             return self._one(strain, valid, air, more, core=core, how=_TRACK, time=at)
         known: Mapping[str, Any] = inputs
         if ALTITUDE not in known and TOTAL_TEMPERATURE in known:  # single samples may lose it
-            _refuse_without_altitude(known[TOTAL_TEMPERATURE], nan)
-        samples = self._samples(strain, valid, air, more)
+            refuse_without_altitude(known[TOTAL_TEMPERATURE], nan)
+        samples = self._records.samples(strain, valid, air, more)
         records = samples.filled(slice(None))
-        times = None if self.filter_time_constant == 0.0 else self._times(time, len(records))
+        times = None if self.filter_time_constant == 0.0 else times_of(time, len(records))
         with self._lock:
             record = core.series(Series.TRACK, records, with_fit=True, time=times, mask=samples.mask)
         return Estimate(record, self, records, samples.mask)
@@ -453,17 +364,6 @@ class Estimator:
         self._tracks = core
         return core
 
-    def _time(self, time: ArrayLike) -> float:
-        if type(time) is float and isfinite(time):
-            return time
-        return float(self._times(time, 1)[0])
-
-    def _times(self, time: ArrayLike, samples: int) -> FloatArray:
-        times = per_sample("time", time, samples)
-        if not np.all(np.isfinite(times)):
-            raise InputError(f"time: expected the time of each sample [s] for the filter, got {time!r}")
-        return times
-
     def _one(
         self,
         strain: ArrayLike,
@@ -478,100 +378,14 @@ class Estimator:
     ) -> Estimate:
         """Return the estimate of one sample."""
         with_fit = self.is_nonlinear or (how is _TRACK and self.filter_time_constant > 0.0)
-        mask = None if valid is None else checked_mask(valid, self._n)
-        temperature, thrust, parameters, stds, inertial = more
-        is_plain = (
-            temperature is None and thrust is _NO_THRUST and parameters is None and stds is None and not inertial
-        )
+        mask = None if valid is None else checked_mask(valid, self.inverse_map.n_gauges)
         with self._lock:
-            if not (is_plain and self._write_plain(core, strain, air)):
-                core.sample[:] = self._samples(strain, None, air, more).filled(slice(None))[0]
+            if not self._records.write_plain(core.sample, strain, air, more):
+                core.sample[:] = self._records.samples(strain, None, air, more).filled(slice(None))[0]
             record, inputs = core.step(time, how, with_fit, mask, start)
         return Estimate(record, self, inputs, mask, None if with_fit else self._fit_of_one)
 
-    def _write_plain(self, core: Core, strain: ArrayLike, air: tuple[Any, ...]) -> bool:
-        """Write readings and ``air`` of one sample, of which nothing else is known, to the record of ``core``.
-
-        Return whether it is done: the way of many samples takes, or refuses, what is no array of floats and
-        numbers.
-        """
-        if type(strain) is not np.ndarray or strain.shape != self._shape or strain.dtype.kind != "f":
-            return False
-        try:
-            self._pack_behind(core.sample, self._behind_offset, *air, *self._no_more)
-        except StructError:
-            return False
-        core.sample[: self._n] = strain
-        if air[_TOTAL_PLACE] > 0.0 or any(air[place] <= 0.0 for place in _STD_PLACES):
-            self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
-            stds = core.sample[self._std_places]
-            core.sample[self._std_places] = _exact(stds)
-        return True
-
-    def _refuse_negative(self, air: Mapping[str, Any]) -> None:
-        """Refuse negative standard deviations, and a total temperature that the map cannot use."""
-        if not self.is_nonlinear and np.any(np.greater(air[TOTAL_TEMPERATURE], 0.0)):
-            raise InputError(f"{TOTAL_TEMPERATURE}: expected none, a linear map does not take it")
-        for name in _STDS:
-            if np.any(np.less(air[name], 0.0)):
-                raise InputError(f"{name}: expected numbers from 0 on, got {np.nanmin(air[name]):g}")
-
-    def _samples(
-        self, strain: ArrayLike, valid: ArrayLike | None, air: tuple[ArrayLike, ...], more: tuple[Any, ...]
-    ) -> _Samples:
-        """Return the samples, checked; arguments as of :meth:`estimate`."""
-        d = strain_of_samples(strain, self._n)
-        k, layout = len(d), self.core.inputs
-        self._refuse_negative(dict(zip(AIR_INPUT_NAMES, air, strict=True)))
-        temperature, thrust, parameters, stds, inertial = more
-        columns: list[tuple[slice, Any]] = [
-            (layout[name], _column(name, value, k)) for name, value in zip(AIR_INPUT_NAMES, air, strict=True)
-        ]
-        columns += [
-            (self._temperature, self._temperatures(temperature, k)),
-            (self._thrust, _column(THRUST, thrust, k)),
-            (self._parameter, nan if parameters is None else self.parameters.values(parameters, k)),
-            (
-                layout.get("parameter_std", slice(0, 0)),
-                nan if stds is None else self._stds(stds, k),
-            ),
-            *self._inertial(inertial, k),
-        ]
-        mask = None
-        if valid is not None:
-            one = checked_mask(valid, self._n, k if is_series(strain) else None)
-            mask = np.broadcast_to(one, (k, self._n))
-        return _Samples(
-            strain=d,
-            columns=tuple(one for one in columns if one[0].stop > one[0].start),
-            mask=mask,
-            inputs=np.empty((k, self.core.n_inputs)),
-        )
-
-    def _stds(self, stds: Mapping[str, ArrayLike], samples: int) -> FloatArray:
-        return _exact(self.parameters.stds(stds, samples))
-
-    def _inertial(self, given: Mapping[str, ArrayLike], samples: int) -> list[tuple[slice, Any]]:
-        """Return the places of the inertial inputs and the values ``given``, NaN of those that are not."""
-        for name in given:
-            if name not in INERTIAL_NAMES:
-                raise InputError(f"{name}: expected a quantity of a sample, such as {INERTIAL_NAMES[0]}")
-            if not self.inverse_map.has_masses:
-                raise InputError(f"{name}: expected none, the map was built without [mass]")
-        return [(self.core.inputs[name], _column(name, given.get(name, nan), samples)) for name in INERTIAL_NAMES]
-
-    def _temperatures(self, temperature: ArrayLike | None, samples: int) -> Any:
-        """Return the readings of the temperature sensors [K], NaN of those that give none."""
-        if temperature is None:
-            return nan
-        values, n_t = real_numbers(TEMPERATURE, temperature), self.inverse_map.thermal.n_sensors
-        if np.size(values) and not self.inverse_map.has_temperature:
-            raise InputError("temperature: expected none, the map was built without [temperature]")
-        if values.shape not in ((n_t,), (samples, n_t)):
-            raise InputError(f"temperature: expected ({n_t},) or ({samples}, {n_t}) values, got {values.shape}")
-        return values
-
-    def _each(self, samples: _Samples, *, with_fit: bool) -> FloatArray:
+    def _each(self, samples: Samples, *, with_fit: bool) -> FloatArray:
         """Return the records of samples by themselves, in pieces on all processors."""
         k = len(samples.inputs)
         n_pieces = max(1, min(_processors(), k // (PIECE_NONLINEAR if self.is_nonlinear else PIECE)))
@@ -603,7 +417,7 @@ class Estimator:
     def _with_fit(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
         """Return the records of samples by themselves with their fit, of a linear map."""
         with self._lock:
-            return self._each(_Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
+            return self._each(Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
 
     def tare(
         self,
@@ -646,90 +460,19 @@ class Estimator:
 
         They are zero where the five loads are known, but for maps of form "absolute" with such loads.
         """
-        record, layout, place = np.atleast_2d(estimate.sample), self.core.inputs, self._thrust
-        shape, settings = estimate.loads.shape[:-1], self.settings
+        shape = estimate.loads.shape[:-1]
         if not self.inverse_map.has_other_loads or self.is_nonlinear:
             five = estimate.coefficients if COEFFICIENT_ARRAY in name else estimate.loads
             known = np.isfinite(five).all(axis=-1, keepdims=True)
             return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
-        pressure, std = (record[:, layout[one].start] for one in (DYNAMIC_PRESSURE, "dynamic_pressure_std"))
-        known, solved = (
-            np.asarray(np.isfinite(np.atleast_2d(one)).all(axis=1))
-            for one in (estimate.coefficients, estimate.loads)
-        )
-        found = other_loads(
-            self.inverse_map,
-            self.zeros,
-            np.where(known, pressure, np.nan),
-            std,
-            readings=record[:, : self._n],
-            thrust=record[:, place.start] if place.stop > place.start else np.zeros(len(record)),
-            valid=np.atleast_2d(estimate.valid) & solved[:, None],
-            area=settings.reference_area,
-            length=settings.reference_length,
-        )
-        return found[name].reshape(*shape, -1)
+        return absolute_loads(self.inverse_map, self.zeros, self.settings, estimate, self.core.inputs)[
+            name
+        ].reshape(*shape, -1)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""
-        record, layout = estimate.sample, self.core.inputs
-        unknown = np.full(len(self.parameters.names), np.nan)
-        sample = SurfaceSample(
-            strain=record[: self._n],
-            air={name: float(record[layout[name].start]) for name in AIR_INPUT_NAMES},
-            temperature=record[self._temperature],
-            inertial={
-                name: float(record[layout[name].start]) for name in INERTIAL_NAMES if self.inverse_map.has_masses
-            },
-            thrust=float(record[self._thrust.start]) if self._thrust.stop > self._thrust.start else 0.0,
-            parameter=record[self._parameter],
-            parameter_std=record[layout["parameter_std"]] if "parameter_std" in layout else unknown,
-            parameter_score=estimate.parameter_score,
-            valid=estimate.valid,
-            state=estimate.state,
-            state_covariance=estimate.state_covariance,
-            navigation_used=estimate.air_data_used,
-            is_linear=bool(estimate.is_linear),
-            has_coefficients=bool(np.isfinite(estimate.coefficients).all()),
-        )
-        return surface_pressure(self.inverse_map, self.zeros, sample, with_std)
-
-
-def _split(
-    dynamic_pressure: ArrayLike, inputs: SampleInputs
-) -> tuple[tuple[Any, ...], tuple[Any, ...], ArrayLike | None]:
-    """Return the air data in the order of a record, what else is known of the samples, and the sensors to use."""
-    given = {**_NOT_GIVEN, **inputs, DYNAMIC_PRESSURE: dynamic_pressure}
-    given[Q_SOURCE] = _source_number(given[Q_SOURCE])
-    inertial = {name: value for name, value in inputs.items() if name not in _NOT_GIVEN}
-    return _air_of(given), (*_more_of(given), inertial), given[VALID]
-
-
-def _checked_start(start: ArrayLike, samples: int) -> FloatArray:
-    found = np.asarray(start, dtype=float)
-    if found.shape != (samples, 4) or not np.all(np.isfinite(found)):
-        raise InputError(f"start: expected ({samples}, 4) finite numbers, got {found.shape}")
-    return found
-
-
-def _exact(stds: FloatArray) -> FloatArray:
-    return np.where(stds == 0.0, EXACT, stds)
-
-
-def _column(name: str, value: ArrayLike, samples: int) -> Any:
-    """Return ``value`` of all samples, a number, or of each (samples, 1)."""
-    if type(value) is float:
-        return EXACT if name in _STDS and value == 0.0 else value
-    values = per_sample(name, value, samples)[:, None]
-    return _exact(values) if name in _STDS else values
+        return surface_pressure(self.inverse_map, self.zeros, estimate, self.core.inputs, with_std)
 
 
 def _processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _refuse_without_altitude(total_temperature: ArrayLike, altitude: ArrayLike) -> None:
-    """Refuse total temperatures without an altitude, from which the static one follows."""
-    total, height = real_numbers(TOTAL_TEMPERATURE, total_temperature), real_numbers(ALTITUDE, altitude)
-    if np.any(total > 0.0) and not np.any(height > 0.0):
-        raise InputError(f"{TOTAL_TEMPERATURE}: expected the altitude with it, got none")

@@ -17,11 +17,10 @@ from synthetic_vehicle import SyntheticFiles
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.machine import Result
-from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages
+from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages, outermost_places
 from strainfmu.can.publisher import BridgeReports, Publisher
 from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.unrolled_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map

@@ -9,94 +9,20 @@ loads. The variance of a node with the derivative J_p by the state is
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.estimates.linear_field import linear_pressure, no_field
-from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
+from strainfmu.estimator.estimates.pressure_field import PressureField, unknown_field
 from strainfmu.estimator.map import flight_tables
-from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, FlightTables, U, W
-from strainfmu.estimator.map.nonlinear_map import (
-    FlightField,
-    ManifoldMap,
-    ShapeField,
-    field_with_known,
-    with_known,
-)
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W
+from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField
 from strainfmu.estimator.numerics.spline import local_basis
 from strainfmu.estimator.reference.air import lognormal_std
 from strainfmu.estimator.reference.nonlinear import strain_covariance
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
-
-
-class Solved(Protocol):
-    """What the pressure of one sample follows from: fields of an estimate."""
-
-    @property
-    def field_inputs(self) -> FieldInputs | None: ...
-    @property
-    def valid(self) -> BoolArray: ...
-    @property
-    def state(self) -> FloatArray: ...
-    @property
-    def state_covariance(self) -> FloatArray: ...
-    @property
-    def navigation_used(self) -> BoolArray: ...
-    @property
-    def is_linear(self) -> bool: ...
-
-
-def pressure_of(estimate: Solved, with_std: bool = True) -> PressureField:
-    """Return the absolute pressure of ``estimate``.
-
-    Raises
-    ------
-    InputError
-        The map holds no pressure field.
-    """
-    inputs = estimate.field_inputs
-    manifold = None if inputs is None else inputs.inverse_map.manifold
-    field = None if manifold is None else manifold.surface_field
-    if inputs is None or manifold is None or field is None:
-        raise no_field()
-    if not np.any(estimate.valid):
-        return unknown_field(field.n_nodes, is_net=False)
-    if not estimate.is_linear:
-        tables, field = _at_parameters(inputs, manifold, field)
-        return flight_pressure(
-            manifold,
-            tables,
-            field,
-            state=estimate.state,
-            state_covariance=estimate.state_covariance,
-            strain=inputs.strain,
-            used=estimate.valid,
-            with_std=with_std,
-        )
-    found = linear_pressure(inputs, estimate.valid, with_std)
-    if not found.is_net:
-        return found
-    ambient, std = float(inputs.static_pressure), float(inputs.static_pressure_std)
-    if not (estimate.navigation_used[1] and np.isfinite(ambient)):
-        ambient = float(np.exp(estimate.state[LOG_PRESSURE]))
-        std = ambient * float(np.sqrt(estimate.state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
-    return PressureField(pressure=found.pressure + ambient, std=np.hypot(found.std, std), is_net=False)
-
-
-def _at_parameters(
-    inputs: FieldInputs, manifold: ManifoldMap, field: FlightField | ShapeField
-) -> tuple[ManifoldMap, FlightField | ShapeField]:
-    """Return tables and field for what ``inputs`` of one sample know of flow parameters."""
-    value, std, held = inputs.parameter_value, inputs.parameter_std, manifold.parameters
-    if held is None or not isinstance(field, ShapeField) or field.parameters is None:
-        return manifold, field
-    if not np.isfinite(std).any():
-        return manifold, field
-    return with_known(manifold, value, std), field_with_known(field, held.powers, value, std)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,13 +47,8 @@ def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state
 
 
 def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> TablePressure:
-    tables = FlightTables(
-        mach_knots=manifold.mach_knots,
-        incidence_knots=manifold.incidence_knots,
-        response=field.amplitude,
-        fixed_response=np.zeros(field.modes.shape[1]),
-    )
-    value, jacobian = (field.modes @ one[0] for one in flight_tables.evaluate(tables, state[None]))
+    tables = field.tables(manifold.tables)
+    value, jacobian = (field.modes @ each[0] for each in flight_tables.evaluate(tables, state[None]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
     return TablePressure(value=value + pressure, jacobian=jacobian)
@@ -183,7 +104,7 @@ def flight_pressure(
     with_std : false leaves the standard deviation NaN.
     """
     table, n_d = table_pressure(manifold, field, state), len(strain)
-    value, by_state_of_rows = (one[0] for one in flight_tables.evaluate(tables.tables, state[None]))
+    value, by_state_of_rows = (each[0] for each in flight_tables.evaluate(tables.tables, state[None]))
     covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
     residual = np.where(used, strain - value[:n_d], 0.0)

@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.pressure_field import FieldInputs, PressureField, unknown_field
+from strainfmu.estimator.estimates.pressure_field import PressureField, no_field, unknown_field
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.linear import excess_covariance
@@ -32,87 +31,86 @@ class _States:
     gain: FloatArray
 
 
-def no_field() -> InputError:
-    """Return the error of a map without a pressure field."""
-    return InputError("inverse map: holds no pressure field, expected one built with keep_field = true in [map]")
+def linear_pressure(
+    inverse_map: InverseMap,
+    strain: FloatArray,
+    valid: BoolArray,
+    dynamic_pressure: float,
+    dynamic_pressure_std: float,
+    with_std: bool = True,
+) -> PressureField:
+    """Return the pressure of one sample of ``strain`` (n_d,) [m/m] by the linear map from the ``valid`` gauges.
 
-
-def linear_pressure(inputs: FieldInputs | None, valid: BoolArray, with_std: bool = True) -> PressureField:
-    """Return the pressure of one sample by the linear map from the ``valid`` (n_d,) gauges.
-
-    ``with_std`` false leaves the standard deviation NaN.
+    q_inf and its standard deviation [Pa] are NaN where not known. ``with_std`` false leaves the standard deviation
+    of the pressure NaN.
 
     Raises
     ------
     InputError
         The map holds no pressure field.
     """
-    held = None if inputs is None else inputs.inverse_map
-    if inputs is None or held is None or not held.has_field:
+    if not inverse_map.has_field:
         raise no_field()
-    scaled = held.follows_pressure
-    ratio = float(inputs.dynamic_pressure) / held.nominal_dynamic_pressure if scaled else 1.0
-    few = held.case == 1 and np.count_nonzero(valid) < held.state_operator.shape[1]
-    is_net = held.field_is_net
+    scaled, is_net = inverse_map.follows_pressure, inverse_map.field_is_net
+    ratio = dynamic_pressure / inverse_map.nominal_dynamic_pressure if scaled else 1.0
+    few = inverse_map.case == 1 and np.count_nonzero(valid) < inverse_map.n_states
     if not ratio > 0.0 or few or not valid.any():
-        return unknown_field(len(held.field_mean), is_net)
-    of = _states(held, inputs.strain, ratio, valid)
+        return unknown_field(len(inverse_map.field_mean), is_net)
+    of = _states(inverse_map, strain, ratio, valid)
     state = of.gain @ of.data
-    mean, modes = held.field_mean.astype(float), held.field_modes.astype(float)
+    mean, modes = inverse_map.field_mean.astype(float), inverse_map.field_modes.astype(float)
     pressure = ratio * (mean + modes @ state)
     if not with_std:
         return replace(unknown_field(len(mean), is_net), pressure=pressure)
-    covariance = _state_covariance(held, of)
+    covariance = _state_covariance(inverse_map, of)
     variance = np.einsum("pq,qr,pr->p", modes, covariance, modes, optimize=True)
-    excess = of.gain @ _excess(held, state, valid) @ of.gain.T
+    excess = of.gain @ _excess(inverse_map, state, valid) @ of.gain.T
     variance = np.maximum(
         variance + np.einsum("pq,qr,pr->p", modes, excess, modes, optimize=True), MIN_OF_EXCESS * variance
     )
-    std = ratio * _with_unresolved(held, np.sqrt(variance))
+    std = ratio * _with_unresolved(inverse_map, np.sqrt(variance))
     if scaled:
-        by_ratio = mean + modes @ (of.gain @ (held.fixed_strain - held.mean_strain)[valid])
-        error = float(inputs.dynamic_pressure_std) / held.nominal_dynamic_pressure
-        std = np.hypot(std, by_ratio * error)
+        by_ratio = mean + modes @ (of.gain @ (inverse_map.fixed_strain - inverse_map.mean_strain)[valid])
+        std = np.hypot(std, by_ratio * dynamic_pressure_std / inverse_map.nominal_dynamic_pressure)
     return PressureField(pressure=pressure, std=std, is_net=is_net)
 
 
-def _states(held: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:
-    if held.follows_pressure:
-        own, error = held.gauge_covariance, held.error_strain
-        fixed = held.fixed_strain
-        data = (strain - fixed) / ratio + fixed - held.mean_strain
-        whole = own / ratio**2 + error @ error.T
+def _states(inverse_map: InverseMap, strain: FloatArray, ratio: float, valid: BoolArray) -> _States:
+    if inverse_map.follows_pressure:
+        error, fixed = inverse_map.error_strain, inverse_map.fixed_strain
+        data = (strain - fixed) / ratio + fixed - inverse_map.mean_strain
+        of_all = inverse_map.gauge_covariance / ratio**2 + error @ error.T
     else:
-        data, whole = strain - held.mean_strain, held.noise_covariance
-    covariance, operator = whole[np.ix_(valid, valid)], held.state_operator[valid]
+        data, of_all = strain - inverse_map.mean_strain, inverse_map.noise_covariance
+    covariance, operator = of_all[np.ix_(valid, valid)], inverse_map.state_operator[valid]
     weighted = np.linalg.solve(covariance, operator).T
-    precision = weighted @ operator + held.regularisation * np.eye(operator.shape[1])
+    precision = weighted @ operator + inverse_map.regularisation * np.eye(operator.shape[1])
     return _States(
         data=data[valid], operator=operator, covariance=covariance, gain=np.linalg.solve(precision, weighted)
     )
 
 
-def _state_covariance(held: InverseMap, of: _States) -> FloatArray:
+def _state_covariance(inverse_map: InverseMap, of: _States) -> FloatArray:
     """Return (n_q, n_q) T Gamma T', and in Case 2 (I - T A) (I - T A)' of the prior."""
     covariance = of.gain @ of.covariance @ of.gain.T
-    if held.case == 1:
+    if inverse_map.case == 1:
         return np.asarray(covariance)
-    left = np.eye(len(of.gain)) - of.gain @ of.operator
-    return np.asarray(covariance + left @ left.T)
+    unresolved = np.eye(len(of.gain)) - of.gain @ of.operator
+    return np.asarray(covariance + unresolved @ unresolved.T)
 
 
-def _excess(held: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
+def _excess(inverse_map: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
     """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
-    mean = held.load_of_mean - held.fixed_load
-    loads = mean[FIVE_LOADS] + held.load_per_state[FIVE_LOADS] @ state
-    coefficients = loads / (held.nominal_dynamic_pressure * held.references[FIVE_LOADS])
-    return excess_covariance(held, coefficients[None])[0][np.ix_(valid, valid)]
+    mean = inverse_map.load_of_mean - inverse_map.fixed_load
+    loads = mean[FIVE_LOADS] + inverse_map.load_per_state[FIVE_LOADS] @ state
+    coefficients = loads / (inverse_map.nominal_dynamic_pressure * inverse_map.references[FIVE_LOADS])
+    return excess_covariance(inverse_map, coefficients[None])[0][np.ix_(valid, valid)]
 
 
-def _with_unresolved(held: InverseMap, std: FloatArray) -> FloatArray:
+def _with_unresolved(inverse_map: InverseMap, std: FloatArray) -> FloatArray:
     """Return ``std`` (n_p,) with the standard deviation of the field that no state holds.
 
     In Case 1 its strain is part of the states' error, so that the two depend on each other: the sum bounds both.
     """
-    rest = held.field_std.astype(float)
-    return std + rest if held.case == 1 else np.hypot(std, rest)
+    rest = inverse_map.field_std.astype(float)
+    return std + rest if inverse_map.case == 1 else np.hypot(std, rest)

@@ -1,4 +1,4 @@
-"""Pressure on the surface with its standard deviation, and what it follows from in addition to an estimate."""
+"""Pressure on the surface with its standard deviation."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.errors import InputError
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -26,43 +26,11 @@ class PressureField:
     is_net: bool
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class FieldInputs:
-    """What the pressure of k samples, or of one, follows from in addition to their estimates.
-
-    Attributes
-    ----------
-    inverse_map : the map that the estimates are of.
-    strain : (k, n_d) [m/m].
-    dynamic_pressure, dynamic_pressure_std : (k,) q_inf and its standard deviation [Pa], NaN where not known.
-    static_pressure, static_pressure_std : the same of p_inf by navigation.
-    parameter_value, parameter_std : (k, n_p) of what is known of flow parameters with a standard deviation,
-        NaN of all else.
-    """
-
-    inverse_map: InverseMap
-    strain: FloatArray
-    dynamic_pressure: FloatArray
-    dynamic_pressure_std: FloatArray
-    static_pressure: FloatArray
-    static_pressure_std: FloatArray
-    parameter_value: FloatArray
-    parameter_std: FloatArray
-
-    def of_sample(self, sample: int) -> FieldInputs:
-        """Return the inputs of one sample, arrays without the axis of the samples."""
-        return FieldInputs(
-            inverse_map=self.inverse_map,
-            strain=self.strain[sample],
-            dynamic_pressure=self.dynamic_pressure[sample],
-            dynamic_pressure_std=self.dynamic_pressure_std[sample],
-            static_pressure=self.static_pressure[sample],
-            static_pressure_std=self.static_pressure_std[sample],
-            parameter_value=self.parameter_value[sample],
-            parameter_std=self.parameter_std[sample],
-        )
-
-
 def unknown_field(n_nodes: int, is_net: bool) -> PressureField:
     """Return the pressure of a sample without an estimate: NaN at all ``n_nodes``."""
     return PressureField(pressure=np.full(n_nodes, np.nan), std=np.full(n_nodes, np.nan), is_net=is_net)
+
+
+def no_field() -> InputError:
+    """Return the error of a map without a pressure field."""
+    return InputError("inverse map: holds no pressure field, expected one built with keep_field = true in [map]")
