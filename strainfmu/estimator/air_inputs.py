@@ -159,7 +159,7 @@ ANGLE_ERROR = radians(1.0)
 LARGEST_ANGLE = 1.5
 """Size from which a measured angle is no value [rad]."""
 
-_Q_SOURCE_TEXT = "Source of the dynamic pressure: " + ", ".join(f"{one.value} {one.name}" for one in QSource)
+_Q_SOURCE_TEXT = "Source of the dynamic pressure: " + ", ".join(f"{item.value} {item.name}" for item in QSource)
 _Q_SOURCE = AirInput(
     name="q_source",
     label="Source of the dynamic pressure",
@@ -170,7 +170,7 @@ _Q_SOURCE = AirInput(
     "where it is measured, for smaller sigmas",
     text_of_linear=f"{_Q_SOURCE_TEXT}; not stated, with a Mach number, it counts as computed and has the error of "
     "what it is computed from: state 1 where it is measured, for smaller sigmas",
-    note=" " + ", ".join(f"{one.value} {one.name}" for one in QSource),
+    note=" " + ", ".join(f"{item.value} {item.name}" for item in QSource),
     aliases=("qsource", "dynamicpressuresource", "pressuresource"),
     largest=float(max(QSource)),
     is_later=True,
@@ -275,7 +275,7 @@ INERTIAL_INPUTS = (*MEASURED_MOTION, _VIBRATION)
 
 Specific force is acceleration without gravity, as an accelerometer reads it."""
 
-INERTIAL_NAMES = tuple(one.name for one in INERTIAL_INPUTS)
+INERTIAL_NAMES = tuple(item.name for item in INERTIAL_INPUTS)
 VIBRATION = _VIBRATION.name
 
 _NO_MEASUREMENT = ("leaves the angle out", "{not_given} leaves the angle out")
@@ -310,22 +310,22 @@ AIR_INPUTS = (
 SAMPLE_INPUTS = (*AIR_INPUTS, *INERTIAL_INPUTS)
 """All there is."""
 
-AIR_INPUT_NAMES = tuple(one.name for one in AIR_INPUTS)
+AIR_INPUT_NAMES = tuple(item.name for item in AIR_INPUTS)
 
-FLOW_INPUTS = tuple(one.name for one in AIR_INPUTS if not one.of_tables and not one.is_last)
+FLOW_INPUTS = tuple(item.name for item in AIR_INPUTS if not item.of_tables and not item.is_last)
 """Inputs of every map."""
 
-NAVIGATION_INPUTS = tuple(one.name for one in AIR_INPUTS if one.of_tables)
+NAVIGATION_INPUTS = tuple(item.name for item in AIR_INPUTS if item.of_tables)
 """Inputs of maps with tables besides."""
 
-LAST_INPUTS = tuple(one.name for one in AIR_INPUTS if one.is_last)
+LAST_INPUTS = tuple(item.name for item in AIR_INPUTS if item.is_last)
 """Inputs of every map that stand behind all others."""
 
-FLOW_QUANTITIES = tuple(one.name for one in AIR_INPUTS if one.name in FLOW_INPUTS and not one.is_std)
+FLOW_QUANTITIES = tuple(item.name for item in AIR_INPUTS if item.name in FLOW_INPUTS and not item.is_std)
 """Quantities of every map, without standard deviations."""
 
 DYNAMIC_PRESSURE, STATIC_PRESSURE, TOTAL_TEMPERATURE = (
-    one.name for one in (_DYNAMIC_PRESSURE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
+    item.name for item in (_DYNAMIC_PRESSURE, _STATIC_PRESSURE, _TOTAL_TEMPERATURE)
 )
 """Those that something is computed from, besides :data:`MACH_NUMBER` and :data:`ALTITUDE`."""
 

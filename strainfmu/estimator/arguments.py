@@ -59,12 +59,12 @@ def real_numbers(name: str, values: ArrayLike) -> FloatArray:
         They are complex, of which a part would be lost, or are no numbers, or rows of unequal length.
     """
     try:
-        found = np.asarray(values)
-        if found.dtype.kind != "c":
-            return np.asarray(found, dtype=float)
+        array = np.asarray(values)
+        if array.dtype.kind != "c":
+            return np.asarray(array, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name}: expected real numbers: {error}") from error
-    raise InputError(f"{name}: expected real numbers, got {found.dtype}")
+    raise InputError(f"{name}: expected real numbers, got {array.dtype}")
 
 
 def is_series(strain: ArrayLike) -> bool:
@@ -126,8 +126,7 @@ def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) ->
 
 def given(values: FloatArray) -> FloatArray:
     """Return ``values`` of Mach number, altitude or a pressure, NaN where not given: where they are 0 or below."""
-    found: FloatArray = np.where(values > 0.0, values, np.nan)
-    return found
+    return np.asarray(np.where(values > 0.0, values, np.nan))
 
 
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
@@ -140,9 +139,9 @@ def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     """
     values = None
     try:
-        found = np.asarray(value)
-        if value is not None and found.dtype.kind != "c":
-            values = np.asarray(found, dtype=float)
+        array = np.asarray(value)
+        if value is not None and array.dtype.kind != "c":
+            values = np.asarray(array, dtype=float)
     except (TypeError, ValueError):
         pass
     if values is None or values.shape not in ((), (samples,)):

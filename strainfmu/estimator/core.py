@@ -123,7 +123,7 @@ class Core:
         pointer = ctypes.c_void_p.from_param
         handle, at_time = pointer(self._handle), pointer(ctypes.addressof(self._time))
         arrays = (self.sample, self._mask, self._start, self._result)
-        at_sample, at_mask, at_start, at_result = (pointer(one.ctypes.data) for one in arrays)
+        at_sample, at_mask, at_start, at_result = (pointer(array.ctypes.data) for array in arrays)
         count, none = ctypes.c_size_t.from_param(1), ctypes.c_void_p(None)
         # By start or none, mask or none, fit or none, and how the sample follows the one before.
         self._arguments = tuple(
@@ -141,11 +141,11 @@ class Core:
             self._handle = None
 
     def _layout(self, record: Record, begin: int = 0) -> Layout:
-        found, field = dict[str, slice](), _Field()
-        while self._library.sl_field(self._handle, record, len(found), ctypes.byref(field)):
+        places, field = dict[str, slice](), _Field()
+        while self._library.sl_field(self._handle, record, len(places), ctypes.byref(field)):
             first = begin + int(field.first)
-            found[field.name.decode()] = slice(first, first + int(field.count))
-        return MappingProxyType(found)
+            places[field.name.decode()] = slice(first, first + int(field.count))
+        return MappingProxyType(places)
 
     def copy(self) -> Core:
         """Return another handle on the same map with the same settings, for another thread."""
@@ -161,8 +161,8 @@ class Core:
         InputError
             A value is not allowed.
         """
-        given = np.ascontiguousarray(values, dtype=float)
-        if not self._library.sl_set(self._handle, first, given.size, given.ctypes.data, self._text):
+        settings = np.ascontiguousarray(values, dtype=float)
+        if not self._library.sl_set(self._handle, first, settings.size, settings.ctypes.data, self._text):
             raise InputError(self._text.value.decode())
 
     def renew(self) -> None:
@@ -171,9 +171,9 @@ class Core:
 
     def get(self, first: int, count: int) -> FloatArray:
         """Return ``count`` settings from place ``first`` on."""
-        found = np.empty(count)
-        self._library.sl_get(self._handle, first, count, found.ctypes.data)
-        return found
+        settings = np.empty(count)
+        self._library.sl_get(self._handle, first, count, settings.ctypes.data)
+        return settings
 
     def step(
         self,
@@ -213,13 +213,13 @@ class Core:
         state from which each sample of :attr:`Series.EACH` starts; ``out`` is written if given.
         """
         k = len(inputs)
-        given = np.ascontiguousarray(inputs)
+        samples = np.ascontiguousarray(inputs)
         result = np.empty((k, self.n_outputs + (self.n_fit if with_fit else 0))) if out is None else out
         times = None if time is None else np.ascontiguousarray(time, dtype=float)
         used = None if mask is None else np.ascontiguousarray(mask, dtype=np.uint8)
         state = None if start is None else np.ascontiguousarray(start, dtype=float)
-        assert given.shape == (k, self.n_inputs)
-        assert given.dtype == float
+        assert samples.shape == (k, self.n_inputs)
+        assert samples.dtype == float
         assert result.flags.c_contiguous
         self._series(
             self._handle,
@@ -227,7 +227,7 @@ class Core:
             with_fit,
             k,
             None if times is None else times.ctypes.data,
-            given.ctypes.data,
+            samples.ctypes.data,
             None if used is None else used.ctypes.data,
             None if state is None else state.ctypes.data,
             result.ctypes.data,
@@ -241,9 +241,9 @@ class Core:
     @property
     def state(self) -> bytes:
         """What the last sample left."""
-        found = ctypes.create_string_buffer(self._state_size)
-        self._library.sl_state(self._handle, found)
-        return found.raw
+        state = ctypes.create_string_buffer(self._state_size)
+        self._library.sl_state(self._handle, state)
+        return state.raw
 
     @state.setter
     def state(self, state: bytes) -> None:
@@ -258,7 +258,7 @@ class Core:
         ``limits`` are (3 + 2 n_d,): largest dynamic pressure, zero and drift, then known strain and its standard
         deviation.
         """
-        found, bounds = self._new_outcome(), np.ascontiguousarray(limits)
+        outcome, bounds = self._new_outcome(), np.ascontiguousarray(limits)
         readings, pressures = np.ascontiguousarray(strain), np.ascontiguousarray(dynamic_pressure)
         self._library.sl_tare(
             self._handle,
@@ -266,9 +266,9 @@ class Core:
             len(readings),
             readings.ctypes.data,
             pressures.ctypes.data,
-            found.ctypes.data,
+            outcome.ctypes.data,
         )
-        return self._named(found)
+        return self._named(outcome)
 
     def tare_step(
         self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
@@ -277,23 +277,23 @@ class Core:
 
         Arguments are of one time, as of :meth:`tare`.
         """
-        found, bounds, readings = self._new_outcome(), np.ascontiguousarray(limits), np.ascontiguousarray(strain)
-        at = (bounds.ctypes.data, int(is_up), readings.ctypes.data, dynamic_pressure, found.ctypes.data)
-        changed = self._library.sl_tare_step(self._handle, *at)
-        return bool(changed), self._named(found)
+        outcome, bounds, readings = self._new_outcome(), np.ascontiguousarray(limits), np.ascontiguousarray(strain)
+        arguments = (bounds.ctypes.data, int(is_up), readings.ctypes.data, dynamic_pressure, outcome.ctypes.data)
+        changed = self._library.sl_tare_step(self._handle, *arguments)
+        return bool(changed), self._named(outcome)
 
     def tare_drop(self) -> Outcome:
         """Forget the zeros of tares by steps."""
-        found = self._new_outcome()
-        self._library.sl_tare_drop(self._handle, found.ctypes.data)
-        return self._named(found)
+        outcome = self._new_outcome()
+        self._library.sl_tare_drop(self._handle, outcome.ctypes.data)
+        return self._named(outcome)
 
     @property
     def tare_state(self) -> bytes:
         """A tare by steps, for :meth:`restore_tare`."""
-        found = ctypes.create_string_buffer(self._tare_state_size)
-        self._library.sl_tare_state(self._handle, found)
-        return found.raw
+        state = ctypes.create_string_buffer(self._tare_state_size)
+        self._library.sl_tare_state(self._handle, state)
+        return state.raw
 
     def restore_tare(self, state: bytes) -> Outcome:
         """Go on from what :attr:`tare_state` gave.
@@ -303,12 +303,12 @@ class Core:
         InputError
             It is of another map, or no state of a tare.
         """
-        size, found = self._tare_state_size, self._new_outcome()
+        size, outcome = self._tare_state_size, self._new_outcome()
         if len(state) != size:
             raise InputError(f"tare: {len(state)} bytes found, must be {size}: it is of another map")
-        if not self._library.sl_tare_restore(self._handle, state, found.ctypes.data, self._text):
+        if not self._library.sl_tare_restore(self._handle, state, outcome.ctypes.data, self._text):
             raise InputError(f"tare: {self._text.value.decode()}")
-        return self._named(found)
+        return self._named(outcome)
 
     def _new_outcome(self) -> FloatArray:
         return np.empty(self._n_outcome)
@@ -358,8 +358,8 @@ def library_file() -> Path:
     return (of_fmu if of_fmu.is_dir() else _native_folder() / BINARIES) / name
 
 
-def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
-    """Return ``found`` with the types of its functions."""
+def _declared(loaded: ctypes.CDLL) -> ctypes.CDLL:
+    """Return ``loaded`` with the types of its functions."""
     pointer, size, text = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
     number = ctypes.c_int
     for name, result, arguments in (
@@ -381,11 +381,11 @@ def _declared(found: ctypes.CDLL) -> ctypes.CDLL:
         ("sl_tare_state", None, (pointer, text)),
         ("sl_tare_restore", number, (pointer, text, pointer, text)),
     ):
-        function = getattr(found, name)
+        function = getattr(loaded, name)
         function.restype, function.argtypes = result, arguments
-    if found.sl_version() != VERSION:
-        raise NoCoreError(f"the estimator's library has version {found.sl_version()}, must be {VERSION}")
-    return found
+    if loaded.sl_version() != VERSION:
+        raise NoCoreError(f"the estimator's library has version {loaded.sl_version()}, must be {VERSION}")
+    return loaded
 
 
 def _native_folder() -> Path:

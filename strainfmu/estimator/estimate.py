@@ -72,21 +72,25 @@ class Estimate(NamedLoads):
         self._inputs, self._mask, self._make_fit = inputs, mask, make_fit
 
     def _field(self, name: str) -> FloatArray:
-        found: FloatArray = self._record[..., self._estimator.core.outputs[name]]
-        return found
+        return np.asarray(self._record[..., self._estimator.core.outputs[name]])
 
     @cached_property
     def _fit_record(self) -> FloatArray:
         return self._record if self._make_fit is None else self._make_fit(self._inputs, self._mask)
 
     def _fit(self, name: str) -> FloatArray:
-        found: FloatArray = self._fit_record[..., self._estimator.core.fit[name]]
-        return found
+        return np.asarray(self._fit_record[..., self._estimator.core.fit[name]])
 
-    def _one(self, name: str) -> Any:
-        """Return a field of one number: a float of one sample, (k,) of k samples."""
-        found = self._record[..., self._estimator.core.outputs[name].start]
-        return found if found.ndim else float(found)
+    def _number(self, name: str, kind: type[Any] = float) -> Any:
+        """Return a field of one number as a ``kind``, of k samples as (k,)."""
+        return self._as(self._record[..., self._estimator.core.outputs[name].start], kind)
+
+    def _fit_number(self, name: str, kind: type[Any] = float) -> Any:
+        """Return a field of the fit of one number, as :meth:`_number`."""
+        return self._as(self._fit(name)[..., 0], kind)
+
+    def _as(self, values: FloatArray, kind: type[Any]) -> Any:
+        return values.astype(np.int64 if kind is int else kind, copy=False) if self.is_series else kind(values)
 
     @property
     def sample(self) -> FloatArray:
@@ -158,15 +162,15 @@ class Estimate(NamedLoads):
         return self._matrix("coefficient_covariance", 5)
 
     def _matrix(self, name: str, order: int) -> FloatArray:
-        found = self._fit(name)
-        return found.reshape(*found.shape[:-1], order, order)
+        values = self._fit(name)
+        return values.reshape(*values.shape[:-1], order, order)
 
     # Loads behind the five; of a map without any the rolling moment is zero. NamedLoads has two of them as
     # attributes, for which mypy accepts no property without a setter.
 
     def _other(self, name: str) -> FloatArray:
-        found = self._field(name)
-        return found if found.shape[-1] else self._estimator.other_loads_of(self, name)
+        values = self._field(name)
+        return values if values.shape[-1] else self._estimator.other_loads_of(self, name)
 
     @property
     def other_loads(self) -> FloatArray:  # type: ignore[override]
@@ -201,11 +205,11 @@ class Estimate(NamedLoads):
         InputError
             The map gives no such load.
         """
-        found = {group.load.name: group for group in self.load_groups}
-        if name not in found:
-            raise InputError(f"group: expected one of {', '.join(found)}, got '{name}'")
+        groups = {group.load.name: group for group in self.load_groups}
+        if name not in groups:
+            raise InputError(f"group: expected one of {', '.join(groups)}, got '{name}'")
         values = (self.other_loads, self.other_loads_std, self.other_coefficients, self.other_coefficients_std)
-        return GroupLoads(found[name].places, *(value[..., found[name].rows] for value in values))
+        return GroupLoads(groups[name].places, *(value[..., groups[name].rows] for value in values))
 
     @property
     def section_station(self) -> FloatArray:
@@ -234,47 +238,43 @@ class Estimate(NamedLoads):
     @property
     def health(self) -> Any:
         """State of the estimate, a :class:`HealthState`; of k samples its numbers (k,)."""
-        found = self._one("health")
-        return found.astype(np.int64) if self.is_series else HealthState(int(found))
+        state = self._number("health", int)
+        return state if self.is_series else HealthState(state)
 
     @property
     def usable(self) -> Any:
         """Whether loads may be used with their standard deviations: OK and DEGRADED; of k samples (k,)."""
-        found = self._one("usable")
-        return found != 0.0 if self.is_series else bool(found)
+        return self._number("usable", bool)
 
     @property
     def chi_square(self) -> Any:
         """Chi-square of the residual of the valid gauges and, of nonlinear maps, of the air data used [1]."""
-        return self._one("chi_square")
+        return self._number("chi_square")
 
     @property
     def chi_square_limit(self) -> Any:
         """Detection threshold of chi-square, times ``alarm_scale``; infinite where nothing checks the estimate."""
-        return self._one("chi_square_limit")
+        return self._number("chi_square_limit")
 
     @property
     def degrees_of_freedom(self) -> Any:
         """Degrees of freedom of chi-square; 0 where nothing checks the estimate."""
-        found = self._one("degrees_of_freedom")
-        return found.astype(np.int64) if self.is_series else int(found)
+        return self._number("degrees_of_freedom", int)
 
     @property
     def iterations(self) -> Any:
         """Gauss-Newton iterations of the nonlinear estimator in this sample; 0 of the linear one."""
-        found = self._one("iterations")
-        return found.astype(np.int64) if self.is_series else int(found)
+        return self._number("iterations", int)
 
     @property
     def envelope_score(self) -> Any:
         """Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known."""
-        return self._one("envelope_score")
+        return self._number("envelope_score")
 
     @property
     def valid_gauges(self) -> Any:
         """Number of sensors that were used."""
-        found = self._one("valid_gauges")
-        return found.astype(np.int64) if self.is_series else int(found)
+        return self._number("valid_gauges", int)
 
     @property
     def valid(self) -> BoolArray:
@@ -289,8 +289,7 @@ class Estimate(NamedLoads):
     @property
     def residual_limit(self) -> Any:
         """Detection threshold of the largest \\|z\\|."""
-        found = self._fit("residual_limit")[..., 0]
-        return found if self.is_series else float(found)
+        return self._fit_number("residual_limit")
 
     @property
     def suspects(self) -> Any:
@@ -299,11 +298,7 @@ class Estimate(NamedLoads):
         suspect = self._fit("is_suspect") != 0.0
         if not self.is_series:
             return tuple(np.flatnonzero(suspect).tolist())
-        found = np.empty(len(suspect), dtype=object)
-        found[:] = [()] * len(suspect)
-        for row in np.flatnonzero(suspect.any(axis=1)):
-            found[row] = tuple(np.flatnonzero(suspect[row]).tolist())
-        return found
+        return _tuples([tuple(np.flatnonzero(row).tolist()) if row.any() else () for row in suspect])
 
     @property
     def residuals(self) -> dict[str, Any]:
@@ -317,27 +312,22 @@ class Estimate(NamedLoads):
         names = self._estimator.gauge_names
         if not self.is_series:
             return tuple(names[k] for k in self.suspects)
-        found = np.empty(len(self), dtype=object)
-        found[:] = [tuple(names[k] for k in row) for row in self.suspects]
-        return found
+        return _tuples([tuple(names[k] for k in row) for row in self.suspects])
 
     @property
     def suspect_count(self) -> Any:
         """Number of :attr:`suspects`."""
-        found = self._one("suspects")
-        return found.astype(np.int64) if self.is_series else int(found)
+        return self._number("suspects", int)
 
     @property
     def fits(self) -> Any:
         """Whether strain and air data fit the map."""
-        found = self._fit("fits")[..., 0] != 0.0
-        return found if self.is_series else bool(found)
+        return self._fit_number("fits", bool)
 
     @property
     def noise_left(self) -> Any:
         """Part of the variance of noise that the filter leaves [1]; 1 of a sample by itself."""
-        found = self._fit("noise_left")[..., 0]
-        return found if self.is_series else float(found)
+        return self._fit_number("noise_left")
 
     @property
     def parameter_score(self) -> FloatArray:
@@ -350,10 +340,8 @@ class Estimate(NamedLoads):
         tuples."""
         names, outside = self._estimator.parameters.names, self.parameter_score > PARAMETER_TOLERANCE
         if not self.is_series:
-            return tuple(name for name, one in zip(names, outside.tolist(), strict=True) if one)
-        found = np.empty(len(outside), dtype=object)
-        found[:] = [tuple(np.array(names)[row]) if row.any() else () for row in outside]
-        return found
+            return tuple(np.array(names, dtype=object)[outside])
+        return _tuples([tuple(np.array(names)[row]) if row.any() else () for row in outside])
 
     # Air data and flight state, of nonlinear maps.
 
@@ -387,8 +375,7 @@ class Estimate(NamedLoads):
         """
         if not self._estimator.is_nonlinear:
             return np.ones(len(self), dtype=bool) if self.is_series else True
-        found = self._one("is_linear")
-        return found != 0.0 if self.is_series else bool(found)
+        return self._number("is_linear", bool)
 
     @property
     def state(self) -> FloatArray:
@@ -403,8 +390,7 @@ class Estimate(NamedLoads):
     @property
     def discrepancy_chi_square(self) -> Any:
         """Chi-square of the discrepancy modes in the residual; NaN of linear maps."""
-        found = self._fit("discrepancy_chi_square")[..., 0]
-        return found if self.is_series else float(found)
+        return self._fit_number("discrepancy_chi_square")
 
     # What is made of an estimate.
 
@@ -457,3 +443,10 @@ class Estimate(NamedLoads):
         from strainfmu.estimator.estimates.estimate_views import estimate_html, estimates_html
 
         return estimates_html(self) if self.is_series else estimate_html(self)
+
+
+def _tuples(rows: list[tuple[Any, ...]]) -> Any:
+    """Return (k,) of tuples."""
+    array = np.empty(len(rows), dtype=object)
+    array[:] = rows
+    return array

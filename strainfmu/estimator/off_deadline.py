@@ -1,6 +1,6 @@
-"""What is made of an estimate off the deadline: the pressure on the surface, and loads that the core does not have.
+"""What is made of an estimate off the deadline: the pressure on the surface, and loads that the core lacks.
 
-The loads are the ones behind the five of a linear map of form "absolute". The pressure follows from the flight state
+These are the loads behind the five of a linear map of form "absolute". The pressure follows from the flight state
 of the core and its covariance, and from the sensors and air data that it used.
 """
 

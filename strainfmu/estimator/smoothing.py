@@ -68,17 +68,17 @@ class Smoother:
         """Return the estimates of ``samples``; those ``later`` follow, None for none."""
         both = [samples] if later is None else [samples, later]
         inputs, time = (
-            np.concatenate([one.filtered.sample for one in both]),
-            np.concatenate([one.time for one in both]),
+            np.concatenate([block.filtered.sample for block in both]),
+            np.concatenate([block.time for block in both]),
         )
-        masks = [_mask_of(one.filtered) for one in both]
+        masks = [_mask_of(block.filtered) for block in both]
         self._backward.restart()
-        found = self._backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])
-        backward = found[np.arange(len(time))[::-1][: len(samples.time)]]
+        estimates = self._backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])
+        backward = estimates[np.arange(len(time))[::-1][: len(samples.time)]]
         ends = (samples.filtered, backward, samples.alone)
-        forward_left, backward_left = (one.noise_left[:, None] for one in ends[:2])
+        forward_left, backward_left = (estimates.noise_left[:, None] for estimates in ends[:2])
         of_fields = {
-            name: _joined(forward_left, backward_left, [_values(one, name) for one in ends])
+            name: _joined(forward_left, backward_left, [_values(estimates, name) for estimates in ends])
             for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients", "air")
         }
         return Smoothed(
@@ -87,17 +87,17 @@ class Smoother:
         )
 
 
-def _mask_of(found: Estimate) -> BoolArray:
+def _mask_of(estimates: Estimate) -> BoolArray:
     """Return (k, n_d) the gauges that the caller trusts."""
-    shape = (len(found), found.valid.shape[-1])
-    return np.ones(shape, dtype=bool) if found.mask is None else np.broadcast_to(found.mask, shape)
+    shape = (len(estimates), estimates.valid.shape[-1])
+    return np.ones(shape, dtype=bool) if estimates.mask is None else np.broadcast_to(estimates.mask, shape)
 
 
-def _values(found: Estimate, name: str) -> tuple[FloatArray, FloatArray]:
+def _values(estimates: Estimate, name: str) -> tuple[FloatArray, FloatArray]:
     """Return the values (k, n) of a field and their standard deviations."""
     if name == "air":
-        return found.air_data.value, found.air_data.std
-    return getattr(found, name), getattr(found, f"{name}_std")
+        return estimates.air_data.value, estimates.air_data.std
+    return getattr(estimates, name), getattr(estimates, f"{name}_std")
 
 
 def _joined(
@@ -110,14 +110,14 @@ def _joined(
     """
     (forward, forward_std), (backward, backward_std), (alone, alone_std) = ends
     if forward.shape[1] == len(AIR_DATA_NAMES):
-        forward, backward = (_near(one, alone) for one in (forward, backward))
-    left = 1.0 / (1.0 / forward_left + 1.0 / backward_left - 1.0)
-    value = left * (forward / forward_left + backward / backward_left - alone)
+        forward, backward = (_near(values, alone) for values in (forward, backward))
+    remaining = 1.0 / (1.0 / forward_left + 1.0 / backward_left - 1.0)
+    value = remaining * (forward / forward_left + backward / backward_left - alone)
     nearer = forward_left <= backward_left
     least = np.where(nearer, forward_left, backward_left)
     averaged = alone_std**2 - np.where(nearer, forward_std, backward_std) ** 2
     noise = np.maximum(averaged, 0.0) / np.where(least < 1.0, 1.0 - least, 1.0)
-    std = np.sqrt(np.maximum(alone_std**2 - noise * (1.0 - left), 0.0))
+    std = np.sqrt(np.maximum(alone_std**2 - noise * (1.0 - remaining), 0.0))
     coasts = np.isnan(alone)
     takes_backward = coasts & ~(forward_std <= backward_std)
     value = np.where(coasts, np.where(takes_backward, backward, forward), value)

@@ -116,25 +116,25 @@ def header() -> str:
 
 
 def _arrays_of(group: Group) -> list[Stored]:
-    named = {name for one in GROUPS if one.part == group.part for name in one.names}
+    named = {name for other in GROUPS if other.part == group.part for name in other.names}
     shared = {"table", "row", "channel", "cosine", "sine", "fixed_response"}
-    arrays = [one for one in LAYOUT if one.part == group.part]
+    arrays = [array for array in LAYOUT if array.part == group.part]
     if group.names:
-        return [one for one in arrays if one.name in group.names]
+        return [array for array in arrays if array.name in group.names]
     leave = named if group.macro == "TABLES" else named | shared
-    return [one for one in arrays if one.name not in leave]
+    return [array for array in arrays if array.name not in leave]
 
 
 def _symbols(groups: list[tuple[Group, list[Stored]]]) -> list[str]:
-    found = dict[str, None]()
+    symbols = dict[str, None]()
     for group, arrays in groups:
-        axes = [axis for one in arrays for axis in one.shape.split()]
-        axes += [one.symbol for one in group.lengths]
+        axes = [axis for array in arrays for axis in array.shape.split()]
+        axes += [length.symbol for length in group.lengths]
         for axis in axes:
             match = TERM.fullmatch(axis)
             if match is not None:
-                found[match[2]] = None
-    return [*found]
+                symbols[match[2]] = None
+    return [*symbols]
 
 
 def _name(symbol: str) -> str:
@@ -150,9 +150,9 @@ def _size(text: str) -> str:
     return f"AXIS({_name(symbol)}, {times or 1}, {int(plus or 0)})"
 
 
-def _length_row(one: Length) -> str:
-    bounds = f"SYM_{_name(one.symbol)}, {_size(one.least)}, {_size(one.most)}"
-    return f"X(T, LENGTH, {one.member or one.symbol}, {one.array}, ANY, {one.axis}, 0, 0, {bounds})"
+def _length_row(length: Length) -> str:
+    bounds = f"SYM_{_name(length.symbol)}, {_size(length.least)}, {_size(length.most)}"
+    return f"X(T, LENGTH, {length.member or length.symbol}, {length.array}, ANY, {length.axis}, 0, 0, {bounds})"
 
 
 def _row(array: Stored) -> str:

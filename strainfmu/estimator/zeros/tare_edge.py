@@ -62,9 +62,9 @@ class EdgeTare:
     text : the last outcome, one line; "" if there was none since :attr:`text` was emptied.
     """
 
-    def __init__(self, core: StepCore, held: InverseMap, known: KnownStrain | None = None) -> None:
-        self._core, self._map, self._limits = core, held, TareLimits()
-        self._record = limits_record(self._limits, known, held.n_strain_gauges)
+    def __init__(self, core: StepCore, inverse_map: InverseMap, known: KnownStrain | None = None) -> None:
+        self._core, self._map, self._limits = core, inverse_map, TareLimits()
+        self._record = limits_record(self._limits, known, inverse_map.n_strain_gauges)
         self.state, self.is_up = TareState.IDLE, False
         self.zeros: GaugeZeros | None = None
         self.text = ""
@@ -122,5 +122,5 @@ class EdgeTare:
             return refused_text(
                 f"window: expected at least {LEAST_SAMPLES} steps, got {int(outcome['samples'][0])}"
             )
-        found = judged_tare(self._map, outcome, self._limits)
-        return refused_text(refusal(found)) if reasons else taken_text(found, "steps")
+        tare = judged_tare(self._map, outcome, self._limits)
+        return refused_text(refusal(tare)) if reasons else taken_text(tare, "steps")

@@ -16,7 +16,7 @@ from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_PART, LEAST_SAMPLES, LOUD, Tare, TareFault, TareLimits
 
 
-def judged_tare(held: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
+def judged_tare(inverse_map: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
     """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values.
 
     Raises
@@ -35,8 +35,8 @@ def judged_tare(held: InverseMap, outcome: Mapping[str, FloatArray], limits: Tar
         rms=float(outcome["rms"][0]),
         largest_std=float(outcome["largest_std"][0]),
         reasons=reasons,
-        faults=_faults(held, reasons, outcome, limits),
-        notes=_notes(held, outcome),
+        faults=_faults(inverse_map, reasons, outcome, limits),
+        notes=_notes(inverse_map, outcome),
     )
 
 
@@ -60,12 +60,12 @@ def loads_fault(dynamic_pressure: float, limits: TareLimits, where: str = "") ->
     return ""
 
 
-def refusal(found: Tare) -> str:
+def refusal(tare: Tare) -> str:
     """Return why the zeros of a window are not to be used; "" if they are."""
-    if found.faults:
-        return "; ".join(found.faults)
-    if TareFault.FEW_GAUGES in found.reasons:
-        return f"{found.gauges} of {len(found.zeros.value)} gauges read"
+    if tare.faults:
+        return "; ".join(tare.faults)
+    if TareFault.FEW_GAUGES in tare.reasons:
+        return f"{tare.gauges} of {len(tare.zeros.value)} gauges read"
     return ""
 
 
@@ -74,24 +74,24 @@ def refused_text(why: str) -> str:
     return f"tare refused: {why}; zeros as before"
 
 
-def taken_text(found: Tare, unit: str) -> str:
+def taken_text(tare: Tare, unit: str) -> str:
     """Return the line of zeros that are taken; ``unit`` says what their window counts, as "cycles"."""
     return (
-        f"tare taken: {found.gauges} zeros from {found.samples} {unit}, rms {1e6 * found.rms:.4g} um/m, standard "
-        f"deviations up to {1e6 * found.largest_std:.2g} um/m each and {1e6 * found.zeros.common_std:.2g} um/m in "
+        f"tare taken: {tare.gauges} zeros from {tare.samples} {unit}, rms {1e6 * tare.rms:.4g} um/m, standard "
+        f"deviations up to {1e6 * tare.largest_std:.2g} um/m each and {1e6 * tare.zeros.common_std:.2g} um/m in "
         "common"
     )
 
 
 def _faults(
-    held: InverseMap, reasons: TareFault, outcome: Mapping[str, FloatArray], limits: TareLimits
+    inverse_map: InverseMap, reasons: TareFault, outcome: Mapping[str, FloatArray], limits: TareLimits
 ) -> tuple[str, ...]:
     of = {name: float(values[0]) for name, values in outcome.items() if len(values) == 1}
 
     def gauge(kind: str) -> str:
-        return held.gauge_names[int(of[f"{kind}_gauge"]) - 1]
+        return inverse_map.gauge_names[int(of[f"{kind}_gauge"]) - 1]
 
-    noise = held.noise_std[int(of["moving_gauge"]) - 1]
+    noise = inverse_map.noise_std[int(of["moving_gauge"]) - 1]
     lines = {
         TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of[DYNAMIC_PRESSURE]:.4g} Pa, "
         f"expected at most {limits.dynamic_pressure:g} Pa",
@@ -107,14 +107,12 @@ def _faults(
     return tuple(line for fault, line in lines.items() if fault in reasons)
 
 
-def _notes(held: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def _notes(inverse_map: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[str, ...]:
     reads, scatter = outcome["reads"] != 0.0, outcome["scatter"]
-    notes = [
-        f"gauge '{held.gauge_names[i]}': reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to "
-        "be used"
-        for i in np.flatnonzero(~reads)
-    ]
-    still = [held.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
+    silent = [inverse_map.gauge_names[i] for i in np.flatnonzero(~reads)]
+    seldom = f"reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to be used"
+    notes = [f"gauge '{name}': {seldom}" for name in silent]
+    still = [inverse_map.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
     notes += [f"gauge '{name}': every reading is the same: is it alive?" for name in still]
     lost, samples = int(outcome["samples_without"][0]), int(outcome["samples"][0])
     if lost == samples:
