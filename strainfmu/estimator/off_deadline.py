@@ -48,10 +48,9 @@ def surface_pressure(
     """
     sample = {name: estimate.sample[place] for name, place in places.items()}
     strain_map, strain = _without_motion(inverse_map, zeros, estimate.sample[: inverse_map.n_gauges], sample)
-    air = {name: float(sample[name][0]) for name in AIR_INPUT_NAMES}
     if strain_map.manifold is not None:
-        return _of_tables(strain_map, strain_map.manifold, strain, estimate, sample, air, with_std)
-    q, q_std = air[DYNAMIC_PRESSURE], air[f"{DYNAMIC_PRESSURE}{STD}"]
+        return _of_tables(strain_map, strain_map.manifold, strain, estimate, sample, with_std)
+    q, q_std = (float(sample[name][0]) for name in (DYNAMIC_PRESSURE, DYNAMIC_PRESSURE + STD))
     q_std = q_std if np.isfinite(q_std) else inverse_map.dynamic_pressure_error * q
     if not np.isfinite(estimate.coefficients).all():
         q, q_std = np.nan, 0.0
@@ -64,7 +63,6 @@ def _of_tables(
     strain: FloatArray,
     estimate: Estimate,
     sample: Sample,
-    air: Mapping[str, float],
     with_std: bool,
 ) -> PressureField:
     """Return the absolute pressure of an estimate of a map with tables."""
@@ -91,7 +89,7 @@ def _of_tables(
             used=used,
             with_std=with_std,
         )
-    inputs = air_inputs_of(inverse_map, air)
+    inputs = air_inputs_of(inverse_map, {name: float(sample[name][0]) for name in AIR_INPUT_NAMES})
     (_, p, q), (_, p_std, q_std) = inputs.value, inputs.std
     q, q_std = inputs.of_loads if inputs.is_computed else (q, q_std)
     pressure = linear_pressure(inverse_map, strain, used, float(q), float(q_std), with_std)

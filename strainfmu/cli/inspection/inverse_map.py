@@ -86,7 +86,8 @@ def inspect_map(path: Path, folder: Path | None, console: Console) -> None:
     console.print(_coefficients(loaded))
     console.print(_gauges(loaded))
     if loaded.has_temperature:
-        console.print(_temperature_sensors(loaded.thermal))
+        for table in _temperature(loaded.thermal):
+            console.print(table)
     if loaded.inertia is not None:
         console.print(_inertia(loaded.inertia))
     for table in _data(loaded, "Data of the map"):
@@ -251,21 +252,19 @@ def _reading(value: float, factor: float, unit: str) -> str:
     return f"{factor * value:.3g}" + ("" if unit == "um/m" else f" {unit}")
 
 
-def _temperature_sensors(thermal: ThermalMap) -> Table:
-    """Return the temperature sensors, and what thermal strain they leave in the gauges."""
+def _temperature(thermal: ThermalMap) -> Iterator[Table]:
+    """Yield the thermal strain that sensors leave in the gauges, and the sensors."""
+    table = _table("Temperature: thermal strain left in the gauges, rms", ("known",), "strain [um/m]")
     at_rest, strain = np.full((1, thermal.n_sensors), thermal.reference_temperature), thermal.linear_strain
-    rms = []
-    for known in (False, True):
+    for name, known in (("no sensor", False), ("all sensors", True)):
         remaining = amplitudes(thermal, at_rest, np.full(thermal.n_sensors, known)).covariance
-        rms.append(MICRO * np.sqrt(max(float(np.mean(np.sum((strain @ remaining) * strain, axis=1))), 0.0)))
-    title = (
-        f"Temperature sensors: thermal strain left, rms of the gauges, {rms[0]:.3g} um/m with none of them, "
-        f"{rms[1]:.3g} um/m with all"
-    )
-    table = _table(title, ("sensor", "input"), "sigma [K]")
+        variance = max(float(np.mean(np.sum((strain @ remaining) * strain, axis=1))), 0.0)
+        table.add_row(name, f"{MICRO * np.sqrt(variance):.3g}")
+    yield table
+    table = _table("Temperature sensors", ("sensor", "input"), "sigma [K]")
     for number, (name, std) in enumerate(zip(thermal.sensor_names, thermal.sensor_std, strict=True), start=1):
         table.add_row(escape(name), escape(f"temperature[{number}]"), f"{std:.3g}")
-    return table
+    yield table
 
 
 def _inertia(inertia: InertiaMap) -> Table:
