@@ -4,7 +4,7 @@
 that its own noise equals the noise of a typical gauge: rows of Pa, m/s2 and m/m together would cost most of the
 digits of every covariance.
 
-**Temperature** of the wall strains the gauges; its strain is subtracted as far as sensors measure it.
+**Temperature** of the wall causes strain of the gauges, which is subtracted as far as sensors measure it.
 The rise above the reference is a sum of modes with amplitudes a, a priori independent with standard deviations s.
 Sensors read theta = C a + e. Given those that are known,
 
