@@ -1,4 +1,4 @@
-"""The frames of the bus, made from the files of the profiles: directive ``can-frames``."""
+"""The bus as its code states it: directives ``can-frames``, from the files of the profiles, and ``can-causes``."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from sphinx.application import Sphinx
 
 from strainfmu.can.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.profiles import Identifiers, profile_layout
+from strainfmu.can.quality import CAUSE_WORDS, Cause
 from strainfmu.can.result_layouts import result_layouts
 from strainfmu.estimator.other_loads import FAMILIES, LoadGroup
 
@@ -117,6 +118,24 @@ def _bytes(start: int, end: int) -> str:
     return f"{start // 8}" if end - start == 8 else f"{start // 8}-{end // 8 - 1}"
 
 
+def causes_page() -> str:
+    """Return the causes of a result that is not VALID, bit by bit, in MyST Markdown."""
+    rows = ["| bit | cause | |", "|---|---|---|"]
+    for cause in Cause:
+        rows.append(f"| {cause.bit_length() - 1} | `{cause.name}` | {CAUSE_WORDS[cause]} |")
+    return "\n".join(rows)
+
+
+class CanCauses(GeneratedText):
+    """The causes of a result that is not VALID."""
+
+    source = "strainfmu.can.quality"
+
+    def text(self) -> str:
+        """Return the table."""
+        return causes_page()
+
+
 class CanFrames(GeneratedText):
     """The frames of the profile that is the argument; ``results FORM``: of the results."""
 
@@ -132,4 +151,5 @@ class CanFrames(GeneratedText):
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive."""
     app.add_directive("can-frames", CanFrames)
+    app.add_directive("can-causes", CanCauses)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
