@@ -44,7 +44,6 @@ from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
 from strainfmu.estimator.settings import default_settings
 from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
-from strainfmu.estimator.smoothing import Smoothed, Smoother
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import (
@@ -64,6 +63,7 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units
 from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, temperature_quantities
 from strainfmu.recorded.samples import Samples
+from strainfmu.recorded.smoothing import Smoothed, Smoother
 from strainfmu.recorded.strain_level import LevelReference
 
 Column = tuple[str, str]

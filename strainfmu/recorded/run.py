@@ -23,7 +23,6 @@ from strainfmu.estimator.air_inputs import (
     STD,
     QSource,
 )
-from strainfmu.estimator.field_series import check_field_output, field_series_writer
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
@@ -34,6 +33,7 @@ from strainfmu.recorded.estimators import (
     HealthAccount,
     open_estimator,
 )
+from strainfmu.recorded.field_series import check_field_output, field_series_writer
 from strainfmu.recorded.history import History
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.recorder_errors import RecorderWatch

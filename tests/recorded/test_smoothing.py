@@ -13,7 +13,7 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.smoothing import Samples, Smoothed, Smoother
+from strainfmu.recorded.smoothing import Samples, Smoothed, Smoother
 
 pytestmark = pytest.mark.fast
 DT = 0.01
