@@ -158,9 +158,14 @@ class NumpyCore:
         return self._values[first : first + count].copy()
 
     def step(
-        self, time: float, how: Series, with_fit: bool, mask: BoolArray | None = None
+        self,
+        time: float,
+        how: Series,
+        with_fit: bool,
+        mask: BoolArray | None = None,
+        start: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the record of the one sample in :attr:`sample`, and a copy of the sample."""
+        """Return the record of the one sample in :attr:`sample`, and a copy of the sample; it has no start."""
         of_one = None if mask is None else mask[None]
         return self.series(how, self.sample[None], with_fit=with_fit, mask=of_one)[0], self.sample.copy()
 
