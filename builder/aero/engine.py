@@ -8,8 +8,9 @@ members; campaigns, the command line and reports need no change.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from math import degrees
 from typing import Any, Protocol
 
 from builder.aero.surface.mesh import SurfaceMesh
@@ -39,6 +40,23 @@ class Flow:
     momentum_error: float = float("nan")
     mass_error: float = float("nan")
     repairs: int = 0
+
+
+CAPPED_TO = "capped_to"
+"""Array of a flow in which a sphere stands for the tip: up to which station [m]."""
+
+
+def cap_line(flows: Iterable[Flow]) -> str | None:
+    """Return in a line how large a sphere stands for the tip in flows of a body of revolution; None: in none."""
+    capped = [flow for flow in flows if CAPPED_TO in flow.arrays]
+    if not capped:
+        return None
+    largest = max(capped, key=lambda flow: float(flow.arrays[CAPPED_TO][0]))
+    mach_number, incidence = largest.key[:2]
+    return (
+        f"euler: a sphere stands for the tip up to x = {1e3 * float(largest.arrays[CAPPED_TO][0]):.3g} mm "
+        f"(M {mach_number:g}, total incidence {degrees(incidence):.3g} deg; less in other flows)"
+    )
 
 
 class Engine(Protocol):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from builder.aero.engine import Engine, FlowKey
+from builder.aero.engine import Engine, FlowKey, cap_line
 from builder.reporting import Reporter
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
@@ -30,15 +30,17 @@ def flows_out_of_reach(engine: Engine, keys: Sequence[FlowKey], reporter: Report
     Once a flow failed, those after it at the same Mach number, the first number of a key, are passed over: they
     fail for the same reason, some of them after a minute.
     """
-    found, wanted, failed = [], list(dict.fromkeys(keys)), set()
+    found, flows, wanted, failed = [], [], list(dict.fromkeys(keys)), set()
     with reporter.stage(title) as progress:
         for number, key in enumerate(wanted):
             progress(number, len(wanted))
             if key[0] in failed:
                 continue
             try:
-                engine.solve(key)
+                flows.append(engine.solve(key))
             except InputError as error:
                 found.append(str(error))
                 failed.add(key[0])
+    if (line := cap_line(flows)) is not None:
+        reporter.note(line)
     return found

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.engine import Engine, Flow, FlowKey
+from builder.aero.engine import Engine, Flow, FlowKey, cap_line
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.failures import FailedCondition, failed_conditions, missing_line
 from builder.campaign.journal import Journal
@@ -197,6 +197,8 @@ def complete_flows(
             kept = needed & {**known, **journal.flows(of)}.keys()
             where = f"are kept in {journal.path}" if kept else "are finished"
             raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(needed)} flows {where}") from error
+    if (line := cap_line(flows.values())) is not None:
+        reporter.note(line)
     mean = float(np.mean(times)) if times else float("nan")
     return flows, Tally(solved=len(times), reused=reused, seconds=perf_counter() - start, seconds_per_flow=mean)
 

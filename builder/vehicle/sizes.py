@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import degrees, prod
+from math import prod
 from typing import TYPE_CHECKING
 
-from builder.vehicle.shape.geometry import is_blunt, is_spherical
 from builder.vehicle.toml.limits import MAX_CONDITIONS, MAX_ELEMENTS, MAX_GAUGES, MAX_PRESSURES, MIN_ELEMENTS
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
     from builder.vehicle.file import Vehicle
     from builder.vehicle.model_entries import Resolution
-    from builder.vehicle.shape.geometry import BodyOfRevolution
 
 
 def size_faults(vehicle: Vehicle) -> list[str]:
@@ -25,18 +23,7 @@ def size_faults(vehicle: Vehicle) -> list[str]:
         body = vehicle.body()
     except InputError as error:
         return [str(error), *faults]
-    return [*faults, *_tip_faults(vehicle, body), *_element_faults(vehicle, body.length)]
-
-
-def _tip_faults(vehicle: Vehicle, body: BodyOfRevolution) -> Iterator[str]:
-    """Yield why the marching solver cannot begin at a blunt tip that is not part of a sphere."""
-    for where, engine in (("aerodynamics", vehicle.aerodynamics.engine), ("truth", vehicle.truth.engine)):
-        or_table = " or 'table'" if where == "aerodynamics" else ""
-        if engine == "euler" and is_blunt(body) and not is_spherical(body.segments[0]):
-            yield (
-                f"{where}.engine: expected 'newtonian'{or_table} with a blunt tip (half-angle "
-                f"{degrees(body.cut_tip_angle):.3g} deg), got 'euler', which needs a pointed or a spherical one"
-            )
+    return [*faults, *_element_faults(vehicle, body.length)]
 
 
 def _flow_faults(vehicle: Vehicle) -> Iterator[str]:

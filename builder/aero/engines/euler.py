@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.engine import Flow, FlowKey
+from builder.aero.engine import CAPPED_TO, Flow, FlowKey
 from builder.aero.engines.surface_pressure import pressure_at_stations, pressure_ratio_on_surface
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
@@ -25,7 +25,7 @@ METHOD_VERSION = 4
 
 @dataclass(frozen=True, eq=False)
 class EulerEngine:
-    """Inviscid flow over a body of revolution with a pointed or spherical tip (:mod:`builder.aero.euler`).
+    """Inviscid flow over a body of revolution (:mod:`builder.aero.euler`).
 
     Attributes
     ----------
@@ -86,6 +86,8 @@ class EulerEngine:
 
 def _arrays(solution: FlowSolution) -> dict[str, FloatArray]:
     arrays = {"roll_angle": solution.roll_angle}
+    if solution.capped_to:
+        arrays[CAPPED_TO] = np.array([solution.capped_to])
     for number, (station, ratio) in enumerate(solution.pieces):
         arrays[f"station_{number}"] = station
         arrays[f"ratio_{number}"] = ratio

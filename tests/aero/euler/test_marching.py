@@ -297,9 +297,7 @@ def test_a_refusal_at_the_tip_states_what_helps(make_body: BodyMaker) -> None:
     with pytest.raises(FlowReachError) as error:
         solve_flow(body, 2.0, incidence, grid)
     message = str(error.value)
-    assert message.endswith(
-        "else take a spherical_cap as first [[profile]] with the rest as a table, or engine = 'newtonian'"
-    )
+    assert message.endswith("; else take engine = 'newtonian'")
     lowest = float(message.split("this tip needs M ")[1].split(" ")[0])
     assert solve_flow(body, lowest, incidence, grid).force[0] > 0.0
     with pytest.raises(FlowReachError, match="falls to 1"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from cone_theory import GAMMA, taylor_maccoll_pressure
 
+from builder.aero.euler.bodies import body_march
 from builder.aero.euler.bodies.full_body import solve_full_flow
 from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
 from builder.aero.euler.bodies.surface_function import cap_of
@@ -16,7 +17,7 @@ from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.starts import spherical_start
 from builder.aero.euler.starts.sphere_flow import solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
-from builder.vehicle.shape.profile_curves import spherical_cap
+from builder.vehicle.shape.profile_curves import Haack, PowerLaw, spherical_cap, with_end_angles
 from strainfmu.errors import FlowReachError
 
 COARSE = GRID_LEVELS["coarse"]
@@ -178,3 +179,82 @@ def test_only_spheres_are_caps() -> None:
     angle = radians(9.0)
     cone = Segment(start_x=0.0, end_x=1.0, start_radius=0.0, start_angle=angle, end_angle=angle)
     assert cap_of(BodyOfRevolution((cone,))) is None
+
+
+def von_karman(fineness: float) -> BodyOfRevolution:
+    """Return von Karman's ogive of diameter 0.2 m."""
+    size = {"start_x": 0.0, "start_radius": 0.0, "start_angle": 0.5 * pi, "end_angle": 0.0}
+    ogive = Haack(end_x=0.2 * fineness, base_radius=0.1, shape_factor=0.0, **size)
+    return chain_pieces([lambda x, radius: with_end_angles(ogive)])
+
+
+@cache
+def ogive_flow(mach_number: float, incidence_deg: float) -> FlowSolution:
+    return solve_flow(von_karman(3.0), mach_number, radians(incidence_deg), COARSE)
+
+
+def test_a_tip_of_infinite_slope_gets_the_cap_that_it_needs() -> None:
+    """Mach 2 at 6 deg, where no cone at the tip has an attached shock: force and momentum agree behind the cap."""
+    flow = ogive_flow(2.0, 6.0)
+    assert 0.0 < flow.capped_to < 0.02 * 0.6
+    assert np.linalg.norm(flow.force - flow.force_from_momentum) < 2e-5 * np.linalg.norm(flow.force)
+    assert flow.n_repairs == 0
+    station, pressure = flow.pieces[0]
+    assert station[0] == 0.0
+    assert station[-1] == pytest.approx(0.6, rel=0.01)
+    assert np.all(np.diff(station) > 0.0)
+    # The tip has the pitot pressure (Rayleigh, M 2: 5.640); a stream at 6 deg meets the sphere beside it.
+    assert ogive_flow(2.0, 0.0).pieces[0][1][0].mean() == pytest.approx(5.640, rel=1e-3)
+    assert pressure.max() == pytest.approx(5.640, rel=2e-3)
+
+
+def test_forces_converge_as_the_cap_shrinks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """C_A and C_N of caps that are made too long approach the forces of the smallest cap."""
+    body, smallest = von_karman(3.0), ogive_flow(2.0, 6.0)
+    at_smallest = coefficients(smallest, body)
+    differences, ends = [], []
+    for start in (1.4, 1.25):
+        monkeypatch.setattr(spherical_start, "START_MACH_NUMBER", start)
+        flow = solve_flow(body, 2.0, radians(6.0), COARSE)
+        ends.append(flow.capped_to)
+        differences.append(np.abs(coefficients(flow, body) - at_smallest))
+    assert ends[0] > ends[1] > smallest.capped_to
+    assert np.all(differences[1] < 0.25 * differences[0])
+    assert np.all(differences[1] < 0.025 * at_smallest)
+
+
+@pytest.mark.parametrize("incidence_deg", [0.0, 4.0])
+def test_where_the_tip_can_be_marched_a_cap_gives_the_same_forces(
+    incidence_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At Mach 3 a cone over the foremost hundredth is in reach; both starts agree in C_A, C_N and pressure aft."""
+    marched = ogive_flow(3.0, incidence_deg)
+    assert marched.capped_to == 0.0
+
+    def refused(*_: object) -> None:
+        raise FlowReachError("no conical start")
+
+    monkeypatch.setattr(body_march, "_conical_start", refused)
+    capped = solve_flow(von_karman(3.0), 3.0, radians(incidence_deg), COARSE)
+    assert 0.0 < capped.capped_to < 0.006
+    assert np.allclose(capped.force, marched.force, rtol=2e-3, atol=1e-6)
+    aft = [np.interp(0.3, x, pressure[:, -1]) for x, pressure in (capped.pieces[0], marched.pieces[0])]
+    assert aft[0] == pytest.approx(aft[1], rel=1e-3)
+
+
+@pytest.mark.fast
+def test_what_no_cap_can_help_is_refused() -> None:
+    """A cone has no slender end for a cap, and near M 1 the flow over the sphere itself is not found."""
+    for body, mach_number in ((sphere_cone(0.08, 9.0, 1.6), 1.2), (von_karman(3.0), 1.2)):
+        with pytest.raises(FlowReachError, match=r"outside the solver's reach"):
+            solve_flow(body, mach_number, 0.0, MarchingGrid(n_radial=8, n_circumferential=12))
+
+
+def test_a_paraboloid_is_marched_behind_its_sphere() -> None:
+    """r^2 = 2 R x is blunt: the tip has the pitot pressure, and wall force and momentum agree."""
+    size = {"start_x": 0.0, "start_radius": 0.0, "start_angle": 0.5 * pi, "end_angle": 0.0}
+    nose = with_end_angles(PowerLaw(end_x=0.4, base_radius=0.2, exponent=0.5, **size))
+    flow = solve_flow(chain_pieces([lambda x, radius: nose]), 6.0, 0.0, COARSE)
+    assert flow.capped_to > 0.0
+    assert flow.pieces[0][1].max() == pytest.approx(46.815, rel=1e-3)
+    assert np.linalg.norm(flow.force - flow.force_from_momentum) < 2e-4 * np.linalg.norm(flow.force)

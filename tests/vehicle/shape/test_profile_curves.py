@@ -183,7 +183,7 @@ def test_wrong_pieces_are_one_line(entries: list[dict[str, Any]], message: str) 
     assert "\n" not in str(caught.value)
 
 
-def test_blunt_tip_that_is_no_sphere_needs_another_engine_than_the_march(tmp_path: Path) -> None:
+def test_every_blunt_tip_is_marched_where_the_engine_is_euler(tmp_path: Path) -> None:
     def blunted(kind: str) -> str:
         return IC3X.read_text().replace(
             '[[profile]]\nkind = "cone"\nhalf_angle_deg = 5.0',
@@ -194,10 +194,11 @@ def test_blunt_tip_that_is_no_sphere_needs_another_engine_than_the_march(tmp_pat
     path = tmp_path / "blunt.toml"
     paraboloid = blunted('kind = "power_law"\nend_x_m = 0.03\nend_radius_m = 0.03\nexponent = 0.5')
     path.write_text(paraboloid)
-    with pytest.raises(InputError, match=r"aerodynamics.engine: expected 'newtonian' or 'table' with a blunt tip"):
-        load_vehicle(path)
+    assert truth_engine(load_vehicle(path)).name == "euler"
     path.write_text(paraboloid.replace('engine = "euler"', 'engine = "newtonian"'))
-    assert is_blunt(load_vehicle(path).body())
+    vehicle = load_vehicle(path)
+    assert is_blunt(vehicle.body())
+    assert truth_engine(vehicle).name == "newtonian"
     path.write_text(blunted('kind = "spherical_cap"\nnose_radius_m = 0.03\nend_half_angle_deg = 5.0'))
     vehicle = load_vehicle(path)
     assert is_blunt(vehicle.body())

@@ -6,7 +6,9 @@ begins with the free stream. That must turn at once by the whole angle of the ti
 detaches at a higher Mach number than the cone's: where it does, the cone is opened step by step from a slender
 one. A body that begins with a cone is done up to that cone's end; the rest is marched piece by piece, so that
 slope breaks are met exactly. Round a convex one the flow is led by :mod:`~builder.aero.euler.bodies.corner`.
-Behind a spherical tip :mod:`~builder.aero.euler.starts.spherical_start` gives the first plane.
+Behind a spherical tip :mod:`~builder.aero.euler.starts.spherical_start` gives the first plane. A curved tip whose
+conical flow is out of reach is replaced by the smallest sphere, tangent to the wall, behind which the march can
+begin; the tip has the sphere's pressure at the same inclination.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from math import atan, log
 import numpy as np
 
 from builder.aero.euler.bodies import corner
-from builder.aero.euler.bodies.surface_function import cone_wall
+from builder.aero.euler.bodies.surface_function import CappedBody, capped_body, cone_wall
 from builder.aero.euler.planes.flow import Flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.euler.planes.plane import (
@@ -35,7 +37,13 @@ from builder.aero.euler.scheme.gas import GAMMA, total_enthalpy
 from builder.aero.euler.scheme.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.scheme.reconstruction import Stream
 from builder.aero.euler.starts.relaxation import relax_cone
-from builder.aero.euler.starts.spherical_start import TIP_GRID_LENGTH, Cap, start_behind_cap, tip_grid
+from builder.aero.euler.starts.spherical_start import (
+    TIP_GRID_LENGTH,
+    Cap,
+    begin_angle,
+    start_behind_cap,
+    tip_grid,
+)
 from builder.vehicle.toml.limits import MACH_NUMBER
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
@@ -63,7 +71,8 @@ OGIVE_START = 0.01
 class Marched:
     """What a march over a body gives; see :class:`~builder.aero.euler.bodies.solver.FlowSolution`.
 
-    Forces (3,) along x, y, z are those on the body between the rays, over p_inf [m2].
+    Forces (3,) along x, y, z are those on the body between the rays, over p_inf [m2]; ``capped`` is the body that
+    was marched where a sphere stands for its tip.
     """
 
     pieces: tuple[tuple[FloatArray, FloatArray], ...]
@@ -73,6 +82,7 @@ class Marched:
     conical_change: float
     n_steps: int
     n_repairs: int
+    capped: CappedBody | None
 
 
 def march_body(
@@ -86,15 +96,14 @@ def march_body(
         The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum, the conical
         start does not settle or the flow over the spherical tip is not found.
     """
-    if cap is None:
-        start = _end_of_cone(pieces[0][0])
-        try:
-            plane, cone_pressure, change = _conical_start(pieces[0][0], start, rays, flow, grid)
-        except FlowReachError as error:
-            raise FlowReachError(f"{error}; {_ways_out(pieces[0][0], start, rays, flow, grid)}") from error
-        tip = (np.array([0.0, start]), np.stack([cone_pressure, cone_pressure]))
-    else:
-        plane, tip, change = _spherical_start(pieces[0], cap, rays, flow, grid)
+    try:
+        plane, tip, change, capped = _start(pieces, rays, flow, grid, cap)
+    except FlowReachError as error:
+        if cap is not None:
+            raise
+        raise FlowReachError(f"{error}; {_ways_out(pieces, rays, flow, grid)}") from error
+    if capped is not None:
+        pieces = capped.pieces
     solved: list[tuple[FloatArray, FloatArray]] = []
     for number, piece in enumerate(pieces):
         stations = [tip[0]] if number == 0 else []
@@ -110,6 +119,8 @@ def march_body(
                 stations.append(x)
                 pressures.append(pressure)
         solved.append((np.concatenate(stations), np.concatenate(pressures)))
+    if capped is not None:
+        solved = [capped.on_body(*piece) for piece in solved]
     momentum, mass_defect = momentum_balance(plane, pieces[-1][-1].radius[-1], flow.stream, grid)
     return Marched(
         pieces=tuple(solved),
@@ -119,7 +130,30 @@ def march_body(
         conical_change=change,
         n_steps=plane.n_steps,
         n_repairs=int(plane.repairs[0]),
+        capped=capped,
     )
+
+
+def _start(
+    pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid, cap: Cap | None
+) -> tuple[Plane, tuple[FloatArray, FloatArray], float, CappedBody | None]:
+    """Return the first plane, stations and p/p_inf ahead of it, the last change, and the body with a cap of ours.
+
+    That cap is the smallest behind which the march can begin, where the conical flow is out of reach; None where
+    the body's own tip is marched.
+    """
+    capped = None
+    if cap is None:
+        x = _end_of_cone(pieces[0][0])
+        try:
+            plane, pressure, change = _conical_start(pieces[0][0], x, rays, flow, grid)
+            return plane, (np.array([0.0, x]), np.stack([pressure, pressure])), change, None
+        except FlowReachError:
+            capped = capped_body(pieces, lambda: begin_angle(rays, flow, tip_grid(grid)))
+            if capped is None:
+                raise
+            pieces, cap = capped.pieces, capped.cap
+    return *_spherical_start(pieces[0], cap, rays, flow, grid), capped
 
 
 def _spherical_start(
@@ -261,15 +295,14 @@ def _conical_start(
     return plane, pressure, change
 
 
-def _ways_out(wall: Wall, x: float, rays: Rays, flow: Flow, grid: MarchingGrid) -> str:
-    """Return what helps where the flow over the tip is out of reach: Mach number, another tip, another engine."""
-    mach_number = _lowest_mach_number(wall, x, rays, flow, grid)
+def _ways_out(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid) -> str:
+    """Return what helps where the flow over the tip is out of reach: Mach number, another engine."""
+    mach_number = _lowest_mach_number(pieces, rays, flow, grid)
     mach = f"this tip needs M {mach_number:g} here" if mach_number else "no Mach number helps here"
-    cap = "" if rays.closed else "a spherical_cap as first [[profile]] with the rest as a table, or "
-    return f"{mach}; else take {cap}engine = 'newtonian'"
+    return f"{mach}; else take engine = 'newtonian'"
 
 
-def _lowest_mach_number(wall: Wall, x: float, rays: Rays, flow: Flow, grid: MarchingGrid) -> float | None:
+def _lowest_mach_number(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: MarchingGrid) -> float | None:
     """Return the lowest Mach number, in steps of 0.1, at which the flow over the tip is solved in this direction.
 
     That is a number above the flow's own; None if there is none up to the largest of a vehicle file.
@@ -280,7 +313,7 @@ def _lowest_mach_number(wall: Wall, x: float, rays: Rays, flow: Flow, grid: Marc
         u, v, w = (ratio * one for one in flow.stream[:3])
         stream = Stream(u=u, v=v, w=w, enthalpy=float(total_enthalpy(mach_number)))
         try:
-            _conical_start(wall, x, rays, Flow(mach_number, stream, flow.name), grid)
+            _start(pieces, rays, Flow(mach_number, stream, flow.name), grid, None)
         except FlowReachError:
             return False
         return True

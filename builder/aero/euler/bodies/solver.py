@@ -35,6 +35,8 @@ class FlowSolution:
         to its mean or of the shock radius; behind a spherical tip the largest residual of its flow.
     n_steps : marching steps taken after the start.
     n_repairs : states that fell back to first order to stay physical, after the start.
+    capped_to : station up to which a sphere stands for the tip [m], 0 where none does; forces are then those on
+        the body with the sphere, whose tip lies a little behind the body's own.
     """
 
     mach_number: float
@@ -47,6 +49,7 @@ class FlowSolution:
     conical_change: float
     n_steps: int
     n_repairs: int
+    capped_to: float = 0.0
 
 
 def free_stream_of(mach_number: float, angle_of_attack: float, sideslip_angle: float = 0.0) -> Stream:
@@ -97,4 +100,5 @@ def solve_flow(
         conical_change=marched.conical_change,
         n_steps=marched.n_steps,
         n_repairs=marched.n_repairs,
+        capped_to=0.0 if marched.capped is None else marched.capped.end,
     )

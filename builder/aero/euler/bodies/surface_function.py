@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
-from math import pi, sin
+from math import cos, pi, sin, tan
 from typing import Protocol
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.aero.euler.scheme.grid import Rays, Wall
+from builder.aero.euler.scheme.grid import Rays, Wall, find_wall
 from builder.aero.euler.starts.spherical_start import Cap
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, is_spherical
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
+from strainfmu.errors import FlowReachError, InputError
 
 KNOTS_PER_PIECE = 129
 KNOTS_PER_ARC = 33
 STEEPEST = np.deg2rad(89.0)
 """A tip of infinite slope is tabulated with this angle; the march begins behind it."""
+TIP_SAMPLES = 2000
+"""Stations at which the slope of a tip is looked up where a sphere stands for it."""
 
 
 class SurfaceFunction(Protocol):
@@ -88,6 +91,83 @@ def cap_of(body: BodyOfRevolution) -> Cap | None:
     if not is_spherical(first):
         return None
     return Cap(first.end_x / (1.0 - sin(first.end_angle)), 0.5 * pi - first.end_angle)
+
+
+@dataclass(frozen=True, eq=False)
+class CappedBody:
+    """A body of revolution whose tip is replaced by a sphere, tangent to the wall.
+
+    Attributes
+    ----------
+    cap : the sphere's part up to ``end``.
+    end : station on the body's wall at which the wall goes on [m].
+    shift : station of the sphere's foremost point [m], from which the walls of ``pieces`` count.
+    pieces : the wall from ``end`` on.
+    tip_station, tip_angle : (n,) stations [m] up to ``end``, and pi/2 less the wall's angle there [rad].
+    """
+
+    cap: Cap
+    end: float
+    shift: float
+    pieces: list[list[Wall]]
+    tip_station: FloatArray
+    tip_angle: FloatArray
+
+    def on_body(self, stations: FloatArray, pressure: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return stations on the body itself [m], and p/p_inf there, of ``stations`` from the sphere's tip [m].
+
+        The tip has the sphere's pressure at the same inclination.
+        """
+        on_cap = stations < self.end - self.shift
+        angle = np.arccos(1.0 - stations[on_cap] / self.cap.radius)
+        x = np.append(np.interp(angle, self.tip_angle, self.tip_station), stations[~on_cap] + self.shift)
+        # A pointed tip has no place for the steepest parts of the sphere.
+        kept = np.append(np.diff(x) > 0.0, True)
+        return x[kept], pressure[kept]
+
+
+def capped_body(pieces: list[list[Wall]], needed_angle: Callable[[], float]) -> CappedBody | None:
+    """Return the body of ``pieces`` with the smallest cap that reaches an angle [rad] round its centre.
+
+    None where the body is not of revolution, its first smooth piece does not begin steeper and become as slender
+    as the end of such a cap, or ``needed_angle`` is out of reach.
+    """
+    first = pieces[0][0]
+    if np.any(np.ptp(first.radius, axis=1) > 0.0) or np.ptp(first.slope) == 0.0:
+        return None
+    try:
+        slope = 1.0 / tan(needed_angle())
+    except FlowReachError:
+        return None
+    # A table of an infinite slope says nothing between its first two knots.
+    begin = first.x[1] if first.slope[0, 0] >= np.tan(STEEPEST) else first.x[0]
+    x = np.append(0.0, begin + (first.x[-1] - begin) * np.linspace(0.0, 1.0, TIP_SAMPLES) ** 2)
+    radii, slopes = np.empty((2, len(x), first.radius.shape[1]))
+    for station, radius, own_slope in zip(x, radii, slopes, strict=True):
+        find_wall(station, first, radius, own_slope)
+    slender = np.flatnonzero(slopes[:, 0] <= slope)
+    if not len(slender) or slender[0] == 0:
+        return None
+    last = int(slender[0])
+    end, radius = float(x[last]), float(radii[last, 0])
+    end_angle = float(np.arctan2(1.0, slopes[last, 0]))
+    cap = Cap(radius / sin(end_angle), end_angle)
+    shift = end - cap.radius * (1.0 - cos(end_angle))
+    behind = first.x > end
+    begun = Wall(
+        np.append(end, first.x[behind]) - shift,
+        np.vstack([radii[last], first.radius[behind]]),
+        np.vstack([slopes[last], first.slope[behind]]),
+    )
+    rest = [[wall._replace(x=wall.x - shift) for wall in piece] for piece in pieces]
+    return CappedBody(
+        cap=cap,
+        end=end,
+        shift=shift,
+        pieces=[[begun, *rest[0][1:]], *rest[1:]],
+        tip_station=x[: last + 1],
+        tip_angle=np.maximum.accumulate(np.arctan2(1.0, slopes[: last + 1, 0])),
+    )
 
 
 def _knots(segment: Segment) -> FloatArray:

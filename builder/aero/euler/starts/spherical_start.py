@@ -36,6 +36,8 @@ REACH_STEP_DEG = 5
 """Reaches of the sphere's flow are multiples of this: planes of many incidences share one."""
 KNOWN_REACH_DEG = 75
 LARGEST_REACH_DEG = 110
+LONGEST_CAP = radians(85.0)
+"""Largest angle round its centre of a cap that stands for another tip."""
 RINGS = 96
 """Rings over which the pressure on the cap is integrated; stations lie at every third of their edges."""
 BISECTIONS = 45
@@ -76,12 +78,14 @@ class CapStart:
     Attributes
     ----------
     plane : at the last of the stations; its force is that on the cap ahead of it.
+    angle : place of the plane on the cap, at its centre from the tip [rad].
     stations : (n,) from the tip [m].
     pressure : (n, n_phi) p/p_inf there.
     residual : of the sphere's flow.
     """
 
     plane: Plane
+    angle: float
     stations: FloatArray
     pressure: FloatArray
     residual: float
@@ -101,13 +105,24 @@ def start_behind_cap(cap: Cap, rays: Rays, flow: Flow, grid: MarchingGrid) -> Ca
             plane, mach_number = _cut(sphere, cap, angle, rays, flow.stream, grid)
             if mach_number >= LEAST_MACH_NUMBER:
                 stations, pressure = _wear_cap(sphere, cap, angle, plane, flow.stream)
-                return CapStart(plane, stations, pressure, sphere.residual)
+                return CapStart(plane, angle, stations, pressure, sphere.residual)
     except FlowReachError as error:
         raise flow.refusal(str(error).removeprefix("euler: ")) from error
     end = cap.radius * (1.0 - cos(cap.end_angle))
     raise flow.refusal(
         f"the axial Mach number is below {LEAST_MACH_NUMBER} where the spherical tip ends, x = {end:.4g} m,"
     )
+
+
+def begin_angle(rays: Rays, flow: Flow, grid: MarchingGrid) -> float:
+    """Return the angle at the centre of a sphere [rad] up to which a cap must reach for a march to begin on it.
+
+    Raises
+    ------
+    FlowReachError
+        As :func:`start_behind_cap`.
+    """
+    return start_behind_cap(Cap(1.0, LONGEST_CAP), rays, flow, grid).angle
 
 
 def _angles(cap: Cap, flow: Flow) -> Iterator[float]:
