@@ -33,7 +33,7 @@ from builder.inverse.solution import Problem
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
+from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

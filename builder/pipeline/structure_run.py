@@ -14,8 +14,8 @@ from builder.structure.external import influence_export, load_export
 from builder.structure.external.load_cases import load_cases
 from builder.structure.external.structure import external_structure
 from builder.structure.solid.case import solid_case, structure_case
-from builder.structure.solid.checks.reference_loads import mesh_error_line
-from builder.structure.solid.mesh.mesh_report import report_text
+from builder.structure.solid.checks import mesh_error_line
+from builder.structure.solid.mesh_checks import report_text
 from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.model import update_structure
 from builder.structure.structure_file import Structure, save_structure

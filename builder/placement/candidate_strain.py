@@ -21,8 +21,9 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import distinct_stations, response_to_fields, station_index
 from builder.structure.loads.fourier import fourier_structure
 from builder.structure.mapped_structure import mapped_fields
-from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauges.displaced_gauges import (
+from builder.structure.solid.case import SolidCase
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gauges import (
     AFT,
     AROUND,
     BACK,
@@ -31,13 +32,12 @@ from builder.structure.solid.gauges.displaced_gauges import (
     TURNED_BACK,
     displaced_name,
     displaced_on_surface,
+    surface_axes,
 )
-from builder.structure.solid.gauges.displaced_gauges import STEP as SOLID_STEP
-from builder.structure.solid.gauges.free_gauges import surface_axes
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL
-from builder.structure.solid.operators.surface_triangles import split_surface
+from builder.structure.solid.gauges import STEP as SOLID_STEP
+from builder.structure.solid.solid_mesh import EXTERNAL
 from builder.structure.solid.solution import solve_fields
+from builder.structure.solid.surface_load import split_surface
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
@@ -130,7 +130,7 @@ def fourier_strain(
 
 
 def solid_strain(
-    case: FreeCase,
+    case: SolidCase,
     snapshots: Snapshots,
     basis: PressureBasis,
     gauges: Gauges,
@@ -145,16 +145,16 @@ def solid_strain(
     InputError
         A gauge is not on its surface.
     """
-    moved = displaced_on_surface("", gauges, *surface_axes(case.mesh, gauges))
+    moved = displaced_on_surface("", gauges, *surface_axes(case.whole, gauges))
     own_part, moved_part, solved_part = _parts_of(progress, (0.1, 0.6, 1.0))
-    rows = [gauge_rows(case.mesh, gauges, with_twins=True, progress=own_part)]
+    rows = [gauge_rows(case.whole, gauges, with_twins=True, progress=own_part)]
     # All in one call: directions at one point share the search for it.
     together = _one_after_another(list(moved.values()))
-    rows.append(gauge_rows(case.mesh, together, near_surface=True, with_twins=True, progress=moved_part))
-    fields = mapped_fields(basis.fields, split_surface(case.mesh, EXTERNAL)[0], snapshots)
+    rows.append(gauge_rows(case.whole, together, near_surface=True, with_twins=True, progress=moved_part))
+    fields = mapped_fields(basis.fields, split_surface(case.whole, EXTERNAL)[0], snapshots)
     of_all = csr_array(vstack(rows))
     found = solve_fields(
-        case.mesh, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
+        case.whole, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
     )
     own, *others = np.split(found, 1 + len(moved))
     at = dict(zip(moved, others, strict=True))

@@ -10,8 +10,8 @@ import numpy as np
 
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.gauges.free_gauges import GaugeSurface
-from builder.structure.solid.mesh.solid_mesh import SolidMesh
+from builder.structure.solid.gauges import GaugeSurface
+from builder.structure.solid.solid_mesh import SolidMesh
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray, IntArray

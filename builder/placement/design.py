@@ -38,9 +38,8 @@ from builder.placement.relaxation import Relaxed, relaxed
 from builder.placement.rules import Rules
 from builder.placement.selection import best_of_starts, exchanged, greedy, marginal_worth, rounded
 from builder.reporting import Progress, Reporter
-from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauges.gauge_rows import gauges_at
+from builder.structure.solid.case import SolidCase, structure_case
+from builder.structure.solid.gauge_rows import gauges_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map_needs import why_linear
@@ -183,7 +182,6 @@ def placement_study(
     surface, case = structure.surface, None
     if not vehicle.is_of_revolution:
         solid = structure_case(vehicle, [vehicle.gauges.layout])
-        assert isinstance(solid, FreeCase)
         case = solid
     elif not isinstance(surface, SurfaceGrid) or vehicle.structure.model != "fourier":
         raise InputError(
@@ -193,7 +191,7 @@ def placement_study(
     ensemble = ensemble_of(vehicle, snapshots)
     own_layout = structure.layouts[vehicle.gauges.layout]
     bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
-    offered = grid_candidates(vehicle, grid) if case is None else surface_candidates(case.mesh, str(bonded), grid)
+    offered = grid_candidates(vehicle, grid) if case is None else surface_candidates(case.whole, str(bonded), grid)
     everything, kept = with_gauges(offered, keep) if keep is not None else (offered, [])
     everything, own = with_gauges(everything, own_layout)
     basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, snapshots, ensemble))
@@ -242,7 +240,7 @@ def placement_study(
     )
 
 
-def bonded_surface(case: FreeCase, layout: str) -> str:
+def bonded_surface(case: SolidCase, layout: str) -> str:
     """Return the surface of a free shape that the gauges of ``layout`` are bonded to, for the candidates too.
 
     Raises

@@ -25,19 +25,17 @@ from builder.structure.fourier.model import StructuralModel, place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
-from builder.structure.solid.case import solid_case
-from builder.structure.solid.checks.reference_loads import ELEMENT_FRACTION
-from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.mesh.gmsh_session import load_gmsh
-from builder.structure.solid.mesh.gmsh_wall import graded_wall_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
-from builder.structure.solid.mesh.swept_mesh import SweptSector, swept_wall
+from builder.structure.solid.case import SolidCase, solid_case
+from builder.structure.solid.checks import ELEMENT_FRACTION
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
-from builder.structure.solid.model import SolidCase
-from builder.structure.solid.operators.surface_triangles import triangulated_surface
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
 from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.solvers.solver import CYCLIC, named_back_end
+from builder.structure.solid.solver import CYCLIC, named_back_end
+from builder.structure.solid.surface_load import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
@@ -223,7 +221,7 @@ def _on_mesh(
     case: SolidCase, chosen: StudyMesh, snapshots: Snapshots, solver: str | None, progress: Progress
 ) -> tuple[MappedStructure, int]:
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
-    mesh = chosen.make(case.body, case.wall)
+    mesh = chosen.make(*case.of_revolution)
     whole = whole_mesh(mesh)
     rows = csr_array(vstack([_rows(mesh, gauges) for gauges in case.layouts.values()]))
     free_solver = None if isinstance(mesh, SweptSector) else solver

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import radians
 
 from builder.campaign.scheduling import Scheduling
-from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle.conditions.flight_conditions import (
     PUBLISHED_ALTITUDE,
     ConditionSet,

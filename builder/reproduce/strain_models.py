@@ -13,19 +13,19 @@ from builder.campaign.snapshots import Snapshots
 from builder.reporting import Progress
 from builder.reproduce.protocol import Sizes
 from builder.reproduce.readings import ALL
+from builder.reproduce.swept_tetrahedra import element_strain_rows, tetrahedral_sector
 from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauges.gauge_layouts import solid_gauges
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SUPPORT
-from builder.structure.solid.mesh.swept_mesh import SweptSector, full_mesh, swept_wall
-from builder.structure.solid.operators.matter import Matter
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.operators.surface_triangles import triangulated_surface
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.gauges import solid_gauges
+from builder.structure.solid.matter import Matter
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
 from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -54,7 +54,7 @@ class Structure:
     normal : (n_p, 3) outward unit normals of the triangles at the nodes.
     strain_operator : (n_d, n_p) strain per pressure at each node [1/Pa].
     mesh_error : (n_d,) error of each gauge's strain by the mesh, per amplitude of the reference loads [1/Pa]
-        (:mod:`builder.structure.solid.checks.reference_loads`).
+        (:mod:`builder.structure.solid.checks`).
     check : the same gauges on another mesh; None where there is none.
 
     Raises

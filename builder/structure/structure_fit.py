@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauges.displaced_gauges import is_displaced
-from builder.structure.solid.gauges.gauge_rows import Gauges
-from builder.structure.solid.model import AnyCase, support_entries
+from builder.structure.solid.case import SolidCase, structure_case
+from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.gauges import is_displaced
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -36,14 +34,8 @@ def structure_misfits(structure: Structure, vehicle: Vehicle) -> list[Misfit]:
         A layout of the vehicle file is wrong, or the wall does not fit the body.
     """
     case = structure_case(vehicle, used_layouts(vehicle))
-    if isinstance(case, FreeCase):
-        return [
-            *_extent_misfits(structure, case),
-            *_entry_misfits(structure.settings, case),
-            *_gauges(structure, case),
-        ]
     return [
-        *_body_misfits(structure, case.body),
+        *(_extent_misfits(structure, case) if case.body is None else _body_misfits(structure, case.body)),
         *_entry_misfits(structure.settings, case),
         *_gauges(structure, case),
     ]
@@ -92,9 +84,9 @@ def _body_misfits(structure: Structure, body: BodyOfRevolution) -> list[Misfit]:
     ]
 
 
-def _extent_misfits(structure: Structure, case: FreeCase) -> list[Misfit]:
+def _extent_misfits(structure: Structure, case: SolidCase) -> list[Misfit]:
     """Return the extents along x, y and z in which the surface of a free shape differs from its case's mesh."""
-    expected = np.ptp(case.mesh.node, axis=0)
+    expected = np.ptp(case.whole.node, axis=0)
     found = np.ptp(structure.point, axis=0)
     return [
         Misfit(entry=f"extent of the mesh along {axis}", expected=f"{wanted:.6g} m", found=f"{held:.6g} m")
@@ -103,46 +95,37 @@ def _extent_misfits(structure: Structure, case: FreeCase) -> list[Misfit]:
     ]
 
 
-def _entry_misfits(settings: Mapping[str, Any], case: AnyCase) -> list[Misfit]:
+def _entry_misfits(settings: Mapping[str, Any], case: SolidCase) -> list[Misfit]:
     """Return the entries of wall, material and support that differ; entries that a file lacks are not compared."""
-    wall, material = settings.get("wall", {}), settings.get("material", {})
-    if isinstance(case, FreeCase):
-        own, thickness = case.matter.material, case.thickness
-    else:
-        own, thickness = case.wall.material, case.wall.thickness
     numbers = [
-        ("structure.wall_thickness_mm", 1e3, thickness, wall.get("thickness_m")),
-        ("material.youngs_modulus_GPa", 1e-9, own.youngs_modulus, material.get("youngs_modulus_Pa")),
-        ("material.poisson_ratio", 1.0, own.poisson_ratio, material.get("poisson_ratio")),
+        ("structure.wall_thickness_mm", 1e3, "wall", "thickness_m"),
+        ("structure.solid_tip_length_m", 1.0, "wall", "solid_tip_length_m"),
+        ("material.youngs_modulus_GPa", 1e-9, "material", "youngs_modulus_Pa"),
+        ("material.poisson_ratio", 1.0, "material", "poisson_ratio"),
     ]
-    if not isinstance(case, FreeCase):
-        tip = ("structure.solid_tip_length_m", 1.0, case.wall.solid_tip_length, wall.get("solid_tip_length_m"))
-        numbers.insert(1, tip)
-    density = case.matter.density
-    if case.support is None and density is not None:
-        numbers.append(("material.density_kg_per_m3", 1.0, density, material.get("density_kg_per_m3")))
-    found = [
-        Misfit(entry=entry, expected=f"{factor * expected:.9g}", found=f"{factor * held:.9g}")
-        for entry, factor, expected, held in numbers
-        if held is not None and not isclose(held, expected, rel_tol=SAME)
-    ]
-    if isinstance(case, FreeCase):
-        masses, held_masses = case.matter.regions_and_masses(), settings.get("regions_and_masses", {})
-        if held_masses != masses:
-            entry = "structure.mesh_materials, point_masses and covers"
-            found.append(Misfit(entry=entry, expected=f"{masses}", found=f"{held_masses}"))
-    profile = [] if isinstance(case, FreeCase) else [list(one) for one in case.wall.profile]
+    if case.support is None:
+        numbers.append(("material.density_kg_per_m3", 1.0, "material", "density_kg_per_m3"))
+    found = []
+    for entry, factor, section, name in numbers:
+        expected, held = case.record[section].get(name), settings.get(section, {}).get(name)
+        if expected is not None and held is not None and not isclose(held, expected, rel_tol=SAME):
+            found.append(Misfit(entry=entry, expected=f"{factor * expected:.9g}", found=f"{factor * held:.9g}"))
+    masses, held_masses = case.record.get("regions_and_masses", {}), settings.get("regions_and_masses", {})
+    if held_masses != masses:
+        entry = "structure.mesh_materials, point_masses and covers"
+        found.append(Misfit(entry=entry, expected=f"{masses}", found=f"{held_masses}"))
+    wall, profile = settings.get("wall", {}), case.record["wall"].get("profile", [])
     if wall and wall.get("profile", []) != profile:
         found.append(
             Misfit(entry="structure.wall_thickness_at", expected=f"{profile}", found=f"{wall.get('profile', [])}")
         )
-    support, held_support = support_entries(case.support), settings.get("support")
+    support, held_support = case.record["support"], settings.get("support")
     if held_support is not None and held_support != support:
         found.append(Misfit(entry="structure.support", expected=_words(support), found=_words(held_support)))
     return found
 
 
-def _gauges(structure: Structure, case: AnyCase) -> list[Misfit]:
+def _gauges(structure: Structure, case: SolidCase) -> list[Misfit]:
     """Return the first layout that is missing, or has another gauge.
 
     Others may follow from it: the gauges displaced of [noise] are layouts, too.

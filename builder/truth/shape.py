@@ -28,10 +28,9 @@ from builder.structure.as_built.displaced import DisplacedGauges, refuse_others,
 from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase, flying_mesh
-from builder.structure.solid.free_model import on_other_mesh
-from builder.structure.solid.gauges.displaced_gauges import DISPLACED, displaced_name
+from builder.structure.solid.case import flying_mesh, second_mesh, structure_case
+from builder.structure.solid.gauges import DISPLACED, displaced_name
+from builder.structure.solid.model import on_other_mesh
 from builder.structure.structure_file import Structure
 from builder.truth.flights import Flights, pressures_at
 from builder.vehicle.conditions.flight_conditions import ConditionSet
@@ -113,8 +112,7 @@ def flying_structure(vehicle: Vehicle, known: Structure | None, reporter: Report
         return structure_of_check(vehicle, known, known.check)
     layout = vehicle.gauges.layout
     case = structure_case(vehicle, [layout])
-    assert isinstance(case, FreeCase)
-    other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else case.other
+    other = flying_mesh(vehicle) if vehicle.shape_kind == "sections" else second_mesh(case)
     if other is None:
         raise InputError(NO_SECOND_MESH)
     with reporter.stage("Structure: the vehicle that flies") as progress:

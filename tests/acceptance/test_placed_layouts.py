@@ -17,8 +17,8 @@ from bus_run import CYCLE, paced_bridge
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.gauge_placement import structure_of
 from builder.reporting import Silent
-from builder.structure.solid import free_case
-from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.structure.solid import case
+from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.can.machine import Result
 from strainfmu.can.options import BridgeOptions
@@ -61,7 +61,7 @@ def coarse() -> Iterator[None]:
     """Meshes of tests for the solid walls that are meshed here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(RESOLUTIONS, "coarse", SweptResolution(0.12, 1, 24))
-        patch.setattr(free_case, "CHECK_SIZE", 1.0)
+        patch.setattr(case, "CHECK_SIZE", 1.0)
         yield
 
 

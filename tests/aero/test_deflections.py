@@ -32,7 +32,7 @@ from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.mesh.mesh_import import read_mesh
+from builder.structure.solid.mesh_files import read_mesh
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError

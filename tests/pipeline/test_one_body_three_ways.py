@@ -12,8 +12,8 @@ import builder
 from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.swept_mesh import SweptResolution, full_mesh, swept_wall
+from builder.structure.solid.mesh_files import write_mesh
+from builder.structure.solid.swept_mesh import SweptResolution, full_mesh, swept_wall
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments, surface_grid

@@ -17,8 +17,8 @@ from builder.placement.limits import Limits
 from builder.reporting import Silent
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid import free_case
-from builder.structure.solid.mesh.swept_mesh import RESOLUTIONS, SweptResolution
+from builder.structure.solid import case
+from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry
 from strainfmu.errors import InputError
@@ -38,7 +38,7 @@ def with_layout(vehicle: Vehicle, entry: GaugeLayoutEntry) -> Vehicle:
 def coarse() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(RESOLUTIONS, "coarse", SweptResolution(0.12, 1, 24))
-        patch.setattr(free_case, "CHECK_SIZE", 1.0)
+        patch.setattr(case, "CHECK_SIZE", 1.0)
         yield
 
 

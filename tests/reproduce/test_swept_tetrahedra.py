@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.structure.solid.elements.element_faces import boundary_facets
-from builder.structure.solid.gauges.gauge_rows import gauges_at
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-from builder.structure.solid.mesh.swept_mesh import SweptResolution, SweptSector, full_mesh, swept_wall
-from builder.structure.solid.operators.matter import Matter
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.operators.surface_triangles import triangulated_surface
+from builder.reproduce.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.structure.solid.elements import boundary_facets
+from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.matter import Matter
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
 from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import triangulated_surface
+from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.errors import InputError

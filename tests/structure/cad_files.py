@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.solid.mesh.gmsh_session import ORIGIN, X_AXIS, gmsh_model
+from builder.structure.solid.gmsh_mesh import ORIGIN, X_AXIS, gmsh_model
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
 

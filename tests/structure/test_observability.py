@@ -20,13 +20,12 @@ from builder.structure.observability import (
     wave_names,
     wave_response,
 )
-from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauges.gauge_rows import gauges_at
-from builder.structure.solid.mesh.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
-from builder.structure.solid.operators.cyclic_operator import cyclic_problem
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.operators.surface_triangles import triangulated_surface
-from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
+from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, pressure_operator
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import triangulated_surface
+from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauges.layout import GaugeLayout

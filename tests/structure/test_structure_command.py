@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from small_ogive import FREE_FLIGHT, OUTER, PRESSURE, small, solved
 
-from builder.structure.solid.checks.reference_loads import largest_amplitude, reference_pressures
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.mesh_report import exact_wall
-from builder.structure.solid.mesh.swept_mesh import full_mesh, swept_wall
+from builder.structure.solid.checks import largest_amplitude, reference_pressures
+from builder.structure.solid.mesh_checks import exact_wall
+from builder.structure.solid.mesh_files import write_mesh
+from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, Structure, load_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle

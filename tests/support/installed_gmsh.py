@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from builder.structure.solid.mesh.gmsh_session import load_gmsh
+from builder.structure.solid.gmsh_mesh import load_gmsh
 from strainfmu.errors import StrainfmuError
 
 

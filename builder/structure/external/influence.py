@@ -15,9 +15,8 @@ from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains
 from builder.structure.external.thinned_nodes import thinned
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.gauges.gauge_rows import Gauges
-from builder.structure.solid.operators.surface_load import facet_pressure_load
-from builder.structure.solid.operators.surface_triangles import facet_triangles, split_facets
+from builder.structure.solid.gauge_rows import Gauges
+from builder.structure.solid.surface_load import facet_pressure_load, facet_triangles, split_facets
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from builder.structure.external.influence_file import Influence, write_influence
 from builder.structure.external.load_cases import strain_columns
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL
-from builder.structure.solid.mesh.swept_mesh import SweptMesh
-from builder.structure.solid.model import SolidCase, strain_per_force
-from builder.structure.solid.operators.surface_load import surface_nodes
+from builder.structure.solid.case import SolidCase
+from builder.structure.solid.model import strain_per_force
+from builder.structure.solid.solid_mesh import EXTERNAL
+from builder.structure.solid.surface_load import surface_nodes
+from builder.structure.solid.swept_mesh import SweptMesh
 
 
 def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:

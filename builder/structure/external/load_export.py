@@ -19,7 +19,7 @@ from builder.structure.external.strain_table import (
     NEEDED_COLUMNS,
     SUBCASE_COLUMN,
 )
-from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically

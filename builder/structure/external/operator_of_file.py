@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.mesh_check import MeshCheck
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_fields
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.profile_record import profile_record

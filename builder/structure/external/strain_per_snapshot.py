@@ -17,7 +17,7 @@ from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.load_cases import LoadCases, load_cases
 from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import StrainTable, SubcaseStrains, read_strain_table
-from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -41,7 +41,7 @@ def structure_of_strains(
 ) -> Structure:
     """Return the structure behind the strains of ``path``, on the surface of ``snapshots``.
 
-    ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.gauges.displaced_gauges`) may
+    ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.gauges`) may
     be missing: placement errors of gauges must then be 0. With ``results`` the table names subcases instead of
     strains.
 

@@ -1,7 +1,7 @@
 """Free flight of a body of revolution: its inertia balances the load, harmonic by harmonic.
 
 Only harmonics 0 and 1 move a rigid body: along the axis, and across it with a turn about the middle. As in
-:mod:`builder.structure.solid.operators.free_flight`, strain then does not depend on the nodes that hold the
+:mod:`builder.structure.solid.matter`, strain then does not depend on the nodes that hold the
 motions.
 """
 

@@ -15,7 +15,7 @@ from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure, four
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.solid import SolidStructure, solid_structure
 from builder.structure.solid.case import solid_case
-from builder.structure.solid.mesh_choice import MeshChoice, make_mesh, whole_mesh
+from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
@@ -91,8 +91,8 @@ def solid_structure_of(
     _refuse_unknown(vehicle, layout)
     case = solid_case(vehicle, [layout], mesh, solver_name)
     return solid_structure(
-        mesh=whole_mesh(make_mesh(case.body, case.wall, case.mesh)),
-        material=case.wall.material,
+        mesh=case.whole,
+        material=case.matter.material,
         gauges=case.layouts[layout],
         supports=None if case.support is None else [case.support],
         properties=properties or load_properties(vehicle),

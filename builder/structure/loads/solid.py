@@ -1,7 +1,7 @@
 """Known loads on the three-dimensional model.
 
 Nodal forces are arrays (n_dof,) [N], dof = 3 * node + component along body axes. The strains of all gauges are
-solved for once (adjoint, as in :mod:`~builder.structure.solid.strain_operator`), so that a load costs a product.
+solved for once (adjoint, as in :mod:`~builder.structure.solid.solution`), so that a load costs a product.
 """
 
 from __future__ import annotations
@@ -15,18 +15,23 @@ from scipy.sparse import csr_array
 
 from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations
 from builder.structure.loads.temperature import TemperatureField, wall_depth
-from builder.structure.solid.elements.closest_point import CurvedFacets, foot_point
-from builder.structure.solid.elements.element_faces import boundary_facets
-from builder.structure.solid.elements.elements import facet_shape_functions, reference_element, reference_facet
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import SweptMesh
-from builder.structure.solid.operators.free_flight import FreeFlight, free_flight
-from builder.structure.solid.operators.stiffness import CHUNK, physical_gradients
-from builder.structure.solid.operators.supports import Support, rigid_motions
-from builder.structure.solid.operators.surface_load import surface_points, vector_area
-from builder.structure.solid.solvers.solver import choose_solver
-from builder.structure.solid.strain_operator import held_problem
+from builder.structure.solid.elements import (
+    CurvedFacets,
+    boundary_facets,
+    facet_shape_functions,
+    foot_point,
+    reference_element,
+    reference_facet,
+)
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.matter import FreeFlight, free_flight
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.solution import held_problem
+from builder.structure.solid.solver import choose_solver
+from builder.structure.solid.stiffness import CHUNK, physical_gradients
+from builder.structure.solid.supports import Support, rigid_motions
+from builder.structure.solid.surface_load import surface_points, vector_area
+from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 

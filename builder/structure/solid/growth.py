@@ -17,10 +17,16 @@ from pathlib import Path
 import numpy as np
 
 from builder.structure.gauge_placement import gauge_layout, gauge_mesh
-from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauges_at
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SUPPORT
-from builder.structure.solid.mesh.swept_mesh import (
+from builder.structure.solid.cyclic import CyclicProblem, CyclicSolver, cyclic_problem, pressure_operator
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.problem import SolveStatistics
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
+from builder.structure.solid.solution import held_problem, strain_operator
+from builder.structure.solid.solver import CYCLIC, choose_solver, named_back_end
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import pressure_load
+from builder.structure.solid.swept_mesh import (
     REGION,
     RESOLUTIONS,
     SweptResolution,
@@ -28,13 +34,6 @@ from builder.structure.solid.mesh.swept_mesh import (
     full_mesh,
     swept_wall,
 )
-from builder.structure.solid.operators.cyclic_operator import CyclicProblem, cyclic_problem
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.operators.surface_load import pressure_load
-from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
-from builder.structure.solid.solvers.problem import SolveStatistics
-from builder.structure.solid.solvers.solver import CYCLIC, choose_solver, named_back_end
-from builder.structure.solid.strain_operator import held_problem, strain_operator
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.errors import InputError, StrainfmuError
@@ -62,7 +61,7 @@ class GrowthRow:
     seconds : from reading the vehicle to Z_p [s].
     peak_memory : of the process [byte].
     relative_residual, probe_residual : of the gauge rows and of loads that move the whole body, as in
-        :class:`~builder.structure.solid.solvers.problem.SolveStatistics`.
+        :class:`~builder.structure.solid.problem.SolveStatistics`.
     """
 
     solver: str

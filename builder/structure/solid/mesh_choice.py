@@ -9,13 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.solid.checks.locking import WallElements
-from builder.structure.solid.mesh.mesh_report import facet_size, facet_size_round_axis
-from builder.structure.solid.mesh.solid_mesh import INTERNAL, SolidMesh, same_elements
-from builder.structure.solid.mesh.swept_mesh import (
-    HEXAHEDRON,
+from builder.structure.solid.solid_mesh import SolidMesh, same_elements
+from builder.structure.solid.swept_mesh import (
     RESOLUTIONS,
-    SweptMesh,
     SweptResolution,
     SweptSector,
     full_mesh,
@@ -24,6 +20,9 @@ from builder.structure.solid.mesh.swept_mesh import (
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
+
+AnyMesh = SweptSector | SolidMesh
+"""A mesh, a swept one as its sector."""
 
 SWEPT, GMSH = "swept", "gmsh"
 CAD_FORMATS, TRIANGLE_FORMAT = (".step", ".stp"), ".stl"
@@ -110,7 +109,7 @@ class MeshChoice:
         return resolution if self.layers is None else replace(resolution, n_layers=self.layers)
 
 
-def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSector | SolidMesh:
+def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> AnyMesh:
     """Make or read the mesh; a swept one as its sector.
 
     Raises
@@ -126,9 +125,8 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
         raise InputError(f"structure.point_masses, structure.covers: {NONE_HERE}")
     if choice.source == SWEPT:
         return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
-    from builder.structure.solid.mesh.gmsh_files import step_mesh, stl_mesh
-    from builder.structure.solid.mesh.gmsh_wall import graded_wall_mesh
-    from builder.structure.solid.mesh.mesh_import import read_mesh
+    from builder.structure.solid.gmsh_mesh import graded_wall_mesh, step_mesh, stl_mesh
+    from builder.structure.solid.mesh_files import read_mesh
 
     relative = TETRAHEDRON_LENGTH[choice.resolution]
     if choice.file is None:
@@ -142,7 +140,7 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> SweptSe
     return read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
 
 
-def whole_mesh(mesh: SweptSector | SolidMesh) -> SolidMesh:
+def whole_mesh(mesh: AnyMesh) -> SolidMesh:
     """Return the mesh itself, or all sectors of a swept one."""
     return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
 
@@ -174,32 +172,3 @@ def coarser_sector(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> Sw
         return swept_wall(body, wall, choice.with_layers(RESOLUTIONS[choice.resolution]))
     coarser = COARSER.get(choice.resolution)
     return swept_wall(body, wall, choice.with_layers(COARSEST if coarser is None else RESOLUTIONS[coarser]))
-
-
-def wall_elements(
-    body: BodyOfRevolution, wall: Wall, mesh: SweptSector | SolidMesh, choice: MeshChoice
-) -> WallElements:
-    """Return how the wall is meshed where its elements are longest: what the locking check is run on.
-
-    Meshes made here are judged by the length of their elements round the axis, by which they are graded; a mesh
-    that is read is judged by its longest edges, whatever their direction.
-
-    Raises
-    ------
-    InputError
-        The mesh has no internal surface.
-    """
-    if isinstance(mesh, SweptSector):
-        round_base = 2.0 * np.pi * body.base_radius / mesh.n_sectors
-        # A support facet spans one element through the wall.
-        return WallElements(
-            element_type=HEXAHEDRON,
-            size=round_base,
-            layers=len(mesh.surface["support"]),
-            quadrature=SweptMesh.quadrature,
-        )
-    if choice.model == "imported":
-        size = facet_size(mesh, INTERNAL)
-    else:
-        size = facet_size_round_axis(mesh, INTERNAL, body.base_radius)
-    return WallElements(element_type=mesh.element_type, size=size, layers=max(1, round(wall.thickness / size)))

@@ -23,7 +23,7 @@ from builder.structure.external.structure import external_structure
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import solid_case
-from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError

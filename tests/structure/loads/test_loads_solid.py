@@ -24,10 +24,10 @@ from builder.structure.loads.gauge_strain import gauge_strain, load_resultant
 from builder.structure.loads.loaded_structure import LoadProperties, PointMass
 from builder.structure.loads.solid import SolidStructure, solid_structure
 from builder.structure.loads.temperature import temperature_mode, uniform_temperature
-from builder.structure.solid.gauges.gauge_rows import gauges_at
-from builder.structure.solid.mesh.solid_mesh import SUPPORT
-from builder.structure.solid.mesh.swept_mesh import full_mesh, swept_meridian
-from builder.structure.solid.operators.supports import Clamped
+from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.solid_mesh import SUPPORT
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.swept_mesh import full_mesh, swept_meridian
 from builder.structure.wall import Material
 
 METAL = Material(110e9, 0.31)

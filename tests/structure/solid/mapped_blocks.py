@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from builder.structure.solid.elements.element_faces import boundary_facets
-from builder.structure.solid.elements.elements import reference_nodes, shape_functions
-from builder.structure.solid.mesh.solid_mesh import SolidMesh
-from builder.structure.solid.operators.stiffness import assemble_stiffness
-from builder.structure.solid.operators.supports import free_motions
-from builder.structure.solid.solvers.superlu import factor_symmetric
+from builder.structure.solid.elements import boundary_facets, reference_nodes, shape_functions
+from builder.structure.solid.problem import factor_symmetric
+from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.stiffness import assemble_stiffness
+from builder.structure.solid.supports import free_motions
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 

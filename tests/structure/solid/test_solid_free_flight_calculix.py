@@ -9,17 +9,14 @@ import calculix_deck as calculix
 import numpy as np
 import pytest
 
-from builder.structure.solid.elements.element_faces import FACE_CORNERS
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.mesh_import import read_mesh
-from builder.structure.solid.mesh.ring_mesh import ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.operators.free_flight import free_flight
-from builder.structure.solid.operators.matter import Matter, PointMass
-from builder.structure.solid.operators.surface_load import pressure_load
-from builder.structure.solid.operators.surface_triangles import split_surface
+from builder.structure.solid.checks import ring_mesh
+from builder.structure.solid.elements import FACE_CORNERS
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.matter import Matter, PointMass, free_flight
+from builder.structure.solid.mesh_files import read_mesh, write_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.surface_load import pressure_load, split_surface
 from builder.structure.wall import Material
 
 pytestmark = [

@@ -11,10 +11,10 @@ from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.loads.solid import solid_structure
 from builder.structure.loads.temperature import temperature_mode
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.ring_mesh import ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SUPPORT
-from builder.structure.solid.operators.supports import Clamped
+from builder.structure.solid.checks import ring_mesh
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
+from builder.structure.solid.supports import Clamped
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 

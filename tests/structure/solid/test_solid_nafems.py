@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from mapped_blocks import Mapping3, Side, mapped_mesh, node_at, plane, solve_held, stress_at
 
-from builder.structure.solid.elements.elements import reference_element
-from builder.structure.solid.mesh.solid_mesh import SolidMesh
-from builder.structure.solid.operators.stiffness import physical_gradients
-from builder.structure.solid.operators.surface_load import pressure_load
+from builder.structure.solid.elements import reference_element
+from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.stiffness import physical_gradients
+from builder.structure.solid.surface_load import pressure_load
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 

@@ -9,14 +9,14 @@ import pytest
 from scipy.sparse import csr_array
 from solid_bodies import METAL, swept_tube
 
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import REGION
-from builder.structure.solid.operators.free_flight import determinate_support, free_flight
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.operators.surface_load import pressure_load
-from builder.structure.solid.solvers.solver import Solver, choose_solver
-from builder.structure.solid.strain_operator import displacement, forward_error, held_problem, strain_operator
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.matter import determinate_support, free_flight
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.solution import displacement, forward_error, held_problem, strain_operator
+from builder.structure.solid.solver import Solver, choose_solver
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.surface_load import pressure_load
+from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

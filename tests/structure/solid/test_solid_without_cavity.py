@@ -13,11 +13,11 @@ from solid_bodies import swept_tube
 
 from builder.reporting import Silent
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.checks.locking import check_solid_elements
-from builder.structure.solid.mesh.mesh_checks import check_mesh
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.checks import check_solid_elements
+from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.mesh_files import write_mesh
 from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

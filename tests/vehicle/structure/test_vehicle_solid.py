@@ -10,7 +10,7 @@ from changed_vehicle import load_changed
 
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.solid.case import solid_case, support_of
-from builder.structure.solid.operators.supports import Clamped, Foundation
+from builder.structure.solid.supports import Clamped, Foundation
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -30,7 +30,7 @@ def test_old_files_stay_valid(tmp_path: Path) -> None:
     assert vehicle.structure.model == "fourier"
     assert support_of(vehicle) == Clamped("support")
     case = solid_case(vehicle, ["configuration_1"])
-    assert case.mesh.resolution == "medium"
+    assert case.record["mesh"]["resolution"] == "medium"
     assert set(case.layouts["configuration_1"].surface) == {"internal"}
     assert not case.layouts["configuration_1"].length.any()
 
@@ -44,7 +44,7 @@ def test_supports_of_the_solid_model(tmp_path: Path) -> None:
         ('support = "clamped_aft"', 'support = "free_flight"'),
     )
     assert support_of(free) is None
-    assert solid_case(free, []).density == 4430.0
+    assert solid_case(free, []).matter.density == 4430.0
 
 
 def test_gauges_outside_and_of_a_length(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from builder.structure.external.load_cases import strain_columns
 from builder.structure.external.nastran.gauges import NastranPoint, read_nastran_gauges
 from builder.structure.external.nastran.results import NastranResults, read_nastran_results
-from builder.structure.solid.gauges.gauge_rows import Gauges
+from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 
 

@@ -8,16 +8,15 @@ import numpy as np
 import pytest
 
 from builder.reporting import Silent
-from builder.structure.solid.checks.locking import WARN_BELOW
-from builder.structure.solid.checks.reference_loads import fourier_reference_strain, largest_amplitude
-from builder.structure.solid.checks.wall_layers import layers_needed
-from builder.structure.solid.gauges.gauge_rows import gauges_at
-from builder.structure.solid.mesh.mesh_of_vehicle import mesh_misfits
-from builder.structure.solid.mesh.solid_mesh import SUPPORT, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import full_mesh, swept_wall
+from builder.structure.solid.case import SolidCase, case_of_body
+from builder.structure.solid.checks import WARN_BELOW, fourier_reference_strain, largest_amplitude, layers_needed
+from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.mesh_checks import mesh_misfits
 from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
-from builder.structure.solid.model import SolidCase, solve_solid_structure
-from builder.structure.solid.operators.supports import Clamped
+from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_mesh import SUPPORT, SolidMesh
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments
 
@@ -43,7 +42,7 @@ def thick_case(mesh: MeshChoice) -> SolidCase:
     inside = BODY.radius(x) - THICK.thickness / np.cos([0.0, 0.0, angle])
     position = np.column_stack([x, inside * np.sin(roll), inside * np.cos(roll)])
     gauges = gauges_at(position, np.column_stack([0.0 * x, np.cos(roll), -np.sin(roll)]))
-    return SolidCase(
+    return case_of_body(
         vehicle="thick wall",
         body=BODY,
         wall=THICK,

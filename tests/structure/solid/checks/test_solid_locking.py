@@ -9,7 +9,7 @@ from builder.structure.fourier.fourier_elasticity import assemble_stiffness, fac
 from builder.structure.fourier.meridian_mesh import tube_mesh
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.fourier.surface_load import pressure_load
-from builder.structure.solid.checks.locking import (
+from builder.structure.solid.checks import (
     LockingWarning,
     WallElements,
     check_locking,

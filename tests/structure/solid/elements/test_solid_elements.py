@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from solid_bodies import ELEMENT_TYPES, METAL, cube
 
-from builder.structure.solid.elements.elements import (
+from builder.structure.solid.elements import (
     FACET_DEGREE,
     facet_reference_nodes,
     facet_shape_functions,
@@ -18,10 +18,10 @@ from builder.structure.solid.elements.elements import (
     reference_nodes,
     shape_functions,
 )
-from builder.structure.solid.mesh.swept_mesh import REGION
-from builder.structure.solid.operators.stiffness import assemble_stiffness, element_stiffness
-from builder.structure.solid.operators.supports import free_motions, rigid_motions
-from builder.structure.solid.operators.surface_load import surface_nodes
+from builder.structure.solid.stiffness import assemble_stiffness, element_stiffness
+from builder.structure.solid.supports import free_motions, rigid_motions
+from builder.structure.solid.surface_load import surface_nodes
+from builder.structure.solid.swept_mesh import REGION
 from builder.structure.wall import Material
 from strainfmu.errors import InputError
 

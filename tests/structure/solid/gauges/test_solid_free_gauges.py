@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.structure.solid.gauges.free_gauges import GaugeSurface, free_gauges, surface_axes
-from builder.structure.solid.mesh.mesh_checks import check_mesh
-from builder.structure.solid.mesh.section_wall import section_wall
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL
-from builder.structure.solid.mesh.swept_mesh import SweptMesh, SweptResolution
+from builder.structure.solid.gauges import GaugeSurface, free_gauges, surface_axes
+from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
+from builder.structure.solid.swept_mesh import SweptMesh, SweptResolution, section_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauges.entries import GaugeLayoutEntry, Gauges

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from solid_bodies import cube, swept_tube, tube
 
-from builder.structure.solid.elements.closest_point import CurvedFacets, foot_point
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows, gauges_at, rosette
-from builder.structure.solid.mesh.ring_mesh import ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import full_mesh
+from builder.structure.solid.checks import ring_mesh
+from builder.structure.solid.elements import CurvedFacets, foot_point
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at, rosette
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.swept_mesh import full_mesh
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.structure.solid.elements.element_quality import determinant_ratio, scaled_jacobian, straighten_folded
-from builder.structure.solid.elements.elements import reference_nodes
-from builder.structure.solid.mesh.mesh_checks import check_mesh, refuse_doubled_nodes
-from builder.structure.solid.mesh.ring_mesh import FRONT, ring_mesh
-from builder.structure.solid.mesh.solid_mesh import (
+from builder.structure.solid.checks import FRONT, ring_mesh
+from builder.structure.solid.elements import determinant_ratio, reference_nodes, scaled_jacobian, straighten_folded
+from builder.structure.solid.mesh_checks import check_mesh, refuse_doubled_nodes
+from builder.structure.solid.solid_mesh import (
     EXTERNAL,
     INTERNAL,
     NODES_PER_ELEMENT,

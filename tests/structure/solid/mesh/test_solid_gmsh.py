@@ -10,13 +10,19 @@ import numpy as np
 import pytest
 from installed_gmsh import gmsh_or_skip
 
-from builder.structure.solid.mesh.gmsh_files import step_mesh, stl_mesh
-from builder.structure.solid.mesh.gmsh_session import ORIGIN, X_AXIS, gmsh_model
-from builder.structure.solid.mesh.gmsh_wall import STRETCH, graded_wall_mesh, wall_mesh
-from builder.structure.solid.mesh.mesh_checks import check_mesh
-from builder.structure.solid.mesh.mesh_import import read_mesh
-from builder.structure.solid.mesh.mesh_report import element_volumes, exact_wall, surface_area
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.gmsh_mesh import (
+    ORIGIN,
+    STRETCH,
+    X_AXIS,
+    gmsh_model,
+    graded_wall_mesh,
+    step_mesh,
+    stl_mesh,
+    wall_mesh,
+)
+from builder.structure.solid.mesh_checks import check_mesh, element_volumes, exact_wall, surface_area
+from builder.structure.solid.mesh_files import read_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_segments
 from strainfmu.errors import InputError, StrainfmuError

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.mesh_import import read_mesh
-from builder.structure.solid.mesh.ring_mesh import ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.checks import ring_mesh
+from builder.structure.solid.mesh_files import read_mesh, write_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

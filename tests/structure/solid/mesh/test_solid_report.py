@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.mesh_report import (
+from builder.structure.solid.checks import ring_mesh
+from builder.structure.solid.mesh_checks import (
     element_volumes,
     exact_wall,
     facet_size,
@@ -15,9 +15,9 @@ from builder.structure.solid.mesh.mesh_report import (
     report_text,
     surface_area,
 )
-from builder.structure.solid.mesh.ring_mesh import ring_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, NODES_PER_ELEMENT, SUPPORT
-from builder.structure.solid.mesh.swept_mesh import full_mesh, swept_wall
+from builder.structure.solid.mesh_files import write_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, NODES_PER_ELEMENT, SUPPORT
+from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.errors import InputError, StrainfmuError

@@ -13,12 +13,19 @@ from builder.aero.mapping.report import MappingTolerances, check_mapping, mappin
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
-from builder.structure.solid.elements.element_faces import boundary_facets, face_keys
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.mesh_checks import check_mesh
-from builder.structure.solid.mesh.section_wall import section_wall
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-from builder.structure.solid.mesh.swept_mesh import (
+from builder.structure.solid.elements import boundary_facets, face_keys
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.mesh_checks import check_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
+from builder.structure.solid.stiffness import assemble_stiffness, sector_stiffness
+from builder.structure.solid.surface_load import (
+    pressure_load,
+    surface_nodes,
+    surface_points,
+    triangulated_surface,
+    vector_area,
+)
+from builder.structure.solid.swept_mesh import (
     BORE,
     HEXAHEDRON,
     REGION,
@@ -26,16 +33,9 @@ from builder.structure.solid.mesh.swept_mesh import (
     SweptResolution,
     SweptSector,
     full_mesh,
+    section_wall,
     swept_wall,
 )
-from builder.structure.solid.operators.stiffness import assemble_stiffness, sector_stiffness
-from builder.structure.solid.operators.surface_load import (
-    pressure_load,
-    surface_nodes,
-    surface_points,
-    vector_area,
-)
-from builder.structure.solid.operators.surface_triangles import triangulated_surface
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import (
     BodyOfRevolution,

@@ -12,15 +12,12 @@ from changed_vehicle import change
 from solid_bodies import cube, swept_tube
 
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.free_case import FreeCase
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.mesh_export import write_mesh
-from builder.structure.solid.mesh.mesh_import import read_mesh
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.operators.free_flight import free_flight
-from builder.structure.solid.operators.matter import Matter, PointMass, carried_inertia
-from builder.structure.solid.operators.supports import rigid_motions
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.matter import Matter, PointMass, carried_inertia, free_flight
+from builder.structure.solid.mesh_files import read_mesh, write_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.supports import rigid_motions
 from builder.structure.wall import Material
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.errors import InputError
@@ -109,7 +106,6 @@ def finned(folder: Path, *changes: tuple[str, str]) -> Path:
 
 def test_entries_of_the_vehicle_file(tmp_path: Path) -> None:
     case = structure_case(load_vehicle(finned(tmp_path)), ["body"])
-    assert isinstance(case, FreeCase)
     assert case.matter.materials(("wall",))["wall"].youngs_modulus == 200e9
     assert case.matter.densities(("wall",)) == {"wall": 7850.0}
     assert case.matter.points == (PointMass(mass=3.0, position=(1.1, 0.0, 0.02), surface="support"),)

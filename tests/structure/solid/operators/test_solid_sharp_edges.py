@@ -8,9 +8,8 @@ from solid_bodies import cube
 
 from builder.aero.mapping.pressure_map import pressure_map
 from builder.aero.mapping.report import mapping_report
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.operators.surface_load import pressure_load
-from builder.structure.solid.operators.surface_triangles import split_surface, triangulated_surface
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.surface_load import pressure_load, split_surface, triangulated_surface
 
 pytestmark = pytest.mark.fast
 

@@ -8,12 +8,11 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 from solid_bodies import METAL, cube, swept_tube
 
-from builder.structure.solid.gauges.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import REGION
-from builder.structure.solid.operators.free_flight import determinate_support, free_flight
-from builder.structure.solid.operators.stiffness import assemble_stiffness
-from builder.structure.solid.operators.supports import (
+from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.matter import determinate_support, free_flight
+from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.stiffness import assemble_stiffness
+from builder.structure.solid.supports import (
     Clamped,
     Foundation,
     Restraint,
@@ -23,7 +22,8 @@ from builder.structure.solid.operators.supports import (
     restrain,
     rigid_motions,
 )
-from builder.structure.solid.operators.surface_load import pressure_load, surface_nodes
+from builder.structure.solid.surface_load import pressure_load, surface_nodes
+from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

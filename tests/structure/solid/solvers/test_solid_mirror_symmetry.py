@@ -10,13 +10,11 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scipy.sparse.linalg import norm
 from solid_bodies import METAL, swept_tube
 
-from builder.structure.solid.mesh.solid_mesh import SUPPORT, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import REGION
-from builder.structure.solid.operators.supports import Clamped
-from builder.structure.solid.solvers.mirror_symmetry import symmetric_parts
-from builder.structure.solid.solvers.problem import SparseProblem
-from builder.structure.solid.solvers.superlu import SUPERLU, factor_symmetric
-from builder.structure.solid.strain_operator import held_problem
+from builder.structure.solid.problem import SUPERLU, SparseProblem, factor_symmetric, symmetric_parts
+from builder.structure.solid.solid_mesh import SUPPORT, SolidMesh
+from builder.structure.solid.solution import held_problem
+from builder.structure.solid.supports import Clamped
+from builder.structure.solid.swept_mesh import REGION
 
 pytestmark = pytest.mark.fast
 

@@ -14,30 +14,32 @@ from scipy.sparse import block_diag, csr_array, eye_array
 from scipy.sparse.linalg import eigsh
 from solid_bodies import METAL, cube, swept_tube, tube
 
-from builder.structure.solid.mesh.solid_mesh import SUPPORT
-from builder.structure.solid.mesh.swept_mesh import REGION
-from builder.structure.solid.operators.cyclic_operator import cyclic_problem
-from builder.structure.solid.operators.stiffness import assemble_stiffness
-from builder.structure.solid.operators.supports import Clamped, Symmetric
-from builder.structure.solid.solvers.back_end import BackEnd, importable
-from builder.structure.solid.solvers.iterative import IterationLimits, multigrid_solver
-from builder.structure.solid.solvers.petsc import PYTHON_VARIABLE, RANKS_VARIABLE, MpiLaunch, petsc_back_end
-from builder.structure.solid.solvers.problem import (
+from builder.structure.solid.cyclic import cyclic_problem
+from builder.structure.solid.petsc import PYTHON_VARIABLE, RANKS_VARIABLE, MpiLaunch, petsc_back_end
+from builder.structure.solid.problem import (
     RESIDUAL_BOUND,
+    SUPERLU,
+    BackEnd,
     SolverError,
     SparseProblem,
     checked_residual,
+    importable,
     relative_residual,
     unheld_problem,
 )
-from builder.structure.solid.solvers.solver import (
+from builder.structure.solid.solid_mesh import SUPPORT
+from builder.structure.solid.solution import held_problem
+from builder.structure.solid.solver import (
     BACK_ENDS,
+    IterationLimits,
     SparseSolver,
     choose_solver,
+    multigrid_solver,
     named_back_end,
 )
-from builder.structure.solid.solvers.superlu import SUPERLU
-from builder.structure.solid.strain_operator import held_problem
+from builder.structure.solid.stiffness import assemble_stiffness
+from builder.structure.solid.supports import Clamped, Symmetric
+from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

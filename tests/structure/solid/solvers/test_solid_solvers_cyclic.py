@@ -11,27 +11,28 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 from solid_bodies import METAL, tube
 
-from builder.structure.solid.elements.element_faces import element_faces
-from builder.structure.solid.gauges.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauges.gauge_rows import Gauges, gauge_rows, gauges_at
-from builder.structure.solid.growth import growth_rows, growth_table, layout_gauges, sector_of_size
-from builder.structure.solid.mesh.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.mesh.swept_mesh import GUIDED, REGION, SweptSector, full_mesh
-from builder.structure.solid.operators.cyclic_operator import (
+from builder.structure.solid.cyclic import (
     CircularOperator,
     CyclicProblem,
+    CyclicSolver,
     cyclic_problem,
+    pressure_operator,
+    shifted_rows,
     to_body_axes,
     to_sector_frames,
 )
-from builder.structure.solid.operators.stiffness import sector_stiffness
-from builder.structure.solid.operators.supports import Clamped, Foundation, Support, Symmetric
-from builder.structure.solid.operators.surface_load import pressure_load, surface_nodes
-from builder.structure.solid.solvers.cyclic import CyclicSolver, pressure_operator
-from builder.structure.solid.solvers.problem import SolverError
-from builder.structure.solid.solvers.shifted_rows import shifted_rows
-from builder.structure.solid.solvers.solver import choose_solver
-from builder.structure.solid.strain_operator import held_problem, strain_operator
+from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
+from builder.structure.solid.elements import element_faces
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
+from builder.structure.solid.growth import growth_rows, growth_table, layout_gauges, sector_of_size
+from builder.structure.solid.problem import SolverError
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.solution import held_problem, strain_operator
+from builder.structure.solid.solver import choose_solver
+from builder.structure.solid.stiffness import sector_stiffness
+from builder.structure.solid.supports import Clamped, Foundation, Support, Symmetric
+from builder.structure.solid.surface_load import pressure_load, surface_nodes
+from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray

@@ -1,1 +1,0 @@
-"""Volume meshes with named surfaces: swept, of sections, by Gmsh or of other programs; checked and described."""
