@@ -110,15 +110,9 @@ def displaced_gauges(layout: str, gauges: Gauges, body: BodyOfRevolution) -> dic
     angle, zero = body.angle(x), np.zeros(len(x))
     aft = np.column_stack([np.cos(angle), np.sin(angle) * np.sin(roll), np.sin(angle) * np.cos(roll)])
     around = np.column_stack([zero, np.cos(roll), -np.sin(roll)])
-    found = {
-        AFT: replace(gauges, position=gauges.position + STEP * aft),
-        FORE: replace(gauges, position=gauges.position - STEP * aft),
-        AROUND: _rolled(gauges, STEP / radius),
-        BACK: _rolled(gauges, -STEP / radius),
-        TURNED_AROUND: _turned(gauges, aft, around, 1.0),
-        TURNED_BACK: _turned(gauges, aft, around, -1.0),
-    }
-    return {displaced_name(layout, how): one for how, one in found.items()}
+    rolled = {AROUND: _rolled(gauges, STEP / radius), BACK: _rolled(gauges, -STEP / radius)}
+    by_name = {displaced_name(layout, how): one for how, one in rolled.items()}
+    return displaced_on_surface(layout, gauges, aft, around) | by_name
 
 
 def displaced_on_surface(layout: str, gauges: Gauges, aft: FloatArray, around: FloatArray) -> dict[str, Gauges]:
@@ -126,15 +120,13 @@ def displaced_on_surface(layout: str, gauges: Gauges, aft: FloatArray, around: F
 
     ``aft`` and ``around`` (n, 3) are unit vectors in the surface, along x and towards the roll angle.
     """
-    found = {
-        AFT: replace(gauges, position=gauges.position + STEP * aft),
-        FORE: replace(gauges, position=gauges.position - STEP * aft),
-        AROUND: replace(gauges, position=gauges.position + STEP * around),
-        BACK: replace(gauges, position=gauges.position - STEP * around),
+    steps = {AFT: STEP * aft, FORE: -STEP * aft, AROUND: STEP * around, BACK: -STEP * around}
+    moved = {how: replace(gauges, position=gauges.position + step) for how, step in steps.items()}
+    turned = {
         TURNED_AROUND: _turned(gauges, aft, around, 1.0),
         TURNED_BACK: _turned(gauges, aft, around, -1.0),
     }
-    return {displaced_name(layout, how): one for how, one in found.items()}
+    return {displaced_name(layout, how): one for how, one in (moved | turned).items()}
 
 
 def _rolled(gauges: Gauges, angle: FloatArray) -> Gauges:

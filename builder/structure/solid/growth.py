@@ -17,21 +17,18 @@ from pathlib import Path
 import numpy as np
 
 from builder.structure.gauge_placement import gauge_layout, gauge_mesh
-from builder.structure.solid.cyclic import CyclicProblem, CyclicSolver, cyclic_problem, pressure_operator
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauges_at
-from builder.structure.solid.problem import SolveStatistics
-from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT
-from builder.structure.solid.solution import held_problem, strain_operator
-from builder.structure.solid.solver import CYCLIC, choose_solver, named_back_end
+from builder.structure.solid.matter import Matter
+from builder.structure.solid.problem import peak_memory
+from builder.structure.solid.solid_mesh import SUPPORT
+from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.solver import CYCLIC, named_back_end
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.surface_load import pressure_load
 from builder.structure.solid.swept_mesh import (
-    REGION,
     RESOLUTIONS,
     SweptResolution,
     SweptSector,
-    full_mesh,
     swept_wall,
 )
 from builder.structure.wall import wall_of
@@ -120,29 +117,18 @@ def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
     start = time.perf_counter()
     vehicle = load_vehicle(path)
     sector = sector_of_size(vehicle, n_dof)
-    materials, supports = {REGION: wall_of(vehicle).material}, [Clamped(SUPPORT)]
+    matter = Matter(material=wall_of(vehicle).material, density=None)
     rows = cyclic_gauge_rows(sector, layout_gauges(vehicle))
-    statistics: SolveStatistics
-    if solver_name == CYCLIC:
-        problem: CyclicProblem = cyclic_problem(sector, materials, supports)
-        cyclic = CyclicSolver(problem)
-        z = cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL))
-        statistics = cyclic.statistics
-    else:
-        mesh = full_mesh(sector)
-        direct = choose_solver(held_problem(mesh, materials, supports), solver_name)
-        z = strain_operator(rows, direct, pressure_load(mesh, EXTERNAL))
-        statistics = direct.statistics
-    seconds = time.perf_counter() - start
+    solved = solve_strain(sector, matter, Clamped(SUPPORT), rows, solver_name)
     return GrowthRow(
         solver=solver_name,
-        n_dof=statistics.n_dof,
-        n_gauges=z.shape[0],
-        n_pressures=z.shape[1],
-        seconds=seconds,
-        peak_memory=statistics.peak_memory,
-        relative_residual=statistics.relative_residual,
-        probe_residual=statistics.probe_residual,
+        n_dof=sector.n_sectors * sector.n_dof,
+        n_gauges=len(solved.strain_operator),
+        n_pressures=solved.strain_operator.shape[1],
+        seconds=time.perf_counter() - start,
+        peak_memory=peak_memory(),
+        relative_residual=solved.statistics["relative_residual"],
+        probe_residual=solved.statistics["probe_residual"],
     )
 
 

@@ -219,7 +219,15 @@ def _solved(
     progress: Progress | None,
     of_forces: bool = False,
 ) -> StrainSolution:
-    return solve_strain(mesh, case.matter, case.support, rows, solver, progress, of_forces)
+    return solve_strain(
+        mesh,
+        matter=case.matter,
+        support=case.support,
+        rows=rows,
+        solver_name=solver,
+        progress=progress,
+        of_forces=of_forces,
+    )
 
 
 def _loaded_surface(mesh: AnyMesh) -> SurfaceMesh:

@@ -121,27 +121,6 @@ def displacement(
     return np.asarray(shaped[0] if pressure.ndim == 1 else shaped)
 
 
-def forward_error(
-    z: FloatArray,
-    rows: csr_array,
-    solver: Solver,
-    load: csr_array,
-    pressure: FloatArray,
-    flight: FreeFlight | None = None,
-) -> float:
-    """Return the largest difference of Z_p p from B u(p), over the largest strain.
-
-    Parameters
-    ----------
-    z : (n_gauges, n_p) [1/Pa], from adjoint solutions.
-    rows, solver, load, flight : as in :func:`strain_operator`.
-    pressure : (n_p, k) [Pa], k forward solutions.
-    """
-    field = displacement(solver, load, pressure, flight).reshape(pressure.shape[1], -1)
-    strain = rows @ field.T
-    return float(np.abs(z @ pressure - strain).max() / np.abs(strain).max())
-
-
 FIELDS_AT_ONCE = 4
 """Pressures that are solved for together; the residual of their sum is checked, which grows with their number."""
 
