@@ -298,7 +298,7 @@ def _meshes(vehicle: Vehicle, resolution: str) -> tuple[SolidMesh, SolidMesh | N
 
 
 def second_mesh(case: SolidCase) -> SolidMesh | None:
-    """Return the mesh with which that of a case is compared, None where there is none."""
+    """Return the mesh with which the mesh of a case is compared, None where there is none."""
     return None if case.other is None else whole_mesh(case.other[1](case.whole))
 
 
