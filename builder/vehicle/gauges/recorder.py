@@ -12,15 +12,15 @@ Strain = Annotated[float, Field(ge=0.0, le=1e5)]
 
 
 class Recorder(Section):
-    """Errors of the readings, besides the noise of the gauges in [noise]; 0 by default, all of them.
+    """Errors of the readings in addition to the noise of the gauges in [noise], all 0 by default.
 
-    ``noise_um_per_m`` is the standard deviation of an amplifier's noise, one for all or one of each gauge in
-    use. Readings have steps of 2 ``range_um_per_m`` over 2 to the power of ``bits``. A hum has the
-    amplitude ``pickup_um_per_m``, the same in all readings (``pickup`` "common") or of each cable ("cable"). A
-    scanner reads one gauge after another, in their order, ``channel_ms`` apart from the time of the sample on: in
-    turns of the angular rate ``turn_deg_per_s`` across the axis gauges read different flights. Gauges for
-    another metal leave ``mismatch_um_per_m_per_K`` of the wall's expansion uncompensated, while the wall is
-    ``gradient_K`` warmer at the aft end than at the nose. Rate and gradient are standard deviations.
+    ``noise_um_per_m`` is the standard deviation of an amplifier's noise, one for all or one of each gauge in use.
+    Readings have steps of 2 ``range_um_per_m`` over 2 to the power of ``bits``. A hum has the amplitude
+    ``pickup_um_per_m``, the same in all readings (``pickup`` "common") or of each cable ("cable"). A scanner reads
+    the gauges in order, ``channel_ms`` apart: in turns of the angular rate ``turn_deg_per_s`` across the axis they
+    read different flights. Gauges for another metal leave ``mismatch_um_per_m_per_K`` of the wall's expansion
+    uncompensated, while the wall is ``gradient_K`` warmer at the aft end than at the nose. Rate and gradient are
+    standard deviations.
     """
 
     noise_um_per_m: Strain | list[Strain] = 0.0

@@ -45,10 +45,10 @@ class InertialUnit(Section):
     """Accelerometers along x, y, z [m/s2] and angular acceleration about y and z [rad/s2], from angular rates.
 
     Accelerometers read the specific force where the unit is: total load over mass, and angular acceleration times
-    distance from the centre of mass, ``center_x_m``. ``inertia_kg_m2`` is that about y and z. Errors of mass,
-    inertia and centre are common to all readings; ``accelerometer_gain_percent`` and ``angular_gain_percent`` are
-    of each on its own. ``thrust_std_N`` is the error of the thrust that is taken off. Without ``angular`` there
-    are no angular accelerations.
+    distance from the centre of mass, ``center_x_m``. ``inertia_kg_m2`` is the moment of inertia about y and z.
+    Errors of mass, inertia and centre are common to all readings; ``accelerometer_gain_percent`` and
+    ``angular_gain_percent`` are independent from reading to reading. ``thrust_std_N`` is the error of the thrust
+    that is subtracted. Without ``angular`` there are no angular accelerations.
     """
 
     x_m: Station
@@ -180,12 +180,12 @@ class Fibre(Section):
 
 
 class Sensors(Section):
-    """Sensors in addition to the strain gauges, in the same estimate of the linear estimator.
+    """Sensors in addition to the strain gauges.
 
-    Inertial unit and load cells feel base pressure and friction, which are no pressure on the fore-body: both are
-    nuisances. The base has ``base_pressure_ratio`` times p_inf with a standard deviation of
-    ``base_pressure_percent`` of p_inf, on the reference area or ``base_area_m2``; friction adds ``friction_C_A``
-    with ``friction_C_A_std``.
+    Inertial unit and load cells also respond to base pressure and friction, which are errors here. The base has
+    ``base_pressure_ratio`` times p_inf with a standard deviation of ``base_pressure_percent`` of p_inf, on the
+    reference area or ``base_area_m2``; friction adds ``friction_C_A`` with
+    ``friction_C_A_std``.
     """
 
     ports: Ports | None = None

@@ -15,19 +15,17 @@ Percent = Annotated[float, Field(ge=0.0, le=50.0)]
 class Calibration(Section):
     """Tolerances of the vehicle as built, one standard deviation each: the prior of `strainfmu calibrate`.
 
-    Gain, orientation, position, transverse sensitivity and zero are of each gauge on its own; common gain and
-    layout roll of all gauges together. The default of the zero leaves it free: a recorder's zero says nothing of
-    the vehicle. The wall's thickness is one number for each region of the wall, and so
-    are cosine and sine part of its first harmonic round the body. The taper of a region, what it is thicker at
-    its aft end, and both parts of the second harmonic are taken for zero, and the test says whether they are.
-    ``mass_percent`` is of the vehicle's own weight and inertia, which load it in the attitudes of a test,
-    ``region_mass_percent`` of each region's on its own. The clamp yields along and across the body as
-    ``clamp_compliance_mm`` of the wall's material would under the same traction; its motion as a whole strains
-    nothing. ``region_modulus_percent`` is the error of Young's modulus of each region in addition to the common
-    one. ``row_orientation_deg`` is a turn of all gauges at one roll angle. Joints at ``joint_stations_m`` of the
-    wall yield as ``joint_softness_mm`` of its material would in addition; there are none by default.
-    ``wall_region_ends_m`` are the stations between the regions behind the solid tip; by default there are four
-    regions of one length.
+    Gain, orientation, position, transverse sensitivity and zero offset are independent from gauge to gauge; common
+    gain and clocking error are of all gauges together. The default of the zero offset leaves it free. The wall's
+    thickness is one number for each region of the wall, and so are cosine and sine part of its first harmonic
+    round the body. The taper of a region, its extra thickness at the aft end, and both parts of the second
+    harmonic are 0 unless the readings contradict. ``mass_percent`` is of the vehicle's own weight and inertia,
+    ``region_mass_percent`` of each region's. The clamp yields along and across the body as ``clamp_compliance_mm``
+    of the wall's material would under the same traction; its rigid motion gives no strain.
+    ``region_modulus_percent`` is the error of Young's modulus of each region in addition to the common one.
+    ``row_orientation_deg`` turns all gauges at one roll angle. Joints at ``joint_stations_m`` of the wall yield as
+    ``joint_softness_mm`` of its material would in addition; there are none by default. ``wall_region_ends_m`` are
+    the stations between the regions behind the solid tip; by default there are four regions of one length.
     """
 
     gauge_gain_percent: Percent = 1.0

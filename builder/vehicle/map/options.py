@@ -89,40 +89,38 @@ class BendingMoment(Section):
 class MapEntry(Section):
     """The inverse map.
 
-    ``case`` 1 keeps at most ``modes`` POD modes, those that the gauges observe, and solves by least squares; 2
-    takes the snapshots as a Gaussian prior, all of them or ``prior_modes`` POD modes. ``gamma`` is Case 2's: a
-    number, or the rule that finds it.
+    ``case`` 1 solves for at most ``modes`` observable POD modes by least squares; 2 has the snapshots, or
+    ``prior_modes`` POD modes, as a Gaussian prior. ``gamma`` of Case 2 is a number, or the rule that chooses it.
     ``inner_product`` is the inner product of the POD. ``keep_field`` writes the pressure field into the map.
 
     ``form`` "dynamic_pressure" models strain in proportion to q_inf, so that the map holds at every altitude of
     ``valid_altitude_km``; "absolute" is the paper's, for the pressure level of the snapshots. ``symmetry`` "full"
     uses every flow at every roll angle, which holds for a body of revolution; "listed" keeps the angles of the
-    conditions with their signs. ``section_stations_m`` are the stations, rising, whose section loads (axial force,
-    shear, bending, torsion of the air on the part ahead) the map gives besides. ``hinge_moments`` are moments of
-    ``regions`` of the surface about lines, which it gives too, as it does ``bending_moments`` at stations.
-    ``alarm_levels`` "calibrated" sets the alarm levels on flights of the independent
-    model with hardware errors drawn, where engine and structure allow, "always" also where its flows cost more
-    than the build, as of sections by ``euler``; "nominal" leaves the levels of the theory.
+    conditions with their signs. The map also gives section loads (axial force, shear, bending, torsion of the air
+    on the part ahead) at ``section_stations_m``, rising, ``hinge_moments`` of ``regions`` of the surface about
+    lines, and ``bending_moments`` at stations. ``alarm_levels`` "calibrated"
+    measures the detection thresholds on flights of the truth model with installation errors drawn, where engine
+    and structure allow; "always" also where its flows cost more than the build, as of sections by ``euler``;
+    "nominal" takes the theoretical ones.
 
     ``estimator`` "nonlinear" adds tables over the flight state for the nonlinear estimator; the linear map stays
     in the file, for strain that does not fit them. "auto" makes both estimators where the file and the conditions
-    allow tables, compares them on flights that the map was not made from and keeps the tables where the nonlinear
-    one is better (:mod:`builder.pipeline.estimator_choice`).
+    allow tables, compares them on other flights and keeps the tables where the nonlinear one is better
+    (:mod:`builder.pipeline.estimator_choice`).
 
-    Pressure off the tables has two parts. The numerical one follows from the campaign: interpolation, and the
-    grid of the flow. ``model_form_percent`` is the other, what the equations of the flow leave out (viscosity,
-    real gas, leeward separation), one standard deviation; 0 with ``model`` "paper" of [noise]. It sets the
-    entries that are left out: a Gaussian process of ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 %
-    of q_inf, at most 2 % of p_inf, in proportion), with correlation lengths of ``discrepancy_length`` times the
-    body's length along it and ``discrepancy_roll_deg`` round it; ``discrepancy_of_prior_percent`` of the
-    difference that the snapshots have from their mean (left out: 0.3 times ``model_form_percent``); and
-    ``discrepancy_of_overpressure_percent`` of the overpressure without incidence (left out:
-    ``model_form_percent``), all over the body at once, which gauges determine poorly and axial force follows: it
-    widens the standard deviations and corrects nothing. Of ``newtonian`` flow round sections or a surface
+    Model discrepancy has two parts. The numerical one follows from the campaign: interpolation, and the grid of
+    the flow. ``model_form_percent`` is one standard deviation of the other: viscosity, real gas, leeward
+    separation; 0 with ``model`` "paper" of [noise]. It sets the entries that are left out: a Gaussian process of
+    ``discrepancy_percent`` of p_inf (left out: at 10 % 0.08 % of q_inf, at most 2 % of p_inf, in proportion), with
+    correlation lengths of ``discrepancy_length`` times the body's length along it and ``discrepancy_roll_deg``
+    round it; ``discrepancy_of_prior_percent`` of the snapshots' difference from their mean (left out: 0.3 times
+    ``model_form_percent``); and ``discrepancy_of_overpressure_percent`` of the overpressure without incidence
+    (left out: ``model_form_percent``), all over the body at once, which gauges determine poorly: it widens the
+    standard deviations and corrects nothing. Of ``newtonian`` flow round sections or a surface
     ``discrepancy_of_leeward_percent`` (left out: 2.5 times ``model_form_percent``) of the difference between
-    ambient pressure leeward and a Prandtl-Meyer expansion is expected besides, in the linear map too. Of other
-    flow, ``discrepancy_of_newtonian_percent`` (left out: ``model_form_percent``) of its difference from
-    newtonian flow is expected by the nonlinear estimator, and by the linear map next to it.
+    ambient pressure leeward and a Prandtl-Meyer expansion is an error too, also of the linear map. Of other flow,
+    ``discrepancy_of_newtonian_percent`` (left out: ``model_form_percent``) of its difference from newtonian flow
+    is an error of the nonlinear estimator, and of the linear map next to it.
     """
 
     form: Form = PER_PRESSURE
@@ -230,18 +228,18 @@ HARDWARE_ERRORS = (
 
 
 class Noise(Section):
-    """Strain error: the gauges' own noise, and the errors of the hardware.
+    """Errors of strain: gauge noise and installation errors.
 
-    The gauges' noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation,
-    one per gauge, or as the CSV file of a full covariance [(um/m)^2] next to the vehicle file. Nothing is added to
-    it with ``model`` "paper". Every other entry is one standard deviation. Gain, position and orientation errors
-    belong to each gauge on its own. Common gain is of all gauges, as from Young's modulus or the lot's gauge
+    Gauge noise is given in one of four ways: relative to the snapshots' strains, as one standard deviation, one
+    per gauge, or as the CSV file of a full covariance [(um/m)^2] next to the vehicle file. With ``model`` "paper"
+    there is no other error. Every other entry is one standard deviation. Gain, position and orientation errors are
+    independent from gauge to gauge. Common gain is of all gauges, as from Young's modulus or the lot's gauge
     factor; ``layout_roll_deg`` turns all gauges round the axis; apparent strain is the same for all, as an
     uncompensated temperature causes it. The clamp yields along and across the body as ``clamp_compliance_mm`` of
     the wall's material would, by default not at all. Internal pressure is in percent of p_inf.
-    ``dynamic_pressure_percent`` is the error of q_inf where the estimator is given no other;
-    ``navigation_mach_number`` and ``navigation_static_pressure_percent`` are the errors of M and p_inf,
-    ``standard_atmosphere_percent`` the error of p_inf by an altitude.
+    ``dynamic_pressure_percent`` is the error of q_inf where a sample states no other; ``navigation_mach_number``
+    and ``navigation_static_pressure_percent`` are the errors of M and p_inf, ``standard_atmosphere_percent`` the
+    error of p_inf by an altitude.
 
     ``row_orientation_deg`` turns all gauges at one roll angle. In each region of the section [calibration] the
     thickness of the wall may go as cosine and sine of the roll angle (``wall_harmonic_percent``) and of twice the

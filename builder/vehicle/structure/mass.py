@@ -14,21 +14,19 @@ Std = Annotated[float, Field(ge=1e-6, le=1e3)]
 
 
 class Mass(Section):
-    """Inertia of the structure in flight, whose strain no air load makes.
+    """Strain by the inertia of the structure in flight.
 
     Masses follow from the material's density, ``structure.covers`` and ``structure.point_masses``, known to
-    ``structure_percent`` and ``equipment_percent``; ``unlisted_kg`` is the standard deviation of what the file
-    does not list at each of five stations.
-
-    What no inertial unit measures has standard deviations: specific force of ``axial_g`` along the body and
-    ``lateral_g`` across it, ``angular_acceleration_rad_per_s2``, angular rates of ``roll_rate_rad_per_s`` about
-    the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same specific force. What the unit at
-    ``unit_x_m`` on the axis (default: the moment reference) measures has the standard deviations ``.._std_..``.
-    ``vibration_um_per_m`` is the standard deviation of the strain by the first bending modes, at the gauge that
-    they strain most, where the input ``vibration`` does not state it. The strain of a gauge by specific force is
-    known to ``inertia_strain_percent``. In ``free_flight`` accelerations follow from the load, and the percentage
-    is of the strain in a held body. ``vehicle_kg`` is the mass of all that flies: where it is stated, a specific
-    force across the axis that contradicts the lateral force is INCONSISTENT.
+    ``structure_percent`` and ``equipment_percent``; ``unlisted_kg`` is the standard deviation of unlisted mass at
+    each of five stations. Without an inertial unit motions have standard deviations: specific force of ``axial_g``
+    along the body and ``lateral_g`` across it, ``angular_acceleration_rad_per_s2``, angular rates of
+    ``roll_rate_rad_per_s`` about the axis and ``rate_rad_per_s`` across it. Errors of masses count at the same
+    specific force. Measurements of the unit at ``unit_x_m`` on the axis (default: the moment reference) have the
+    standard deviations ``.._std_..``. ``vibration_um_per_m`` is the standard deviation of the strain by the first
+    bending modes, at the gauge with most of it, where the input ``vibration`` does not state it. The strain of a
+    gauge by specific force is known to ``inertia_strain_percent``. In ``free_flight`` accelerations follow from
+    the load, and the percentage is of the strain in a held body. ``vehicle_kg`` is the mass of all that flies:
+    where it is stated, a specific force across the axis that contradicts the lateral force is INCONSISTENT.
     """
 
     structure_percent: Percent = 2.0

@@ -26,20 +26,19 @@ EXTERNAL_STRUCTURES = ("strain_per_snapshot", "influence")
 class Structure(Section):
     """Wall, support, internal pressure, and the model that the map is built on.
 
-    ``wall_thickness_at``, ``regions`` and ``frames`` make it another wall than one of one thickness and material;
-    ``point_masses`` and ``covers`` are masses that free flight carries along. ``resolution`` is the resolution of
-    the solid model. The foundation's stiffnesses are per area, along and across the normal of the aft ring.
-    In ``free_flight`` the aft ring of the ``base`` "open" is a free edge, which pressure bends; a "stiff" one
-    keeps its shape, as on a bulkhead or a motor.
+    ``wall_thickness_at``, ``regions`` and ``frames`` describe a wall of several thicknesses and materials;
+    ``point_masses`` and ``covers`` are masses in free flight. ``resolution`` is the resolution of the solid model.
+    The foundation's stiffnesses are per area, along and across the normal of the aft ring. In ``free_flight`` the
+    aft ring of the ``base`` "open" is a free edge, which pressure bends; a "stiff" one keeps its shape, as on a
+    bulkhead or a motor.
 
-    ``strain_per_snapshot`` is a table of strains that another structural code found under the snapshots'
-    pressures, ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes
-    where it is a CSV file (:mod:`builder.structure.external`). They take the place of any model. Strains of either
-    may stand in ``nastran_results``, OP2 or punch files, by the elements of ``nastran_gauges``. ``checked_by`` is
-    a second mesh of the solid model, whose difference is the error of the first. ``mesh`` is the volume mesh, or
-    the STEP file, of a vehicle given by a surface; it and ``checked_by`` are in ``mesh_length_unit``, and the
-    wall's thickness is the nominal one. ``mesh_materials`` gives regions of the mesh other materials of
-    [materials], by their names.
+    ``strain_per_snapshot`` is a table of strain that another code computed under the snapshots' pressures,
+    ``influence`` one of strains under unit forces, ``influence_facets`` the facets between its nodes where it is a
+    CSV file (:mod:`builder.structure.external`). They replace any model. Strains of either may stand in
+    ``nastran_results``, OP2 or punch files, by the elements of ``nastran_gauges``. ``checked_by`` is a second mesh
+    of the solid model, whose difference is the error of the first. ``mesh`` is the volume mesh, or the STEP file,
+    of a vehicle given by a surface; it and ``checked_by`` are in ``mesh_length_unit``, and the wall's thickness is
+    the nominal one. ``mesh_materials`` gives regions of the mesh a material of [materials].
     """
 
     wall_thickness_mm: float = Field(ge=0.01, le=1e3)
