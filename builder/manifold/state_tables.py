@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
@@ -151,7 +152,10 @@ def _of_revolution(
         flows = flows.less_ambient()
     n_m = flows.amplitude.shape[-1]
     response = ring_response(operator, grid, n_m)
-    errors = {INTERPOLATION: interpolation_errors(flows, response).T}
+    left_out, n_d = interpolation_errors(flows, response), len(problem.strain_operator)
+    # Flows left out show how far each gauge is off, not in which pattern: a gain that trusts it does worse.
+    of_gauge = np.diag(np.linalg.norm(left_out[:, :n_d], axis=0))
+    errors = {INTERPOLATION: block_diag(of_gauge, left_out[:, n_d:].T)}
     of_grid = grid_errors(vehicle, snapshots)
     if of_grid is not None:
         errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T
