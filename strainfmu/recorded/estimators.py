@@ -373,9 +373,9 @@ class MapBlocks(BlockEstimator):
             worst[rows], size[rows] = np.argmax(residual, axis=1), np.max(residual, axis=1)
         return valid, suspects, worst, size
 
-    def residuals(self, block: Samples) -> FloatArray:
-        """Return the standardised residuals (n, n_d) of a block without a filter."""
-        return MapBlocks(self.estimator.filter(0.0)).estimates(block).standardised_residual
+    def unfiltered(self, block: Samples) -> Estimate:
+        """Return the estimates of a block without a filter."""
+        return MapBlocks(self.estimator.filter(0.0)).estimates(block)
 
     def estimates(self, block: Samples) -> Estimate:
         """Return the estimates of a block; thrust that the recording does not hold is 0."""

@@ -1,8 +1,9 @@
-"""What a recording shows of its recorder: noise, steps and hum of readings, a scanner's delay, a thermal gradient.
+"""What a recording shows of its recorder: noise, steps and hum of readings, a scanner's delay, a thermal gradient,
+and a specific force in g.
 
 Noise is by fourth differences, which leave nothing of a slow flight, in the calmer windows. The step is the
 smallest difference of two values. A hum is a line in the spectrum. What gauges read late, or a gradient adds, is
-the multiple of its column that takes most off the residuals.
+multiple of its column that takes most off the residuals. Specific force is in g where strain fits that.
 """
 
 from __future__ import annotations
@@ -15,10 +16,15 @@ from typing import Any
 import numpy as np
 
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import MEASURED_MOTION
+from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.health import HealthState
+from strainfmu.estimator.map.inertia import SPECIFIC_FORCE
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import NOT_KNOWN
 from strainfmu.recorded.estimators import BlockEstimator, MapBlocks
 from strainfmu.recorded.samples import Samples
+from strainfmu.units import READING_UNITS
 
 SAMPLES = 4096
 """Of a recording that are looked at, at most."""
@@ -46,6 +52,11 @@ SMALLEST = 0.01
 
 TAKEN = 0.5
 """Part of the squared residuals that a scanner's delay or a gradient takes off, to be named."""
+
+DECIDES = 4.0
+"""Chi-square of a sample that the unit g takes off: two standard deviations, as of an error of all samples."""
+
+_GRAVITY = READING_UNITS["m/s2"]["g"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,6 +161,24 @@ def late_or_warm(block: Samples, inverse_map: InverseMap, residuals: Callable[[S
     ]
 
 
+def force_in_g(block: Samples, estimates: Callable[[Samples], Estimate]) -> list[str]:
+    """Return the line that names a specific force which strain fits as if it were in g.
+
+    ``estimates`` returns the estimates of a block.
+    """
+    in_g = {name: _GRAVITY * force for name, force in _forces(block).items()}
+    changed = replace(block, flow={**block.flow, **in_g})
+    if not in_g or not np.nanmean(estimates(block).chi_square - estimates(changed).chi_square) > DECIDES:
+        return []
+    return [f"{', '.join(in_g)}: strain fits {_GRAVITY:.3g} times the readings: if they are in g, state the unit"]
+
+
+def _forces(block: Samples) -> dict[str, FloatArray]:
+    """Return each specific force of a block (n,) [m/s2], NaN where it is not known."""
+    names = [one.name for one in MEASURED_MOTION[SPECIFIC_FORCE] if one.name in block.flow]
+    return {name: np.where(force == NOT_KNOWN, np.nan, force) for name, force in block.values(names).items()}
+
+
 class RecorderWatch:
     """What a recording at ``path`` shows of its recorder while it is estimated by a map."""
 
@@ -159,16 +188,24 @@ class RecorderWatch:
         self._strain: list[FloatArray] = []
         self._looked_at: Samples | None = None
         self._flagged = 0
+        self._pushed: Samples | None = None
+        self._push = 0.0
 
     def add(self, block: Samples, health: FloatArray) -> None:
         """Look at a block, of which (n,) states of ``health`` are estimated."""
         if sum(map(len, self._time)) < SAMPLES:
             self._time.append(block.time)
             self._strain.append(block.strain)
-        flagged = np.add.reduceat(health == HealthState.INCONSISTENT, np.arange(0, len(health), FLAGGED))
+        rows = np.arange(0, len(health), FLAGGED)
+        flagged = np.add.reduceat(health == HealthState.INCONSISTENT, rows)
         if self._looked_at is None or flagged.max() > self._flagged:
             first, self._flagged = FLAGGED * int(np.argmax(flagged)), int(flagged.max())
             self._looked_at = block[first : first + FLAGGED]
+        if forces := _forces(block):
+            push = np.add.reduceat(np.nansum(np.square([*forces.values()]), axis=0), rows)
+            if push.max() > self._push:
+                first, self._push = FLAGGED * int(np.argmax(push)), float(push.max())
+                self._pushed = block[first : first + FLAGGED]
 
     def notes(self) -> list[str]:
         """Return the lines on what disagrees with the vehicle file of the map; none of an FMU."""
@@ -179,8 +216,14 @@ class RecorderWatch:
         lines = disagreements(errors, inverse_map)
         lines = lines or late_or_warm(self._looked_at, inverse_map, self._residuals)
         because = "INCONSISTENT by its readings alone: " if self._flagged > TAKEN * FLAGGED else ""
-        return [f"{self._path}: {because}{line}" for line in lines]
+        lines = [because + line for line in lines]
+        if self._pushed is not None:
+            lines += force_in_g(self._pushed, self._unfiltered)
+        return [f"{self._path}: {line}" for line in lines]
 
     def _residuals(self, block: Samples) -> FloatArray:
+        return np.asarray(self._unfiltered(block).standardised_residual)
+
+    def _unfiltered(self, block: Samples) -> Estimate:
         assert isinstance(self._estimator, MapBlocks)
-        return self._estimator.residuals(block)
+        return self._estimator.unfiltered(block)

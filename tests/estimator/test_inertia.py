@@ -256,3 +256,19 @@ def test_an_fmu_and_a_recording_name_the_specific_force(tmp_path: Path) -> None:
     data = write_csv(tmp_path / "d.csv", headings, 0.01 * np.arange(8.0), rows)
     summary = estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv")
     assert "most often to blame: 'specific_force_y' (in 8)" in "\n".join(summary.account.lines())
+
+
+@pytest.mark.parametrize(("factor", "is_named"), [(1.0, False), (1.0 / STANDARD_GRAVITY, True)])
+def test_a_recording_without_the_mass_names_a_specific_force_in_g(
+    tmp_path: Path, factor: float, is_named: bool
+) -> None:
+    held, strain, motion = accelerated(linear())
+    assert held.inertia is not None
+    save_inverse_map(replace(held, inertia=replace(held.inertia, vehicle_mass=None)), tmp_path / "map.h5")
+    headings = ["time", *held.gauge_names, "dynamic_pressure", *(f"{name} [m/s2]" for name in LATERAL_FORCES)]
+    rows = np.tile([*strain, NOMINAL, *(factor * motion[name] for name in LATERAL_FORCES)], (8, 1))
+    data = write_csv(tmp_path / "d.csv", headings, 0.01 * np.arange(8.0), rows)
+    notes = estimate_file(tmp_path / "map.h5", data, tmp_path / "o.csv").notes
+    named = [note for note in notes if "strain fits 9.81 times the readings" in note]
+    assert len(named) == is_named
+    assert all("specific_force_y, specific_force_z: " in note for note in named)
