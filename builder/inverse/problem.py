@@ -13,7 +13,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.flow_models import newtonian_difference
+from builder.inverse.noise.flow_models import newtonian_difference, overpressure_error
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
@@ -197,6 +197,7 @@ def inverse_problem(
         off_the_snapshots=off,
         leeward=leeward,
         flow_models=newtonian_difference(vehicle, snapshots, ensemble),
+        overpressure=overpressure_error(vehicle, snapshots, ensemble),
     )
 
 

@@ -15,11 +15,12 @@ from builder.inverse.modes.mode_choice import (
     ModeChoice,
 )
 from builder.inverse.modes.phase import turned_to_gauges
+from builder.inverse.noise.error_list import LEVEL
 from builder.inverse.noise.flow_models import difference_term
 from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.mesh_error import MeshError
-from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
+from builder.inverse.noise.model import NoiseModel, NoiseTerm, pressure_errors, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
@@ -66,8 +67,9 @@ class Problem:
         counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
         None for none.
-    flow_models : difference of newtonian flow, see :mod:`builder.inverse.noise.flow_models`; None for none. It is
-        not among ``noise``: see :func:`with_flow_models`.
+    flow_models : difference of newtonian flow, see :mod:`builder.inverse.noise.flow_models`; None for none.
+    overpressure : (n_p,) error of the pressure's level [Pa]; None for none. Both are not among ``noise``: see
+        :func:`with_flow_models`.
     """
 
     ensemble: Ensemble
@@ -86,6 +88,7 @@ class Problem:
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
     flow_models: Ensemble | None = None
+    overpressure: FloatArray | None = None
 
     @property
     def offset(self) -> FloatArray:
@@ -97,15 +100,17 @@ class Problem:
 
 
 def with_flow_models(problem: Problem) -> Problem:
-    """Return ``problem`` with the difference of flow models among its noise; as it is where there is none.
+    """Return ``problem`` with the level and the difference of flow models among its noise; as it is without both.
 
     For linear maps that stand in for tables which strain does not fit. A linear map alone would identify single
     gauges that err less well, and its loads on flows as the snapshots' would be wrong by up to a quarter more.
     """
-    if problem.flow_models is None:
-        return problem
-    term = difference_term(problem.flow_models, problem.strain_operator, problem.load_operator)
-    return replace(problem, noise=(*problem.noise, term))
+    terms, operators = list(problem.noise), (problem.strain_operator, problem.load_operator)
+    if problem.overpressure is not None:
+        terms.append(pressure_errors(LEVEL, problem.overpressure[None], *operators))
+    if problem.flow_models is not None:
+        terms.append(difference_term(problem.flow_models, *operators))
+    return replace(problem, noise=tuple(terms))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -50,8 +50,8 @@ def with_manifold(
         The flows do not suffice for tables, or the gauges do not distinguish the sides of the wind.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
-    if problem.flow_models is not None:
-        whole = with_flow_models(problem)
+    whole = with_flow_models(problem)
+    if len(whole.noise) > len(problem.noise):
         inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, whole)
     manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}

@@ -3,7 +3,7 @@ and a specific force in g.
 
 Noise is by fourth differences, which leave nothing of a slow flight, in the calmer windows. The step is the
 smallest difference of two values. A hum is a line in the spectrum. What gauges read late, or a gradient adds, is
-multiple of its column that takes most off the residuals. Specific force is in g where strain fits that.
+the multiple of its column that takes most off the residuals. A specific force is in g where strain fits it so.
 """
 
 from __future__ import annotations

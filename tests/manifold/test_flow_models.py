@@ -11,6 +11,7 @@ from scaled_maps import scaled_map
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
+from builder.inverse.noise.error_list import LEVEL
 from builder.inverse.noise.flow_models import FLOW_MODELS, newtonian_snapshots
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import with_flow_models
@@ -115,6 +116,16 @@ def test_tables_of_the_difference_are_those_of_newtonian_flow_less_the_maps(
     assert other.considered_response is None  # newtonian flow has no difference of its own
 
 
+def ambient_excess(snapshots: Snapshots) -> np.ndarray:
+    """(n_p,) p / p_inf - 1 of the flows without incidence, their mean."""
+    flows = [
+        pressure / condition.ambient_pressure - 1.0
+        for pressure, condition in zip(snapshots.pressure, snapshots.conditions(), strict=True)
+        if condition.total_incidence == 0.0
+    ]
+    return np.asarray(np.mean(flows, axis=0))
+
+
 def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
     vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots
 ) -> None:
@@ -124,8 +135,8 @@ def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
     difference = problem.flow_models
     assert difference is not None
     assert FLOW_MODELS not in [term.name for term in problem.noise]
-    term = with_flow_models(problem).noise[-1]
-    assert term.name == FLOW_MODELS
+    level, term = with_flow_models(problem).noise[-2:]
+    assert (level.name, term.name) == (LEVEL, FLOW_MODELS)
     assert term.load is not None
     operator = np.vstack([problem.strain_operator, problem.load_operator])
     members = difference.responses(operator)
@@ -136,8 +147,12 @@ def test_the_linear_map_of_a_file_with_tables_expects_the_difference(
     linear = build_inverse_map(entry, snapshots, structure, problem=problem)
     beside = with_manifold(linear, entry, snapshots, structure, problem=problem)
     narrow, wide = (np.trace(one.noise_covariance) for one in (linear, beside))
-    assert wide == pytest.approx(narrow + np.sum(term.strain**2), rel=0.02)
+    assert wide == pytest.approx(narrow + np.sum(term.strain**2) + np.sum(level.strain**2), rel=0.02)
     assert wide > narrow
+    assert level.load is not None
+    # A tenth of the axial force without incidence, which the pressure inside, p_inf, has no part in.
+    axial = problem.load_operator[0] @ ambient_excess(snapshots)
+    assert level.load[0, 0] == pytest.approx(0.1 * axial * difference.mean_ambient_pressure, rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,12 @@ from builder.inverse.noise.error_list import GRID_REFINEMENT
 from builder.inverse.noise.flow_models import FLOW_MODELS
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
-from builder.manifold.build import with_manifold
+from builder.manifold.build import tables_and_errors, with_manifold
 from builder.manifold.discrepancy import gaussian_process_shapes
 from builder.manifold.flow_amplitudes import flow_amplitudes
 from builder.manifold.grid_refinement import grid_errors
-from builder.manifold.interpolation import left_out_errors
-from builder.manifold.tables import spline_coefficients, spline_rows
+from builder.manifold.interpolation import interpolation_errors, left_out_errors
+from builder.manifold.tables import ring_response, spline_coefficients, spline_rows
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form, without_model_form
@@ -66,6 +66,21 @@ def test_the_flows_own_grid_and_interpolation_are_the_numerical_error(
     rms = {one["name"]: one["rms_strain"] for one in whole.provenance["table_error_terms"]}
     assert set(rms) > set(names)
     assert rms["interpolation"] < rms[GRID_REFINEMENT] < rms["fraction of the snapshots"]
+
+
+def test_errors_of_interpolation_are_each_gauges_own(
+    vehicle: Vehicle, structure: StructuralModel, snapshots: Snapshots, problem: Problem
+) -> None:
+    """Of the root mean square over the flows left out in turn; loads have none of them."""
+    errors = tables_and_errors(with_entry(vehicle), snapshots, structure, problem)[1]["interpolation"]
+    n_d, flows = len(problem.strain_operator), flow_amplitudes(snapshots).less_ambient()
+    response = ring_response(
+        np.vstack([problem.strain_operator, problem.load_operator]), snapshots.grid, flows.amplitude.shape[-1]
+    )
+    left_out = interpolation_errors(flows, response)[:, :n_d]
+    np.testing.assert_allclose(errors[:n_d, :n_d], np.diag(np.sqrt(np.sum(left_out**2, axis=0))), rtol=1e-9)
+    assert not np.any(errors[:n_d, n_d:])
+    assert not np.any(errors[n_d:, :n_d])
 
 
 def test_the_error_of_the_grid_is_the_difference_of_two(vehicle: Vehicle, snapshots: Snapshots) -> None:

@@ -54,6 +54,16 @@ def newtonian_difference(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensem
     return replace(ensemble, pressure=off, fixed_pressure=0.0)
 
 
+def overpressure_error(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> FloatArray | None:
+    """Return (n_p,) the error of the overpressure at the smallest incidence, its mean over the Mach numbers [Pa];
+    None where none is stated."""
+    size = model_form(vehicle.map, vehicle.noise).of_overpressure
+    incidence = np.array([one.total_incidence for one in snapshots.conditions()])
+    ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+    ratio = (snapshots.pressure / ambient[:, None])[incidence <= incidence.min() + 1e-9].mean(axis=0)
+    return size * ensemble.mean_ambient_pressure * (ratio - 1.0) if size > 0.0 else None
+
+
 def difference_term(difference: Ensemble, strain: FloatArray, load: FloatArray) -> NoiseTerm:
     """Return the term of ``difference``, its covariance the mean over the members.
 
