@@ -19,8 +19,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import MEASURED_MOTION
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.inertia import SPECIFIC_FORCE
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import SPECIFIC_FORCE
 from strainfmu.estimator.signal_names import NOT_KNOWN
 from strainfmu.recorded.estimators import BlockEstimator, MapBlocks
 from strainfmu.recorded.samples import Samples
