@@ -183,7 +183,7 @@ def groups_among(outputs: Container[str], places: Mapping[str, Sequence[str]]) -
     ``places`` are those that it states, by the first output of each family without its number. One that it does
     not state is named as the output.
     """
-    return _groups([_places_among(one, outputs, places.get(one.loads[0].output, ())) for one in FAMILIES])
+    return _groups([_places_among(family, outputs, places.get(family.loads[0].output, ())) for family in FAMILIES])
 
 
 @lru_cache(maxsize=64)
@@ -207,14 +207,14 @@ def load_arrays(groups: tuple[LoadGroup, ...]) -> tuple[LoadArray, ...]:
 def output_places(groups: tuple[LoadGroup, ...]) -> IntArray:
     """Return the place of each output in one row of loads, their sigma, coefficients and their sigma."""
     m = number_of(groups)
-    starts = [one.value * m + one.group.first for one in load_arrays(groups)]
-    sizes = [one.group.size for one in load_arrays(groups)]
+    starts = [array.value * m + array.group.first for array in load_arrays(groups)]
+    sizes = [array.group.size for array in load_arrays(groups)]
     return np.concatenate([start + np.arange(size) for start, size in zip(starts, sizes, strict=True)])
 
 
 def output_units(groups: tuple[LoadGroup, ...]) -> dict[str, str]:
     """Return the unit of each output of ``groups`` by name, in their order."""
-    return {name: one.unit for one in load_arrays(groups) for name in one.outputs}
+    return {name: array.unit for array in load_arrays(groups) for name in array.outputs}
 
 
 def number_of(groups: Sequence[LoadGroup]) -> int:
@@ -259,12 +259,12 @@ def _columns() -> dict[str, str]:
 
 def _groups(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
     """Return the groups of the places of each family."""
-    found, first = list[LoadGroup](), 0
+    groups, first = list[LoadGroup](), 0
     for family, at in zip(FAMILIES, places, strict=True):
         for load in family.loads if at else ():
-            found.append(LoadGroup(family, load, at, first))
+            groups.append(LoadGroup(family, load, at, first))
             first += len(at)
-    return tuple(found)
+    return tuple(groups)
 
 
 def _places_among(family: LoadFamily, outputs: Container[str], stated: Sequence[str]) -> tuple[str, ...]:
@@ -272,8 +272,8 @@ def _places_among(family: LoadFamily, outputs: Container[str], stated: Sequence[
     if not family.is_listed:
         return ("",) if stem in outputs else ()
     names = takewhile(outputs.__contains__, (f"{stem}[{number}]" for number in count(1)))
-    found = tuple(names)
-    return tuple(stated) if len(stated) == len(found) else found
+    texts = tuple(names)
+    return tuple(stated) if len(stated) == len(texts) else texts
 
 
 def _stations(inverse_map: Any) -> tuple[str, ...]:

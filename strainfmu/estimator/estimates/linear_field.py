@@ -56,21 +56,21 @@ def linear_pressure(
     few = inverse_map.case == 1 and np.count_nonzero(valid) < inverse_map.n_states
     if not ratio > 0.0 or few or not valid.any():
         return unknown_field(len(inverse_map.field_mean), is_net)
-    of = _states(inverse_map, strain, ratio, valid)
-    state = of.gain @ of.data
+    states = _states(inverse_map, strain, ratio, valid)
+    state = states.gain @ states.data
     mean, modes = inverse_map.field_mean.astype(float), inverse_map.field_modes.astype(float)
     pressure = ratio * (mean + modes @ state)
     if not with_std:
         return replace(unknown_field(len(mean), is_net), pressure=pressure)
-    covariance = _state_covariance(inverse_map, of)
+    covariance = _state_covariance(inverse_map, states)
     variance = np.einsum("pq,qr,pr->p", modes, covariance, modes, optimize=True)
-    excess = of.gain @ _excess(inverse_map, state, valid) @ of.gain.T
+    excess = states.gain @ _excess(inverse_map, state, valid) @ states.gain.T
     variance = np.maximum(
         variance + np.einsum("pq,qr,pr->p", modes, excess, modes, optimize=True), MIN_OF_EXCESS * variance
     )
     std = ratio * _with_unresolved(inverse_map, np.sqrt(variance))
     if scaled:
-        by_ratio = mean + modes @ (of.gain @ (inverse_map.fixed_strain - inverse_map.mean_strain)[valid])
+        by_ratio = mean + modes @ (states.gain @ (inverse_map.fixed_strain - inverse_map.mean_strain)[valid])
         std = np.hypot(std, by_ratio * dynamic_pressure_std / inverse_map.nominal_dynamic_pressure)
     return PressureField(pressure=pressure, std=std, is_net=is_net)
 
@@ -90,12 +90,12 @@ def _states(inverse_map: InverseMap, strain: FloatArray, ratio: float, valid: Bo
     )
 
 
-def _state_covariance(inverse_map: InverseMap, of: _States) -> FloatArray:
+def _state_covariance(inverse_map: InverseMap, states: _States) -> FloatArray:
     """Return (n_q, n_q) T Gamma T', and in Case 2 (I - T A) (I - T A)' of the prior."""
-    covariance = of.gain @ of.covariance @ of.gain.T
+    covariance = states.gain @ states.covariance @ states.gain.T
     if inverse_map.case == 1:
         return np.asarray(covariance)
-    unresolved = np.eye(len(of.gain)) - of.gain @ of.operator
+    unresolved = np.eye(len(states.gain)) - states.gain @ states.operator
     return np.asarray(covariance + unresolved @ unresolved.T)
 
 

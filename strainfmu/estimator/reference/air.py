@@ -92,35 +92,35 @@ def air_inputs(inverse_map: InverseMap, value: FloatArray, std: FloatArray, alti
     if by_altitude:
         value[1] = static_pressure_at(np.array([altitude]))[0]
     relative = manifold.altitude_error if by_altitude else manifold.static_pressure_error
-    own = [manifold.mach_number_error, relative * value[1], manifold.dynamic_pressure_error * value[2]]
-    found = np.maximum(np.where(np.isnan(std), own, std), LEAST_RELATIVE_STD * np.abs(value))
-    known = np.isfinite(value) & (value > 0.0) & np.isfinite(found) & (found > 0.0)
-    return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, found, np.nan))
+    of_map = [manifold.mach_number_error, relative * value[1], manifold.dynamic_pressure_error * value[2]]
+    used_std = np.maximum(np.where(np.isnan(std), of_map, std), LEAST_RELATIVE_STD * np.abs(value))
+    known = np.isfinite(value) & (value > 0.0) & np.isfinite(used_std) & (used_std > 0.0)
+    return AirInputs(value=np.where(known, value, np.nan), std=np.where(known, used_std, np.nan))
 
 
-def air_inputs_of(inverse_map: InverseMap, given: Mapping[str, float]) -> AirInputs:
+def air_inputs_of(inverse_map: InverseMap, sample: Mapping[str, float]) -> AirInputs:
     """Return what is known of a sample of inputs by name, NaN where not given: see :func:`air_inputs`."""
-    value, std = (np.array([given[name + end] for name in NAVIGATION]) for end in ("", STD))
-    found = air_inputs(inverse_map, value, std, given[ALTITUDE])
-    found = _without_computed(inverse_map, found, given)
-    as_records = {name: np.array([value]) for name, value in given.items()}
+    value, std = (np.array([sample[name + end] for name in NAVIGATION]) for end in ("", STD))
+    inputs = air_inputs(inverse_map, value, std, sample[ALTITUDE])
+    inputs = _without_computed(inverse_map, inputs, sample)
+    as_records = {name: np.array([value]) for name, value in sample.items()}
     direction, direction_std = measured_directions(as_records)
-    found = replace(found, direction=direction[0], direction_std=direction_std[0])
-    total, total_std = (given[TOTAL_TEMPERATURE + end] for end in ("", STD))
-    other, other_std = mach_by_temperature(total, total_std, given[ALTITUDE])
-    mach, mach_std = found.value[0], found.std[0]
+    inputs = replace(inputs, direction=direction[0], direction_std=direction_std[0])
+    total, total_std = (sample[TOTAL_TEMPERATURE + end] for end in ("", STD))
+    other, other_std = mach_by_temperature(total, total_std, sample[ALTITUDE])
+    mach, mach_std = inputs.value[0], inputs.std[0]
     if np.isnan(other):
-        return found
+        return inputs
     if np.isnan(mach):
         joined = other, other_std
     else:
         weight = np.array([mach_std**-2, other_std**-2])
         apart = abs(other - mach) / np.hypot(mach_std, other_std)
         joined = weight @ [mach, other] / weight.sum(), max(1.0, apart) / np.sqrt(weight.sum())
-    return replace(found, value=np.append(joined[0], found.value[1:]), std=np.append(joined[1], found.std[1:]))
+    return replace(inputs, value=np.append(joined[0], inputs.value[1:]), std=np.append(joined[1], inputs.std[1:]))
 
 
-def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[str, float]) -> AirInputs:
+def _without_computed(inverse_map: InverseMap, air: AirInputs, sample: Mapping[str, float]) -> AirInputs:
     """Return ``air`` without a q_inf that is computed from M and a pressure: no measurement of its own.
 
     It stands for the one of both that is not given. What it is computed from has the standard deviations of the
@@ -128,19 +128,19 @@ def _without_computed(inverse_map: InverseMap, air: AirInputs, given: Mapping[st
     """
     manifold = inverse_map.manifold
     assert manifold is not None
-    records = {name: np.array([value]) for name, value in given.items()}
+    records = {name: np.array([value]) for name, value in sample.items()}
     source = pressure_source(records)[0]
     if source == QSource.INDEPENDENT or not np.isfinite(air.value[2]):
         return air
     value, std = air.value.copy(), air.std.copy()
-    half, by_altitude = 0.5 * HEAT_CAPACITY_RATIO, not given[STATIC_PRESSURE] > 0.0
-    stated = given[f"{STATIC_PRESSURE}{STD}"]
+    half, by_altitude = 0.5 * HEAT_CAPACITY_RATIO, not sample[STATIC_PRESSURE] > 0.0
+    stated = sample[f"{STATIC_PRESSURE}{STD}"]
     of_port = max(manifold.static_pressure_error, DAY_OF_PRESSURE)
     of_day = max(manifold.altitude_error, DEVIATION_OF_AIR)
     error = of_day if source == QSource.MACH_AND_ALTITUDE else of_port
     if stated > 0.0 and not by_altitude and source == QSource.MACH_AND_PRESSURE:
         error = stated / value[1]
-    of_mach = given[f"{MACH_NUMBER}{STD}"]
+    of_mach = sample[f"{MACH_NUMBER}{STD}"]
     mach_std = of_mach if of_mach > 0.0 else manifold.mach_number_error
     if np.isfinite(value[0]) and not of_mach > 0.0:
         mach_std = std[0] = np.hypot(std[0], DAY_OF_MACH * value[0])
@@ -205,7 +205,7 @@ def air_rows(state: FloatArray) -> tuple[FloatArray, FloatArray]:
 def air_data(state: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (7,) air data at ``state`` and their standard deviations, see :class:`NonlinearEstimate`."""
     step = 1e-30  # of a complex argument: derivatives to the last digit
-    jacobian = np.stack([_air_data(state + 1j * step * one).imag / step for one in np.eye(N_STATES)], axis=1)
+    jacobian = np.stack([_air_data(state + 1j * step * axis).imag / step for axis in np.eye(N_STATES)], axis=1)
     value = air_data_at(state[None])[0]
     variance = np.einsum("ix,xy,iy->i", jacobian, covariance, jacobian)
     # Without incidence the wind has no direction: its error is all of the incidence.

@@ -70,15 +70,15 @@ def estimate(
         for_gain, truth = replace(for_gain, noise=noise), replace(truth, noise=noise)
     is_scaled, nominal = inverse_map.follows_pressure, inverse_map.nominal_dynamic_pressure
     s = dynamic_pressure / nominal if is_scaled else np.ones(len(rows))
-    found = condition(prepare(for_gain, used), rows, s)
+    posterior = condition(prepare(for_gain, used), rows, s)
     residual = condition(prepare(truth, used), rows, s)
 
     scale = 1.0 / (dynamic_pressure[:, None] * inverse_map.references)
-    loads, coefficients = found.mean, scale * found.mean
+    loads, coefficients = posterior.mean, scale * posterior.mean
     added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
-    covariance = joseph(truth, found.gain, s, added)
+    covariance = joseph(truth, posterior.gain, s, added)
     # At fixed weights the loads follow q_inf by the mean alone.
-    slope = (truth.output_mean - found.gain @ truth.mean) / nominal if is_scaled else np.zeros(loads.shape)
+    slope = (truth.output_mean - posterior.gain @ truth.mean) / nominal if is_scaled else np.zeros(loads.shape)
     of_pressure = slope * pressure_std[:, None]
     of_both = scale * of_pressure - coefficients * (pressure_std / dynamic_pressure)[:, None]
     freedom = inverse_map.residual_degrees_of_freedom - int(np.sum(~used))

@@ -207,17 +207,17 @@ class NonlinearReference:
     # Iterations.
 
     def next_state(
-        self, state: FloatArray, found: Posterior, before: tuple[FloatArray, FloatArray] | None
+        self, state: FloatArray, posterior: Posterior, before: tuple[FloatArray, FloatArray] | None
     ) -> FloatArray:
         """Return the next state: a step to the posterior, limited, and shortened by what the last one did.
 
         ``before`` are state and full step before. Where strain curves away from the residual whole steps are too
         long (Barzilai and Borwein 1988, the shorter step in the metric of the Hessian).
         """
-        step = found.mean[0, :N_STATES] - state
+        step = posterior.mean[0, :N_STATES] - state
         if before is not None:
             shrunk = before[1] - step
-            turned = np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], shrunk)
+            turned = np.linalg.solve(posterior.covariance[0, :N_STATES, :N_STATES], shrunk)
             along, size = (state - before[0]) @ turned, shrunk @ turned
             if 0.0 < along < size:
                 step = step * max(float(along / size), SMALLEST_PART)
@@ -238,11 +238,11 @@ class NonlinearReference:
         for iteration in range(number):
             if iteration > 0 and iteration % renewed == 0:
                 covariance = self.strain_covariance(state)
-            found = self.posterior(state, sample, covariance)
-            step = found.mean[0, :N_STATES] - state
-            last, state = state, self.next_state(state, found, before)
+            posterior = self.posterior(state, sample, covariance)
+            step = posterior.mean[0, :N_STATES] - state
+            last, state = state, self.next_state(state, posterior, before)
             before = last, step
-            if _size(step, found) < CONVERGED:
+            if _size(step, posterior) < CONVERGED:
                 break
         return state
 
@@ -253,23 +253,23 @@ class NonlinearReference:
 
         The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
         """
-        found = self.solved(sample, start)
-        other = without_worst(sample, found.air_standardised)
-        if other is None and (air := doubted(sample.air, found.air_standardised)) is not None:
-            other = replace(sample, air=air)
-        return found if other is None else self.solved(other, start)
+        solution = self.solved(sample, start)
+        without = without_worst(sample, solution.air_standardised)
+        if without is None and (air := doubted(sample.air, solution.air_standardised)) is not None:
+            without = replace(sample, air=air)
+        return solution if without is None else self.solved(without, start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
         if start is None:
-            ends = [self.iterated(one, sample, EACH, renewed=EACH // 2) for one in self.starts(sample)]
-            start = min(ends, key=lambda one: self.concluded(one, sample).deviance)
+            ends = [self.iterated(begin, sample, EACH, renewed=EACH // 2) for begin in self.starts(sample)]
+            start = min(ends, key=lambda end: self.concluded(end, sample).deviance)
         return self.concluded(self.iterated(start, sample, LARGEST_NUMBER), sample)
 
     @cached_property
     def grid(self) -> tuple[FloatArray, FloatArray]:
         """States (INCIDENCES, n, 4) of the search at p_inf = 1 Pa, their strain (INCIDENCES, n, n_d) per p_inf."""
-        middle, half = (np.broadcast_to(one, 2) for one in self.manifold.crossflow)
+        middle, half = (np.broadcast_to(values, 2) for values in self.manifold.crossflow)
         roll = 2.0 * np.pi * np.arange(ROLLS) / ROLLS
         part = (np.arange(INCIDENCES)[:, None, None] + 0.5) / INCIDENCES
         low, high = self.manifold.mach_range
@@ -298,8 +298,8 @@ class NonlinearReference:
             cost, log_pressure = self._joined(state[:, MACH], strain @ weight.T, data, sample.air)
             apart = (sample.air.direction - state[:, 1:3]) / sample.air.direction_std
             cost = cost + np.sum(apart**2, axis=1)
-            one = np.argmin(cost)
-            best.append(np.append(state[one, :LOG_PRESSURE], log_pressure[one]))
+            least = np.argmin(cost)
+            best.append(np.append(state[least, :LOG_PRESSURE], log_pressure[least]))
         return np.array(best)
 
     def _joined(
@@ -328,21 +328,21 @@ class NonlinearReference:
     def concluded(self, state: FloatArray, sample: Sample) -> NonlinearEstimate:
         """Return the estimate at the solved ``state``."""
         covariance, used, n_d = self.strain_covariance(state), sample.used, self.n_d
-        found = self.posterior(state, sample, covariance)
+        posterior = self.posterior(state, sample, covariance)
         full = self.posterior(state, sample, self.strain_covariance(state, considered=True), considered=True)
-        apart = found.mean[0] - full.mean[0]
-        whole = full.covariance[0] + np.outer(apart, apart)
-        air, air_std = air_data(state, whole[:N_STATES, :N_STATES])
+        apart = posterior.mean[0] - full.mean[0]
+        total = full.covariance[0] + np.outer(apart, apart)
+        air, air_std = air_data(state, total[:N_STATES, :N_STATES])
         return NonlinearEstimate(
-            **vars(flight_loads(state, found.mean[0, N_STATES:], whole, self.references)),
+            **vars(flight_loads(state, posterior.mean[0, N_STATES:], total, self.references)),
             chi_square=float(full.chi_square[0]),
             standardised=full.standardised[0, :n_d],
             air_standardised=full.standardised[0, n_d : n_d + N_AIR],
             air_inputs=sample.air,
             air=air,
             air_std=air_std,
-            deviance=float(found.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
-            step=_size(found.mean[0, :N_STATES] - state, found),
+            deviance=float(posterior.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
+            step=_size(posterior.mean[0, :N_STATES] - state, posterior),
         )
 
 
@@ -388,6 +388,6 @@ def coefficient_slopes(
     return slopes, scale, float(lognormal_std(of_log) / of_log) ** 2
 
 
-def _size(step: FloatArray, found: Posterior) -> float:
+def _size(step: FloatArray, posterior: Posterior) -> float:
     """Return ``step`` (4,) in standard deviations of the posterior."""
-    return float(np.sqrt(step @ np.linalg.solve(found.covariance[0, :N_STATES, :N_STATES], step)))
+    return float(np.sqrt(step @ np.linalg.solve(posterior.covariance[0, :N_STATES, :N_STATES], step)))

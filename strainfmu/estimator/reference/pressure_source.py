@@ -43,22 +43,22 @@ def air_of(inputs: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     Values are not given where they are 0 or below, angles where they are NOT_KNOWN.
     """
     return {
-        one.name: np.where(np.equal(values, NOT_KNOWN), np.nan, values) if one.is_signed else positive(values)
-        for one in AIR_INPUTS
-        for values in (inputs[one.name][:, 0],)
+        item.name: np.where(np.equal(values, NOT_KNOWN), np.nan, values) if item.is_signed else positive(values)
+        for item in AIR_INPUTS
+        for values in (inputs[item.name][:, 0],)
     }
 
 
-def pressure_source(given: Mapping[str, FloatArray]) -> IntArray:
+def pressure_source(air: Mapping[str, FloatArray]) -> IntArray:
     """Return (k,) the sources of the dynamic pressures, :class:`QSource` but for AUTO.
 
     What nothing states counts as computed from the Mach number, where that is ``given``, and from the static
     pressure, or else from an atmosphere. Inputs are (k,) by name, NaN where not given.
     """
-    stated = np.nan_to_num(given[Q_SOURCE])
-    computed = np.where(np.isnan(given[STATIC_PRESSURE]), QSource.MACH_AND_ALTITUDE, QSource.MACH_AND_PRESSURE)
-    found = np.where(np.isnan(given[MACH_NUMBER]), QSource.INDEPENDENT, computed)
-    return np.where(stated > 0.5, np.round(stated), found).astype(np.int64)
+    stated = np.nan_to_num(air[Q_SOURCE])
+    computed = np.where(np.isnan(air[STATIC_PRESSURE]), QSource.MACH_AND_ALTITUDE, QSource.MACH_AND_PRESSURE)
+    default = np.where(np.isnan(air[MACH_NUMBER]), QSource.INDEPENDENT, computed)
+    return np.where(stated > 0.5, np.round(stated), default).astype(np.int64)
 
 
 def computed_pressure_error(
@@ -68,39 +68,39 @@ def computed_pressure_error(
     return np.hypot(2.0 * mach_std / mach, pressure_std)
 
 
-def computed_pressure_std(given: Mapping[str, FloatArray], own: FloatArray) -> FloatArray:
+def computed_pressure_std(air: Mapping[str, FloatArray], own: FloatArray) -> FloatArray:
     """Return (k,) the sigma [Pa] of computed dynamic pressures, ``own`` from the sigma of their sources.
 
     A stated one counts where the source is stated, too; otherwise the larger.
     """
-    stated, is_decided = given[f"{DYNAMIC_PRESSURE}{STD}"], np.nan_to_num(given[Q_SOURCE]) > 0.5
+    stated, is_decided = air[f"{DYNAMIC_PRESSURE}{STD}"], np.nan_to_num(air[Q_SOURCE]) > 0.5
     return np.where(np.isnan(stated) | (~is_decided & (stated < own)), own, stated)
 
 
-def linear_pressure_std(given: Mapping[str, FloatArray], dynamic_pressure_error: float) -> FloatArray:
+def linear_pressure_std(air: Mapping[str, FloatArray], dynamic_pressure_error: float) -> FloatArray:
     """Return (k,) the standard deviations [Pa] of the dynamic pressures that a linear map works with."""
-    q, stated = given[DYNAMIC_PRESSURE], given[f"{DYNAMIC_PRESSURE}{STD}"]
+    q, stated = air[DYNAMIC_PRESSURE], air[f"{DYNAMIC_PRESSURE}{STD}"]
     std = np.where(np.isnan(stated), dynamic_pressure_error * q, stated)
-    mach = np.where(np.isnan(given[MACH_NUMBER]), 1.0, given[MACH_NUMBER])
-    stated_mach = given[f"{MACH_NUMBER}{STD}"]
-    no_mach = np.isnan(stated_mach) | np.isnan(given[MACH_NUMBER])
+    mach = np.where(np.isnan(air[MACH_NUMBER]), 1.0, air[MACH_NUMBER])
+    stated_mach = air[f"{MACH_NUMBER}{STD}"]
+    no_mach = np.isnan(stated_mach) | np.isnan(air[MACH_NUMBER])
     mach_std = np.where(no_mach, DAY_OF_MACH * mach, stated_mach)
-    relative = given[f"{STATIC_PRESSURE}{STD}"] / given[STATIC_PRESSURE]
+    relative = air[f"{STATIC_PRESSURE}{STD}"] / air[STATIC_PRESSURE]
     pressure_std = np.where(np.isnan(relative), DAY_OF_PRESSURE, relative)
     with np.errstate(invalid="ignore"):  # q and M may be infinite
-        source = pressure_source(given)
+        source = pressure_source(air)
         of_pressure = np.where(source == QSource.MACH_AND_ALTITUDE, DEVIATION_OF_AIR, pressure_std)
         own = q * computed_pressure_error(mach, mach_std, of_pressure)
-    return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(given, own))
+    return np.where(source == QSource.INDEPENDENT, std, computed_pressure_std(air, own))
 
 
-def measured_directions(given: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
+def measured_directions(air: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
     """Return (k, 2) components u and w of the flow direction [rad] by the measured angles, and their sigma.
 
     The standard deviation of a component that is not measured is infinite; it counts as 0 for the other one.
     """
-    angles = np.column_stack([given[name] for name in MEASURED_ANGLES])
-    stated = np.column_stack([given[f"{name}{STD}"] for name in MEASURED_ANGLES])
+    angles = np.column_stack([air[name] for name in MEASURED_ANGLES])
+    stated = np.column_stack([air[f"{name}{STD}"] for name in MEASURED_ANGLES])
     known = np.abs(angles) < LARGEST_ANGLE
     alpha, beta = np.where(known, angles, 0.0).T
     along, up, starboard = np.cos(beta) * np.cos(alpha), np.cos(beta) * np.sin(alpha), -np.sin(beta)
@@ -111,7 +111,7 @@ def measured_directions(given: Mapping[str, FloatArray]) -> tuple[FloatArray, Fl
 
 
 def angles_contradict(
-    given: Mapping[str, FloatArray],
+    air: Mapping[str, FloatArray],
     *,
     slope: float,
     force: FloatArray,
@@ -126,7 +126,7 @@ def angles_contradict(
     force, force_std : (k, 2) C_N and C_Y, and their standard deviations.
     limit : largest square of the standardised difference.
     """
-    value, std = measured_directions(given)
+    value, std = measured_directions(air)
     known = np.isfinite(std)
     need = np.where(known, slope * force, 0.0)
     size = np.linalg.norm(need, axis=1)

@@ -55,7 +55,9 @@ def rows_of(
         return rows
     thermal = inverse_map.thermal_and_inertia
     warmer = amplitude @ thermal.gauge_operator.T
-    apparent = sum(one * warmer ** (power + 1) for power, one in enumerate(thermal.apparent_strain))
+    apparent = sum(
+        coefficient * warmer ** (power + 1) for power, coefficient in enumerate(thermal.apparent_strain)
+    )
     by_load = rows / (1.0 + thermal.gauge_factor_slope * warmer) - amplitude @ thermal.mode_strain.T - apparent
     return np.asarray(by_load * (1.0 + thermal.modulus_slope * warmer))
 
@@ -101,5 +103,5 @@ def amplitudes(thermal: ThermalMap, temperature: FloatArray, known: BoolArray) -
         noise=np.diag(thermal.sensor_std**2),
         output_columns=np.diag(thermal.prior_std),
     )
-    found = condition(prepare(model, known), temperature, np.ones(len(temperature)))
-    return Amplitudes(mean=found.mean, covariance=found.covariance[0])
+    posterior = condition(prepare(model, known), temperature, np.ones(len(temperature)))
+    return Amplitudes(mean=posterior.mean, covariance=posterior.covariance[0])

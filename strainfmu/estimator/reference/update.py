@@ -103,7 +103,7 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
     if n_w < n_x:
         raise InputError(f"{n_x} free states: expected as many rows in use at least, got {n_w}")
     inverse = inverse_root(model.noise[np.ix_(used, used)])
-    free, columns, cross = (inverse @ one[used] for one in (model.free, model.columns, model.cross))
+    free, columns, cross = (inverse @ block[used] for block in (model.free, model.columns, model.cross))
 
     scale = np.abs(free).max(axis=0, initial=1e-300)
     q, t = np.linalg.qr(free / scale, mode="complete")
