@@ -30,13 +30,11 @@ from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
 from strainfmu.estimator.map.sensors import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.validity import (
     LARGEST_SCORE,
-    LEAST_PART_OF_SLOPE,
     MACH_TOLERANCE,
     MAX_DYNAMIC_PRESSURE,
     MIN_DYNAMIC_PRESSURE,
     PARAMETER_TOLERANCE,
     PRESSURE_TOLERANCE,
-    RANGE_DEVIATIONS,
     FlowParameters,
     flow_parameters,
     incidence_per_force,
@@ -69,6 +67,13 @@ from strainfmu.estimator.signal_names import (
 from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import TareFault
 from strainfmu.estimator.zeros.tare_edge import TareState
+
+RANGE_DEVIATIONS = 3.0
+"""Stated standard deviations by which M may leave its range in addition, and of q_inf behind the next entry."""
+
+LEAST_PART_OF_SLOPE = 0.8
+"""Of the smallest incidence per lateral force over that at the largest incidence: curves over Mach number and roll
+angle differ."""
 
 
 class _Flow(NamedTuple):

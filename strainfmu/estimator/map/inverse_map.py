@@ -213,7 +213,8 @@ class InverseMap:
         _check_number_of_loads(self)
         lengths = {"n_f": self.load_of_mean.size, "n_p": len(self.field_mean)}
         check(self, "inverse map", n_d=len(self.gauge_names), n_q=self.state_operator.shape[-1], **lengths)
-        _check_consistency(self)
+        for wrong in _contradictions(self):
+            raise InputError(f"inverse map: {wrong}")
 
     def _repr_html_(self) -> str:
         method = {1: "least squares on POD modes", 2: "low-rank Gaussian prior"}[self.case]
@@ -353,15 +354,8 @@ def _check_number_of_loads(inverse_map: InverseMap) -> None:
         raise InputError(f"inverse map: load_of_mean has {n_loads} loads, must be {words}")
 
 
-def _check_consistency(inverse_map: InverseMap) -> None:
-    """Check what several fields must be together; each by itself is right."""
-    wrong = next(_contradictions(inverse_map), None)
-    if wrong is not None:
-        raise InputError(f"inverse map: {wrong}")
-
-
 def _contradictions(inverse_map: InverseMap) -> Iterator[str]:
-    """Yield what is wrong, and what is allowed."""
+    """Yield what is wrong between fields, each of which is right by itself, and what is allowed."""
     gamma, is_free = inverse_map.regularisation, inverse_map.case == 1
     n_d, n_q, n_p = inverse_map.n_gauges, inverse_map.n_states, len(inverse_map.field_mean)
     triangle, manifold = inverse_map.triangle, inverse_map.manifold

@@ -44,9 +44,6 @@ MACH_TOLERANCE = 0.025
 A flight at the end of the range is inside it. At 0.01 one flight in twelve there was outside by its measured M.
 """
 
-RANGE_DEVIATIONS = 3.0
-"""Stated standard deviations by which M may leave its range in addition, and of q_inf behind the next entry."""
-
 PRESSURE_TOLERANCE = 0.05
 """Relative difference of dynamic pressure and 0.7 M^2 p(h) that errors of navigation and weather explain."""
 
@@ -234,11 +231,6 @@ def all_ranges(inverse_map: Any) -> list[ValidRange]:
         *valid_ranges(inverse_map),
         *(ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in coefficients),
     ]
-
-
-LEAST_PART_OF_SLOPE = 0.8
-"""Of the smallest incidence per lateral force over that at the largest incidence: curves over Mach number and roll
-angle differ."""
 
 
 def incidence_per_force(inverse_map: Any) -> float:
