@@ -40,7 +40,7 @@ from strainfmu.can.signals import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.fmu.export import ExportOptions
 from strainfmu.fmu.plant_export import export_can_bus
-from tests.can.test_ecu import CYCLE, Reference, bytes_of
+from tests.can.test_ecu import CYCLE, Reference, bytes_of, replies_to_rubbish
 
 HERE = ["linux64"]
 ESTIMATE = 0x380
@@ -277,6 +277,14 @@ def test_arbitration_confirmation_and_bit_rates(fmus: Path, tmp_path: Path) -> N
     assert [(code, a[:4]) for code, a in answer] == [(BUS_ERROR, (0x200).to_bytes(4, "little"))]
     assert bus.counter("lost", "N3") == 1
     bus.close()
+
+
+@pytest.mark.parametrize("name", ["plant", "can"])
+def test_rubbish_is_answered_with_a_format_error(fmus: Path, tmp_path: Path, name: str) -> None:
+    node = FmuNode(fmus / f"{name}.fmu", tmp_path / name)
+    assert replies_to_rubbish(node, 1000) > 500
+    assert node.counter("format_errors") > 500
+    node.close()
 
 
 def test_states_go_on_alike(fmus: Path, tmp_path: Path) -> None:
