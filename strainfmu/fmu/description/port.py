@@ -32,6 +32,9 @@ COUNTERS = {
 }
 """Outputs of a port, in the order of ``core/ports.h``, and their descriptions."""
 
+_LARGEST_COUNT = str(2**53 - 1)
+"""VDMCheck refuses the largest number of 64 bits, which its float64 rounds up."""
+
 TX_CLOCKS = ("countdown", "triggered")
 """Kinds of the transmit clock: the FMU states when it is to tick, or says that it has ticked."""
 
@@ -100,7 +103,7 @@ def add_port(variables: Element, structure: Element, port: Port, number: int) ->
     counters = [first + _FIRST_COUNTER + count for count in range(len(COUNTERS))]
     for reference, (name, text) in zip(counters, COUNTERS.items(), strict=True):
         counted = {"name": f"{port.network}.{name}", "valueReference": str(reference)}
-        kind = {"causality": "output", "variability": "discrete", "initial": "calculated"}
+        kind = {"causality": "output", "variability": "discrete", "initial": "calculated", "max": _LARGEST_COUNT}
         SubElement(variables, "UInt64", {**counted, "description": text, **kind})
     clocked = {tx_data: "", tx_clock: ""} if is_triggered else {tx_data: str(tx_clock)}
     outputs = clocked | dict.fromkeys(counters, "")
