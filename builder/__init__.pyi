@@ -65,7 +65,7 @@ from builder.structure.loads.of_vehicle import fourier_structure_of as fourier_s
 from builder.structure.loads.of_vehicle import solid_structure_of as solid_structure_of
 from builder.structure.loads.loaded_structure import LoadProperties as LoadProperties
 from builder.structure.loads.temperature import temperature_mode as temperature_mode
-from builder.structure.fourier.gauges import PlacedGauges as PlacedGauges
+from builder.structure.fourier.ring_gauges import PlacedGauges as PlacedGauges
 from builder.structure.fourier.meridian_mesh import tube_mesh as tube_mesh
 from builder.structure.wall import Material as Material
 

@@ -11,9 +11,9 @@ import pytest
 
 from builder.campaign.snapshots import Snapshots
 from builder.placement.candidates import CandidateGrid
+from builder.placement.curves import qr_sites
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.limits import Limits, Zone
-from builder.placement.rivals import qr_sites
 from builder.reporting import Silent
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.file import Vehicle

@@ -22,12 +22,11 @@ from builder.manifold.build import with_manifold
 from builder.pipeline.gauge_placement import review_layout, write_layout
 from builder.placement import curves, design, lost_gauge
 from builder.placement.candidates import CandidateGrid
-from builder.placement.curves import accuracy_curves
+from builder.placement.curves import accuracy_curves, best_of_random, even_sites, qr_sites
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.flight_models import Kind, flight_states
 from builder.placement.limits import Limits, Zone, rules_of
 from builder.placement.review import DETECTED, Review, review_of
-from builder.placement.rivals import best_of_random, even_sites, qr_sites
 from builder.reporting import Silent
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import origin_of

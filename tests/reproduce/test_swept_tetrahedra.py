@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.reproduce.swept_tetrahedra import element_strain_rows, tetrahedral_sector
+from builder.reproduce.strain_models import element_strain_rows, tetrahedral_sector
 from builder.structure.solid.elements import boundary_facets
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.matter import Matter

@@ -5,7 +5,7 @@ loads are as accurate as the two meshes agree. Conservative: forces, moments and
 exactly, however coarse either mesh is and however wide the gap between them.
 
 Values in cells (finite-volume results) have no nodes to interpolate between. First-order reconstruction
-(:func:`builder.aero.cfd.cell_reconstruction.reconstruct`) makes them linear over each triangle, on a mesh whose
+(:func:`builder.aero.cfd.surface_transfer.reconstruct`) makes them linear over each triangle, on a mesh whose
 triangles share no nodes; that mesh is a source as any other.
 
 Source: C. Farhat, M. Lesoinne, P. Le Tallec, "Load and motion transfer algorithms for fluid/structure interaction

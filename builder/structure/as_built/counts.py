@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from builder.structure.as_built.gauges import rows_of
+from builder.structure.as_built.gauge_strain_terms import rows_of
 from builder.structure.as_built.vehicle import Counts
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built_kinds import BY_REGION, KINDS

@@ -14,16 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.structure.as_built.counts import counts_in_flight
-from builder.structure.as_built.gauges import BuiltGauges, WallGauges, operator_of, rows_of
+from builder.structure.as_built.gauge_strain_terms import BuiltGauges, WallGauges, operator_of, rows_of
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built_kinds import BY_REGION, KINDS
-from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh, yielding_clamp
 from builder.structure.fourier.strain_operator import (
     HarmonicResponse,

@@ -24,7 +24,7 @@ import numpy as np
 from builder.reporting import Progress
 from builder.structure.as_built.counts import counts_of_wall
 from builder.structure.as_built.derivatives import Key, derivative_keys
-from builder.structure.as_built.gauges import WallGauges, gain_of, operator_of, rows_of
+from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
 from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, strain_at_roll
 from builder.structure.as_built.response_tables import (
     LoadResponse,
@@ -46,7 +46,6 @@ from builder.structure.as_built.wall_states import (
     changed_harmonic_of,
     wall_states,
 )
-from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.model import (
     ERROR_HARMONICS,
@@ -55,6 +54,7 @@ from builder.structure.fourier.model import (
     structural_model_on,
     with_mesh_error,
 )
+from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations

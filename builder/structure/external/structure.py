@@ -8,7 +8,7 @@ from pathlib import Path
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external import strain_per_snapshot
 from builder.structure.external.influence import structure_of_influence
-from builder.structure.external.nastran.table import nastran_strains
+from builder.structure.external.nastran.results import nastran_strains
 from builder.structure.solid.case import solid_case
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle

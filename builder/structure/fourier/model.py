@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.reporting import Progress
-from builder.structure.fourier.gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_operator
 from builder.structure.gauge_placement import gauge_layout

@@ -22,9 +22,9 @@ from builder.structure.fourier.fourier_elasticity import (
     factor_harmonic,
 )
 from builder.structure.fourier.free_flight import FlyingSolver
-from builder.structure.fourier.gauges import PlacedGauges
 from builder.structure.fourier.inner_surface import SurfacePoints, inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
+from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.surface_load import pressure_load
 from builder.structure.wall import Material
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -33,7 +33,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Reporter
-from builder.structure.fourier.gauges import place_gauges
+from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.solid.elements import (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.gauge_strain_terms import gain_of
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable

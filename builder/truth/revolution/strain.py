@@ -15,7 +15,7 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scales_at, load_operator
 from builder.reporting import Progress
-from builder.structure.as_built.gauges import gain_of
+from builder.structure.as_built.gauge_strain_terms import gain_of
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
 from builder.structure.as_built.vehicle import AsBuilt

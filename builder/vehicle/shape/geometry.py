@@ -1,7 +1,7 @@
 """Outer shape of a body of revolution and the pressure nodes on it.
 
 The meridian r(x) consists of segments from the tip at x = 0 to the base: cones, circular arcs, and the curves of
-:mod:`builder.vehicle.shape.profile_curves`. Slope breaks between segments are kept as such: the surface pressure
+:mod:`builder.vehicle.shape.profile_entries`. Slope breaks between segments are kept as such: the surface pressure
 may jump there.
 """
 

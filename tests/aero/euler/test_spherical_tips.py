@@ -17,7 +17,7 @@ from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.starts import spherical_start
 from builder.aero.euler.starts.sphere_flow import solve_sphere
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
-from builder.vehicle.shape.profile_curves import Haack, PowerLaw, spherical_cap, with_end_angles
+from builder.vehicle.shape.profile_entries import Haack, PowerLaw, spherical_cap, with_end_angles
 from strainfmu.errors import FlowReachError
 
 COARSE = GRID_LEVELS["coarse"]

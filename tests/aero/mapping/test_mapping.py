@@ -7,7 +7,7 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from builder.aero.cfd.cell_reconstruction import reconstruct
+from builder.aero.cfd.surface_transfer import reconstruct
 from builder.aero.mapping.pressure_map import (
     conservative_force_map,
     conservative_pressure,

@@ -13,8 +13,8 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.structure.external.case_checks import check_cases
 from builder.structure.external.load_cases import load_cases
+from builder.structure.external.strain_per_snapshot import check_cases
 from builder.structure.fourier.model import StructuralModel
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import Vehicle

@@ -18,12 +18,10 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.reporting import Silent
-from builder.structure.external.influence import structure_of_influence
-from builder.structure.external.influence_checks import check_equilibrium, lateral_lines
+from builder.structure.external.influence import check_equilibrium, lateral_lines, structure_of_influence, thinned
 from builder.structure.external.influence_export import export_influence
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
 from builder.structure.external.structure import external_structure
-from builder.structure.external.thinned_nodes import thinned
 from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.solid.case import SolidCase, solid_case

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from builder.structure.fourier.gauges import place_gauges
 from builder.structure.fourier.meridian_mesh import tube_mesh
+from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.loads.applied import (
     Acceleration,
     DistributedForce,

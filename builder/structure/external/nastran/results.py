@@ -1,13 +1,18 @@
-"""Element strains of one or several Nastran files, by subcase and element."""
+"""Element strains of one or several Nastran files, by subcase and element.
+
+Strains of gauges by subcase, for the tables of load cases and of unit forces.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from builder.structure.external.load_cases import strain_columns
+from builder.structure.external.nastran.element_gauges import NastranPoint, read_nastran_gauges
 from builder.structure.external.nastran.element_rows import (
     CURVATURE,
     PLATE,
@@ -19,9 +24,10 @@ from builder.structure.external.nastran.element_rows import (
     plate_strain,
     solid_strain,
 )
-from builder.structure.external.nastran.gauges import NastranPoint
 from builder.structure.external.nastran.op2 import read_op2_strains
 from builder.structure.external.nastran.punch import read_punch_strains
+from builder.structure.solid.gauge_rows import Gauges
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -184,3 +190,54 @@ def _listed(numbers: Sequence[int]) -> str:
         return "none"
     shown = ", ".join(map(str, numbers[:8]))
     return shown if len(numbers) <= 8 else f"{shown}, .. ({len(numbers)})"
+
+
+@dataclass(frozen=True, eq=False)
+class NastranStrains:
+    """Strains of gauges in Nastran's results.
+
+    Attributes
+    ----------
+    results : element strains.
+    points : of each gauge's column the points whose mean it reads.
+    """
+
+    results: NastranResults
+    points: Mapping[str, list[NastranPoint]]
+
+    @property
+    def column(self) -> tuple[str, ...]:
+        """Names of the gauges' columns."""
+        return tuple(self.points)
+
+    def row(self, subcase: int) -> list[float]:
+        """Return the strain of each column [m/m].
+
+        Raises
+        ------
+        InputError
+            The results do not hold it.
+        """
+        return [
+            float(np.mean([self.results.strain(subcase, point) for point in points]))
+            for points in self.points.values()
+        ]
+
+
+def nastran_strains(vehicle: Vehicle, layouts: Mapping[str, Gauges]) -> NastranStrains | None:
+    """Return the strains in the files that the vehicle file names, None where it names none.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong.
+    """
+    entry = vehicle.structure
+    if entry.nastran_gauges is None:
+        return None
+    columns = strain_columns(layouts, vehicle.gauges.layout)
+    directions = {
+        name: gauges.direction[k] for layout, gauges in layouts.items() for k, name in enumerate(columns[layout])
+    }
+    points = read_nastran_gauges(vehicle.beside(entry.nastran_gauges), directions)
+    return NastranStrains(read_nastran_results([vehicle.beside(name) for name in entry.nastran_results]), points)

@@ -18,7 +18,7 @@ from cone_theory import taylor_maccoll_pressure
 
 from builder.aero.euler.bodies.solver import solve_flow
 from builder.vehicle.shape.geometry import BodyOfRevolution, Segment, chain_pieces
-from builder.vehicle.shape.profile_curves import spherical_cap
+from builder.vehicle.shape.profile_entries import spherical_cap
 from openfoam.case_files import State, read_state, run_solver, write_case
 from strainfmu.arrays import FloatArray
 

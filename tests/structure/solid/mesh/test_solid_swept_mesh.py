@@ -45,7 +45,7 @@ from builder.vehicle.shape.geometry import (
     chain_segments,
     surface_grid,
 )
-from builder.vehicle.shape.profile_curves import PowerLaw, spherical_cap, with_end_angles
+from builder.vehicle.shape.profile_entries import PowerLaw, spherical_cap, with_end_angles
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.errors import InputError
 
