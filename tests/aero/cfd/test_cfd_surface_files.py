@@ -195,4 +195,4 @@ def test_commands(snapshots: Snapshots, other_grid: SurfaceGrid, tmp_path: Path,
     assert {file.name for file in (tmp_path / "out").iterdir()} == names
     code, _, errors = run("convert", tmp_path / "snapshots.h5", "-o", tmp_path / "out", "--format", "plt")
     assert code == 2
-    assert "'plt' found" in errors
+    assert "'plt' is not one of 'vtu', 'triq', 'csv'" in errors
