@@ -1,0 +1,192 @@
+"""Counts of the house: lines, files, imports and words of each room, as docs/developers/rooms.md states them.
+
+A room is a folder or a file of the page's first table, with all below it that has no row of its own. Lines are
+those of Python and C files, headers of FMI by the Modelica Association left out. Run as a program it prints the
+page with the counts of today; with ``--write`` it writes them.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import sys
+import tokenize
+from collections import Counter, defaultdict
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "developers" / "rooms.md"
+TREES = ("strainfmu", "builder", "fmus", "tests")
+SUFFIXES = (".py", ".pyi", ".c", ".h")
+HEADERS_OF_FMI = re.compile(r"fmi[23](Functions|FunctionTypes|TypesPlatform|PlatformTypes)?\.h")
+FILLER = frozenset(
+    (
+        *("found", "one", "ones", "held", "those", "these", "other", "others", "own"),
+        *("told", "drawn", "built", "seen", "left", "there", "here", "kept", "given"),
+        *("ways", "way", "behind", "beside", "beyond", "whole", "at", "of", "each"),
+    )
+)
+"""Words that name nothing, as identifiers."""
+ROW = re.compile(r"^\| `(?P<name>[^`]+)` \|(?P<cells>.*)\|$", re.MULTILINE)
+
+
+class Row(NamedTuple):
+    """A row of a table of the page: its name and the cells behind it."""
+
+    name: str
+    cells: tuple[str, ...]
+
+
+def rows(heading: str, text: str | None = None) -> list[Row]:
+    """Return the rows of the table under a heading of the page."""
+    section = (text or PAGE.read_text("utf-8")).split(f"## {heading}\n")[1].split("\n## ")[0]
+    return [
+        Row(match["name"], tuple(cell.strip() for cell in match["cells"].split("|")))
+        for match in ROW.finditer(section)
+    ]
+
+
+@cache
+def files() -> tuple[Path, ...]:
+    """Return the files that count, by their paths in the project."""
+    paths = (path for tree in TREES for path in (ROOT / tree).rglob("*") if path.suffix in SUFFIXES)
+    kept = (path.relative_to(ROOT) for path in paths if not HEADERS_OF_FMI.fullmatch(path.name))
+    return tuple(sorted(path for path in kept if "__pycache__" not in path.parts and "build" not in path.parts))
+
+
+@cache
+def text_of(path: Path) -> str:
+    return (ROOT / path).read_text("utf-8")
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(text_of(path))
+
+
+def room_of(path: Path, rooms: frozenset[str]) -> str | None:
+    """Return the longest name among ``rooms`` that is the file or a folder above it."""
+    above = [path, *path.parents]
+    return next((one.as_posix() for one in above if one.as_posix() in rooms), None)
+
+
+def lines_of_rooms(rooms: frozenset[str]) -> Counter[str | None]:
+    """Return the lines of each room; those of files without a room count for None."""
+    counts: Counter[str | None] = Counter(dict.fromkeys(rooms, 0))
+    for path in files():
+        counts[room_of(path, rooms)] += text_of(path).count("\n")
+    return counts
+
+
+@cache
+def imports() -> dict[str, set[str]]:
+    """Return which modules each module of the packages imports, by dotted names; imports for types alone too."""
+    modules = {module_name(path): path for path in files() if path.suffix == ".py" and path.parts[0] in TREES[:2]}
+    graph: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        targets = set[str]()
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                parts = {f"{node.module}.{alias.name}" for alias in node.names} & modules.keys()
+                targets |= parts or ({node.module} & modules.keys())
+            elif isinstance(node, ast.Import):
+                targets |= {alias.name for alias in node.names} & modules.keys()
+        graph[name] = targets - {name}
+    return graph
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+@cache
+def circles() -> list[set[str]]:
+    """Return the groups of modules that import each other, directly or through others."""
+    graph = imports()
+
+    def reached(start: str) -> set[str]:
+        seen, waiting = set[str](), [*graph[start]]
+        while waiting:
+            module = waiting.pop()
+            if module not in seen:
+                seen.add(module)
+                waiting += graph[module]
+        return seen
+
+    all_reached = {name: reached(name) for name in graph}
+    groups = {frozenset(b for b in all_reached[a] if a in all_reached[b]) for a in graph if a in all_reached[a]}
+    return [set(group) for group in groups]
+
+
+def of_one_neighbour(tree: str) -> list[str]:
+    """Return the modules of a tree that one module alone imports, which stands in the same folder."""
+    users = defaultdict[str, set[str]](set)
+    for name, targets in imports().items():
+        for target in targets:
+            users[target].add(name)
+    return sorted(
+        name
+        for name, by in users.items()
+        if name.split(".")[0] == tree
+        and len(by) == 1
+        and next(iter(by)).rpartition(".")[0] == name.rpartition(".")[0]
+    )
+
+
+def share_of_imports(tree: str) -> float:
+    """Return the lines of import statements over all lines of a tree."""
+    total = importing = 0
+    for path in files():
+        if path.suffix == ".py" and path.parts[0] == tree:
+            total += text_of(path).count("\n")
+            for node in ast.walk(tree_of(path)):
+                if isinstance(node, ast.Import | ast.ImportFrom):
+                    importing += (node.end_lineno or node.lineno) - node.lineno + 1
+    return importing / total
+
+
+def filler_words(tree: str) -> float:
+    """Return the identifiers among :data:`FILLER` per 1,000 lines of a tree's Python."""
+    total = words = 0
+    for path in files():
+        if path.suffix == ".py" and path.parts[0] == tree:
+            total += text_of(path).count("\n")
+            tokens = tokenize.generate_tokens(io.StringIO(text_of(path)).readline)
+            words += sum(token.type == tokenize.NAME and token.string in FILLER for token in tokens)
+    return 1000.0 * words / total
+
+
+MEASURES = {
+    "modules that import each other": lambda tree: float(
+        sum(len(group) for group in circles() if min(group).split(".")[0] == tree)
+    ),
+    "modules imported by one neighbour alone": lambda tree: float(len(of_one_neighbour(tree))),
+    "lines of imports [%]": lambda tree: 100.0 * share_of_imports(tree),
+    "filler words as names, per 1,000 lines": filler_words,
+}
+
+
+def updated(text: str) -> str:
+    """Return the page with the counts of today in place of its own."""
+    table = rows("Rooms", text)
+    lines = lines_of_rooms(frozenset(row.name for row in table))
+    for row in table:
+        old = f"| `{row.name}` | {row.cells[0]} | {row.cells[1]} |"
+        text = text.replace(old, f"| `{row.name}` | {row.cells[0]} | {lines[row.name]:,} |")
+    for row in rows("Measures", text):
+        values = [f"{MEASURES[row.name](tree):.4g}" for tree in TREES[:2]]
+        text = text.replace(
+            f"| `{row.name}` | {' | '.join(row.cells)} |", f"| `{row.name}` | {' | '.join(values)} |"
+        )
+    return text
+
+
+if __name__ == "__main__":
+    page = updated(PAGE.read_text("utf-8"))
+    if "--write" in sys.argv[1:]:
+        PAGE.write_text(page, "utf-8")
+    else:
+        print(page)
