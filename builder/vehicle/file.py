@@ -6,9 +6,9 @@ file, the entry, what was found and what is allowed. ``vehicles/ic3x.toml`` is t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
-from math import pi
+from math import pi, prod
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,21 +21,44 @@ from builder.vehicle.gauges.recorder import Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
-from builder.vehicle.model_entries import Aerodynamics, Resolutions, Truth
-from builder.vehicle.needed_entries import missing_entries
+from builder.vehicle.model_entries import (
+    ELEMENTS,
+    EULER,
+    FOURIER,
+    KNOTS,
+    NODES,
+    Aerodynamics,
+    NeededBy,
+    Resolution,
+    Resolutions,
+    Truth,
+)
+from builder.vehicle.notebook_view import (
+    map_in_words,
+    noise_in_words,
+    range_in_words,
+    stations_in_use,
+    vehicle_html,
+)
 from builder.vehicle.shape.entries import Reference, Shape
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt
 from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
-from builder.vehicle.sizes import size_faults
 from builder.vehicle.structure.mass import Mass
 from builder.vehicle.structure.material import MaterialEntry
 from builder.vehicle.structure.section import Structure
 from builder.vehicle.structure.temperature import Temperature
 from builder.vehicle.toml.faults import Faults
-from builder.vehicle.toml.limits import one_line
+from builder.vehicle.toml.limits import (
+    MAX_CONDITIONS,
+    MAX_ELEMENTS,
+    MAX_GAUGES,
+    MAX_PRESSURES,
+    MIN_ELEMENTS,
+    one_line,
+)
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import Section
 from strainfmu.errors import InputError
@@ -331,9 +354,27 @@ class Vehicle(Section):
         return self.beside(self.truth.manoeuvre)
 
     def _repr_html_(self) -> str:
-        from builder.vehicle.notebook_view import vehicle_html  # imports this module
-
-        return vehicle_html(self)
+        body, wall, air = self.body(), self.structure, self.conditions
+        stations = stations_in_use(self.gauges, self._folder)
+        number = "gauges" if stations is None else f"{len(stations)} gauges"
+        entries = (
+            ("length", f"{body.length:.4g} m"),
+            ("base diameter", f"{2.0 * body.base_radius:.4g} m"),
+            ("wall", f"{wall.wall_thickness_mm:.4g} mm, E = {self.material.youngs_modulus_GPa:.4g} GPa"),
+            ("structure", f"{wall.model} model, {wall.support}"),
+            ("gauges", f"{number}, layout {self.gauges.layout} of {', '.join(self.gauges.layouts)}"),
+            (
+                "conditions",
+                f"{len(self.flight_conditions())}: M {range_in_words(air.mach_number)}, "
+                f"angle of attack {range_in_words(air.angle_of_attack_deg)} deg, "
+                f"sideslip angle {range_in_words(air.sideslip_angle_deg)} deg, "
+                f"altitude {range_in_words(air.altitudes_km)} km",
+            ),
+            ("engine", self.aerodynamics.engine),
+            ("noise", noise_in_words(self.noise)),
+            ("map", map_in_words(self.map)),
+        )
+        return vehicle_html(self.name, entries, body, stations)
 
 
 def load_vehicle(path: str | Path, changes: Mapping[str, Any] | None = None) -> Vehicle:
@@ -359,6 +400,124 @@ def load_vehicle(path: str | Path, changes: Mapping[str, Any] | None = None) -> 
 
     def faults_beside_file(vehicle: Vehicle) -> list[str]:
         vehicle._folder = path.parent  # sizes follow from files that the vehicle file names, too
-        return [*missing_entries(vehicle), *size_faults(vehicle)]
+        return [*_missing_entries(vehicle), *_size_faults(vehicle)]
 
     return read_sections(path, Vehicle, "vehicle file", faults_beside_file, changes)
+
+
+def _missing_entries(vehicle: Vehicle) -> Iterator[str]:
+    """Yield a line for each entry of [truth] and [resolution] that the file lacks and its models need."""
+    if vehicle.has_flow_table:
+        for name in KNOTS:
+            if getattr(vehicle.truth, name) is None:
+                yield (
+                    f"truth.{name}: entry is missing, the flows of the vehicle that flies; alarm levels by "
+                    "engine 'euler' need them, unless map.alarm_levels is 'nominal'"
+                )
+    for level in ("map", "truth"):
+        needed, resolution = _needed_by(vehicle, level), getattr(vehicle.resolution, level)
+        for name, field in Resolution.model_fields.items():
+            by = [one for one in field.metadata if isinstance(one, NeededBy)]
+            if name not in resolution.model_fields_set and needed.intersection(by):
+                yield f"resolution.{level}.{name}: entry is missing, it is required with {by[0].what}"
+
+
+def _needed_by(vehicle: Vehicle, level: str) -> set[NeededBy]:
+    """Return what the model of a level consists of."""
+    kind, flies = vehicle.shape_kind, level == "truth"
+    found = set() if kind == "surface" else {NODES}
+    if kind == "profile":
+        found |= {FOURIER, ELEMENTS}
+    if kind == "sections" and flies:
+        found.add(ELEMENTS)
+    engine: str | None = vehicle.aerodynamics.engine
+    if flies and kind == "profile":
+        engine = _engine_that_flies(vehicle)
+    if engine == "euler":
+        found.add(EULER)
+    return found
+
+
+def _engine_that_flies(vehicle: Vehicle) -> str | None:
+    """Return the engine of the flow table, None where there is none, or where the body itself is wrong."""
+    try:
+        return vehicle.truth_engine() if vehicle.has_flow_table else None
+    except InputError:
+        return None
+
+
+def _size_faults(vehicle: Vehicle) -> list[str]:
+    """Return what is wrong with the body and with sizes that follow from several entries, a line each."""
+    faults = [*_flow_faults(vehicle), *_gauge_faults(vehicle)]
+    if not vehicle.is_of_revolution:
+        return faults
+    try:
+        body = vehicle.body()
+    except InputError as error:
+        return [str(error), *faults]
+    return [*faults, *_element_faults(vehicle, body.length)]
+
+
+def _flow_faults(vehicle: Vehicle) -> Iterator[str]:
+    """Yield faults of the numbers of conditions, and of their pressures on the surface nodes."""
+    entry, truth = vehicle.conditions, vehicle.truth
+    lists = [entry.mach_number, entry.angle_of_attack_deg, entry.sideslip_angle_deg, entry.altitudes_km]
+    lists += [one.values for one in entry.parameters.values()]
+    knots = [truth.mach_number or (), truth.total_incidence_deg or ()]
+    own_nodes = vehicle.shape_kind != "surface"
+    for where, sizes, name, resolution in (
+        ("conditions", [len(values) for values in lists], "map", vehicle.resolution.map),
+        ("truth", [len(values) for values in knots], "truth", vehicle.resolution.truth),
+    ):
+        count, shown = prod(sizes), " x ".join(map(str, sizes))
+        if count > MAX_CONDITIONS:
+            yield f"{where}: expected at most {MAX_CONDITIONS} conditions, got {shown} = {count}"
+        elif own_nodes and count * _nodes(resolution) > MAX_PRESSURES:
+            yield (
+                f"{where}: expected at most {MAX_PRESSURES} values of pressure, got {count} conditions x "
+                f"{_shown_nodes(name, resolution)} = {count * _nodes(resolution)}"
+            )
+
+
+def _gauge_faults(vehicle: Vehicle) -> Iterator[str]:
+    """Yield faults of the numbers of gauges in rows, and of their strains per pressure."""
+    finest = max(("map", "truth"), key=lambda name: _nodes(getattr(vehicle.resolution, name)))
+    resolution = getattr(vehicle.resolution, finest)
+    for layout, entry in vehicle.gauges.layouts.items():
+        count = sum(
+            len(row.directions) * (len(row.x_m) if row.x_m is not None else row.count or 0)
+            for row in entry.rows or ()
+        )
+        if count > MAX_GAUGES:
+            yield f"gauges.layouts.{layout}: expected at most {MAX_GAUGES} gauges, got {count}"
+        elif vehicle.shape_kind != "surface" and count * _nodes(resolution) > MAX_PRESSURES:
+            yield (
+                f"gauges.layouts.{layout}: expected at most {MAX_PRESSURES} strains per pressure, got {count} "
+                f"gauges x {_shown_nodes(finest, resolution)} = {count * _nodes(resolution)}"
+            )
+
+
+def _element_faults(vehicle: Vehicle, length: float) -> Iterator[str]:
+    """Yield faults of the elements along the meridian; ``length`` of the body [m]."""
+    for name in ("map", "truth"):
+        resolution: Resolution = getattr(vehicle.resolution, name)
+        element = 1e-3 * resolution.element_length_mm
+        if element > length / MIN_ELEMENTS:
+            yield (
+                f"resolution.{name}.element_length_mm: expected at most {1e3 * length / MIN_ELEMENTS:g}, 1/"
+                f"{MIN_ELEMENTS} of the body's length, got {resolution.element_length_mm:g}"
+            )
+        count = round(length / element) * resolution.wall_layers
+        if count > MAX_ELEMENTS:
+            yield (
+                f"resolution.{name}: expected at most {MAX_ELEMENTS} elements, got {length:g} m / "
+                f"{resolution.element_length_mm:g} mm x {resolution.wall_layers} wall_layers = {count}"
+            )
+
+
+def _nodes(resolution: Resolution) -> int:
+    return resolution.surface_stations * resolution.surface_roll_angles
+
+
+def _shown_nodes(name: str, resolution: Resolution) -> str:
+    return f"{resolution.surface_stations} x {resolution.surface_roll_angles} nodes of resolution.{name}"
