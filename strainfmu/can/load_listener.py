@@ -90,7 +90,7 @@ class LoadListener:
         if (keeper := freshness_keeper(machine, options)) is not None:
             self._stack.enter_context(keeper)
         self._machine = machine
-        self._listener = BusListener(machine, layouts, configuration, Taps(on_result=on_result))
+        self._listener = BusListener(machine, layouts, configuration, Taps(clock=clock, on_result=on_result))
         self._listener.use(bus)
         self._loop = loop
         if loop is None:

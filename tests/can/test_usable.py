@@ -8,6 +8,7 @@ from ctypes import c_double
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cantools
@@ -17,11 +18,11 @@ from can_case import CYCLE, Ears, Projection, Truth, layout_of
 from recorded_case import read_csv
 from scaled_maps import scaled_map
 
-from strainfmu.can import replay
+from strainfmu.can import load_listener, replay
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
-from strainfmu.can.listener import BusListener, Taps
+from strainfmu.can.load_listener import LoadListener
 from strainfmu.can.machine import Result, input_machine
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.page_message import GaugePosition, result_message
@@ -30,6 +31,7 @@ from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.replay import ReplaySummary
 from strainfmu.can.result_layouts import result_layouts
 from strainfmu.can.signals import functions
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.monitor.answer import Answer
@@ -51,8 +53,10 @@ class Wire:
         self.sent.append(message)
 
 
-def flown(is_protected: bool, form: str) -> tuple[list[Result], list[list[Any]], str]:
-    """Return results of every state, the messages that each sent, and the DBC text of these.
+def flown(
+    is_protected: bool, form: str, bus_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> tuple[list[Result], list[list[Any]], str]:
+    """Return what a listener gives in every state, the messages that each result sent, and the DBC text of these.
 
     Cycles with every health and a gauge without a value, strains that another bridge answers, that freeze, and
     silence until results are INVALID.
@@ -73,21 +77,27 @@ def flown(is_protected: bool, form: str) -> tuple[list[Result], list[list[Any]],
         messages.append(list(wire.sent))
         wire.sent.clear()
 
-    listener = BusListener(machine, layouts, 1, Taps(clock=lambda: now[0], on_result=keep))
-    listener.use(wire)
+    # The public listener with the machine at hand, in virtual time, and a loop that leaves the time to the test.
+    bus_file.write_text("")
+    monkeypatch.setattr(load_listener, "make_machine", lambda *_, **__: (machine, layouts, 1, None))
+    monkeypatch.setattr(load_listener, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    loop: Any = SimpleNamespace(call_soon=lambda _: None, call_later=lambda *_: None)
+    estimator = Estimator(scaled_map(2, seed=4))
+    listener = LoadListener(estimator, bus_file, on_result=keep, bus=wire, loop=loop)
     states = [*[HealthState.OK] * 12, *HealthState, *[HealthState.OK] * 30]
     for k, health in enumerate(states):
         now[0], step.health = k * CYCLE, health
         strain, pressure = truth.cycle(min(k, 42))
         strain = np.where((np.arange(N_GAUGES) == 3) & (k in (9, 10)), np.nan, strain)
         for frame in encoder.encode(strain, pressure, cycle=k, sample_time=k * CYCLE):
-            listener.take(to_message(frame), now[0])
+            listener(to_message(frame))
         if k == 25:
             machine._library.sb_note_bridge(machine._at[1], c_double(now[0] + 3 * CYCLE))
     for k in range(len(states), len(states) + 40):
         now[0] = k * CYCLE
-        listener.advance(now[0])
+        listener._look()
         wire.sent.clear()  # the status, of the result before
+    assert listener.last is results[-1]
     return results, messages, dbc_text(list(layouts), "test")
 
 
@@ -95,7 +105,7 @@ def flown(is_protected: bool, form: str) -> tuple[list[Result], list[list[Any]],
 def test_every_quality_is_the_same_at_every_outlet(
     is_protected: bool, form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    results, messages, text = flown(is_protected, form)
+    results, messages, text = flown(is_protected, form, tmp_path / "bus.toml", monkeypatch)
     reached = {result.quality for result in results}
     assert reached == set(Quality) - {Quality.UNPROTECTED if is_protected else Quality.VALID}
     stated = [result.usable for result in results]

@@ -125,7 +125,7 @@ static void begin_unproven(const SbPlan *p, SbState *s) {
 }
 
 /* The sender of before is back if its clock explains three cycles in a row, of which the first went on nowhere; `is_odd`: it
-   may go on with what came between, as the end of a recording leads to the present. */
+   may go on with what came between, which it is ahead of, as the end of a recording leads to the present. */
 static void look_for_proven(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, int is_odd,
                             double now) {
     SbClock k;
@@ -186,17 +186,18 @@ static uint32_t date_by_echo(const SbPlan *p, SbState *s, int64_t ticks, double 
 
 /* --- other senders ---------------------------------------------------------------------------------------------------------- */
 
-/* By how much the clock was set, or a sample was late, less than a cycle: more than its times usually are off by the counter.
-   A counter that alone ran ahead says nothing. */
+/* By how much the clock was set, or a sample was late: more than its times usually are off by the counter, which many in a
+   row change little. A counter that ran ahead of both clocks says that one cycle has passed at least. */
 static double time_set(const SbPlan *p, SbState *s, const Step *step, double tick) {
     const double off = fabs(step->off), most = 0.25 * p->cycle, usual = 5.0 * s->usual_off + 2.5 * tick;
     const double limit = usual < most ? usual : most;
     if (!s->has_seen || !(step->time > 0.0)) {
         return 0.0;
     }
-    s->usual_off += ((off < limit ? off : limit) - s->usual_off) / 16.0;
+    s->usual_off += off > limit ? (limit - s->usual_off) / 64.0 : (off - s->usual_off) / 16.0;
     const int ran_ahead = step->off < -0.75 * p->cycle && fabs(step->time - (s->first - s->seen_at)) < 0.25 * p->cycle;
-    return off > limit && !ran_ahead ? step->off : 0.0;
+    const double set = ran_ahead ? step->time - p->cycle : step->off;
+    return fabs(set) > limit ? set : 0.0;
 }
 
 static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, double tick, const Step *step, double now) {
@@ -207,7 +208,8 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, doubl
     }
     const double set = time_set(p, s, step, tick);
     const int is_explained = fits(p, &s->clock, &k, ticks, tick, s->first, now);
-    look_for_proven(p, s, ticks, tick, step, !is_explained, now);
+    const int is_late = now - k.source - k.upper > p->max_age;
+    look_for_proven(p, s, ticks, tick, step, !is_explained && !is_late, now);
     if (is_explained || fits(p, &s->clock, &k, ticks, tick, s->first, now)) {
         k.doubt = k.doubt + set > 0.0 ? k.doubt + set : 0.0;
         k.upper -= set < 0.0 ? set : 0.0;
@@ -218,8 +220,7 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, doubl
     }
     SbClock *c = &s->clock;
     c->doubt += step->goes_on && set > 0.0 ? set : 0.0; /* while cycles are too late */
-    const int is_ahead = now - k.source - k.upper <= p->max_age;
-    c->n_odd = !step->goes_on || (is_ahead && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
+    c->n_odd = !step->goes_on || (!is_late && !c->n_odd) ? 1 : c->n_odd ? c->n_odd + 1 : 0;
     s->n_late++;
     if (c->n_odd >= p->late_limit) {
         begin_unproven(p, s);
@@ -228,7 +229,7 @@ static uint32_t date_by_anchor(const SbPlan *p, SbState *s, int64_t ticks, doubl
         state_age(p, &s->result, &s->clock, now);
         return SB_JUMP | SB_OLD;
     }
-    s->result.age = is_ahead ? NAN : now - k.source - k.upper;
+    s->result.age = is_late ? now - k.source - k.upper : NAN;
     s->result.uncertainty = NAN;
     return SB_OLD | (step->goes_on ? 0 : SB_JUMP);
 }
