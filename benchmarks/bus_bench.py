@@ -25,10 +25,11 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.bench_flight import PROFILE, BenchFlight, bench_flight
-from strainfmu.can.bridge import PERCENTILES, BridgeSummary
+from strainfmu.can.bridge import PERCENTILES
 from strainfmu.can.demo import GROUP, check_multicast, private_port
 from strainfmu.can.frame import import_can, to_message
 from strainfmu.can.frame_layout import NAVIGATION
+from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.machine import Result
 from strainfmu.can.observed import observed_bridge
 from strainfmu.can.opening import BusSettings, open_bus, shut_down
@@ -144,7 +145,7 @@ def _cost_of(fmu: Path, inverse_map: InverseMap, n_cycles: int) -> CoreCost:
 def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recorder | None) -> float:
     """Return the processor time per cycle of the whole process [s]; with a recorder, also results and a page."""
     from strainfmu.can.page_message import gauge_positions
-    from strainfmu.can.publisher import BridgeReports, Publisher
+    from strainfmu.can.publisher import Publisher
     from strainfmu.cosim.estimators.fmu_step import FmuStep
 
     period = flight.layout.cycle_time
@@ -161,8 +162,9 @@ def _through_core(fmu: Path, flight: BenchFlight, n_cycles: int, recorder: Recor
                     core.receive(frame)
             return (time.process_time() - begin) / n_cycles
         composer = ResultFrames(layouts, configuration)
-        reports = BridgeReports(account=lambda: core.account, bus_state=lambda: core.bus_state)
-        publisher = Publisher(("127.0.0.1", 9), gauge_positions(fmu), rate=PUBLISH_RATE, reports=reports)
+        publisher = Publisher(
+            ("127.0.0.1", 9), gauge_positions(fmu), rate=PUBLISH_RATE, account=lambda: core.account
+        )
         begin = time.process_time()
         for frames in cycles:
             for frame in frames:

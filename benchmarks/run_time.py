@@ -12,7 +12,7 @@ from fault_injection import FaultySender
 from fmpy import extract
 from synthetic_vehicle import synthetic_inverse_map
 
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.cosim.estimators.source import open_step
@@ -115,7 +115,7 @@ class BusCycles:
         self.stack.close()
 
     def time_100_cycles(self) -> None:
-        core = input_machine(self.layout, self.step, BridgeSettings(), start=0.0)
+        core = Machine(self.layout, self.step, BridgeSettings(), start=0.0)
         for number, frames in enumerate(self.cycles):
             for frame in frames:
                 core.receive(frame)

@@ -13,16 +13,16 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from strainfmu.can.frame import MalformedFrame, error_line, import_can
-from strainfmu.can.listener import HOST_STAMPED, BusListener, Clock
+from strainfmu.can.listener import HOST_STAMPED, BridgeSummary, BusListener, Clock
 from strainfmu.can.opening import OpenBus, kernel_drops, shut_down
-from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass, Quality
+from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import StrainfmuError
 
@@ -31,43 +31,6 @@ if TYPE_CHECKING:
 
 
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
-
-
-@dataclass(eq=False, kw_only=True)
-class BridgeSummary:
-    """Summary of a run.
-
-    Attributes
-    ----------
-    duration, cpu : of the run, and processor time of the whole process in it [s].
-    account : of all frames.
-    qualities : results by quality.
-    healths : estimates by state of health.
-    navigated : number of results with both Mach number and altitude.
-    latency : [s] from the last frame of an answered cycle to its results on the bus; the latest 200,000.
-    sent, send_failures, failures, reconnects : frames sent and not sent, failed receptions, buses reopened.
-    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
-    kernel_drops : datagrams that the system dropped, None where that is not known.
-    period_text : the sender's period in words, "" where it was not measured.
-    last_fault : last failure of the bus.
-    """
-
-    duration: float
-    cpu: float
-    account: FrameAccount
-    qualities: Counter[Quality] = field(default_factory=Counter)
-    healths: Counter[int] = field(default_factory=Counter)
-    navigated: int = 0
-    latency: np.ndarray = field(default_factory=lambda: np.empty(0))
-    sent: int = 0
-    send_failures: int = 0
-    failures: int = 0
-    malformed: int = 0
-    last_malformed: str = ""
-    reconnects: int = 0
-    kernel_drops: int | None = None
-    period_text: str = ""
-    last_fault: str = ""
 
 
 def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
@@ -141,44 +104,33 @@ Received = tuple[Any, float]
 """A message, None for none, and when it was read [s]; or a time that no later message precedes."""
 
 
-class Inbox(Protocol):
-    """Where the messages of a bus come from."""
+class Inbox:
+    """Reads a bus whose messages have the time of this host.
 
-    dropped: int
-    """Messages that were dropped since the last look."""
+    Attributes
+    ----------
+    dropped : messages that were dropped since the last look.
+    """
+
+    def __init__(self, bus: Any, clock: Clock) -> None:
+        self._bus, self._clock, self.dropped = bus, clock, 0
 
     def get(self, timeout: float) -> Received:
         """Return the next message, or none that came within ``timeout`` [s]; raise what python-can raises."""
-        ...
-
-    def close(self) -> None:
-        """End reception; the bus is shut down next."""
-        ...
-
-
-class DirectInbox:
-    """Reads a bus whose messages have the time of this host."""
-
-    dropped = 0
-
-    def __init__(self, bus: Any, clock: Clock) -> None:
-        self._receive, self._clock = bus.recv, clock
-
-    def get(self, timeout: float) -> Received:
-        """Return as :meth:`Inbox.get`."""
         begin = self._clock()
-        message = self._receive(timeout)
+        message = self._bus.recv(timeout)
         return (None, begin + timeout) if message is None else (message, self._clock())
 
     def close(self) -> None:
-        """Do nothing: there is no thread."""
+        """End reception; the bus is shut down next."""
 
 
-class ThreadedInbox:
+class ThreadedInbox(Inbox):
     """Has a thread of python-can read a bus, so that messages have a time although they wait."""
 
     def __init__(self, bus: Any, clock: Clock, limit: int) -> None:
-        self._clock, self._limit, self.dropped = clock, limit, 0
+        super().__init__(bus, clock)
+        self._limit = limit
         self._waiting: queue.SimpleQueue[tuple[Any, float]] = queue.SimpleQueue()
         self._notifier = import_can().Notifier(bus, [self], timeout=_LONGEST_WAIT)
 
@@ -484,7 +436,7 @@ class Bridge:
         """Open a new bus and receive from it."""
         self._bus = self._open_bus()
         is_stamped, clock = type(self._bus).__name__ in HOST_STAMPED, self._clock
-        self._inbox = DirectInbox(self._bus, clock) if is_stamped else ThreadedInbox(self._bus, clock, self._limit)
+        self._inbox = Inbox(self._bus, clock) if is_stamped else ThreadedInbox(self._bus, clock, self._limit)
         self._failure_times.clear()
         self.listener.use(self._bus)
 
@@ -527,7 +479,7 @@ class Bridge:
                 raise StrainfmuError(f"the bus was lost and could not be opened again: {error}") from error
             return
         self._back_off.opened(now)
-        self.listener.reconnects = self._back_off.reconnects
+        self.listener.summary.reconnects = self._back_off.reconnects
         if self._back_off.exhausted:
             self._disconnect()
             raise StrainfmuError(f"the bus was lost again and again: {self.last_fault}")
@@ -541,22 +493,9 @@ class Bridge:
 
     def summary(self) -> BridgeSummary:
         """Return the summary of the run so far."""
-        listener = self.listener
-        return BridgeSummary(
-            duration=self._clock() - self._start,
-            cpu=time.process_time() - self._cpu,
-            account=self.account(),
-            qualities=Counter(listener.qualities),
-            healths=Counter(listener.healths),
-            navigated=listener.navigated,
-            latency=np.array(listener.latency),
-            sent=listener.sent,
-            send_failures=listener.send_failures,
-            malformed=listener.malformed,
-            last_malformed=listener.last_malformed,
-            failures=self._failures,
-            reconnects=self._back_off.reconnects,
-            kernel_drops=self._drops if self._drops_known else None,
-            period_text=self.machine.period_text,
-            last_fault=self.last_fault,
-        )
+        summary = self.listener.summary
+        summary.duration, summary.cpu = self._clock() - self._start, time.process_time() - self._cpu
+        summary.account, summary.failures, summary.last_fault = self.account(), self._failures, self.last_fault
+        summary.kernel_drops = self._drops if self._drops_known else None
+        summary.period_text = self.machine.period_text
+        return summary

@@ -13,15 +13,14 @@ from time import sleep
 from typing import Any
 
 from strainfmu.can.authentic import FIRST_TRIP, freshness_file, next_trip
-from strainfmu.can.bridge import BridgeSummary
 from strainfmu.can.bus_file import BusDescription, bus_template, read_bus
-from strainfmu.can.interface_options import check_bus_options
+from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.observed import ObservedBridge, observed_bridge
-from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, open_bus, shut_down
+from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, BusSettings, bus_settings, open_bus, shut_down
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_layouts import result_layouts
 from strainfmu.can.sender import Answers, Score, Sender, SentFlight, score_answers, send_flight
-from strainfmu.can.setup import bus_settings, map_gauge_names, map_input_layout, result_form, write_dbc
+from strainfmu.can.setup import map_input_layout, result_form, stated_in, write_dbc
 from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
@@ -101,7 +100,6 @@ def bridge(
     )
     options, say = described.options(), say or (lambda line: None)
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
-    check_bus_options(options.interface, bus_settings(options).options)
     with observed_bridge(
         Path(fmu),
         options,
@@ -111,8 +109,9 @@ def bridge(
         publish_field=described.publish_field,
         publish_token=described.publish_token,
     ) as observed:
-        ready, at = observed.ready, f"{options.interface}:{options.channel}"
-        say(f"{fmu}: {ready.n_gauges} gauges, {ready.layout_name}; {at}; stop with Ctrl-C")
+        ready, layout = observed.ready, observed.ready.bridge.machine.layout
+        at = f"{options.interface}:{options.channel}"
+        say(f"{fmu}: {layout.n_gauges} gauges, {layout.name}; {at}; stop with Ctrl-C")
         for line in ready.start_lines:
             say(line)
         if ready.freshness is not None and ready.freshness.first_run_text:
@@ -165,7 +164,7 @@ def dbc_template(source: File, template: File) -> None:
     path = Path(template)
     if path.exists():
         raise InputError(f"{path}: expected a new file, got one that exists")
-    write_bytes_atomically(path, bus_template(map_gauge_names(Path(source))).encode())
+    write_bytes_atomically(path, bus_template(stated_in(Path(source))[0]).encode())
 
 
 def send(
@@ -227,7 +226,7 @@ def send(
         raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
     if described.tare_at is not None and options.tare is None:
         options = replace(options, tare=source)
-    check_bus_options(options.interface, bus_settings(options).options)
+    settings_of_bus = bus_settings(options.interface, options.channel, options.bus_options)
     layout, names, readings = map_input_layout(options, source)
     if not layout.cycle_time <= duration:
         raise InputError(
@@ -246,7 +245,7 @@ def send(
     if options.interface == VIRTUAL and say is not None:
         say(VIRTUAL_TEXT)
     with samples as opened:
-        found = _send(options, layout, opened, duration, described.tare_at, stopped)
+        found = _send(settings_of_bus, options, layout, opened, duration, described.tare_at, stopped)
     if report is not None:
         score = found.score
         if score is None or (score.published and not score.has_errors):
@@ -276,6 +275,7 @@ def _samples(
 
 
 def _send(
+    settings: BusSettings,
     options: Any,
     layout: Any,
     samples: Iterator[FlownSample],
@@ -284,7 +284,6 @@ def _send(
     stopped: Callable[[], bool],
 ) -> SentStrains:
     """Open the bus twice, to send and to listen; return what was sent, and what came back."""
-    settings = bus_settings(options)
     sender = Sender(layout, _first_trip(options, layout))
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
     named = layout.trailer or layout.first_of_cycle

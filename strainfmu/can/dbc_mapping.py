@@ -184,21 +184,28 @@ class _Mapper:
         factors = [
             self._file.factor(message, signal, units=STRAIN_UNITS, what="a unit of strain") for signal in used
         ]
-        if len({signal.name for signal in used}) < len(used):
-            twice = next(s.name for s in used if [t.name for t in used].count(s.name) > 1)
-            raise InputError(f"{self._name}: strain: signal '{message_name}.{twice}' found for two gauges")
-        extra, indices = self._extras(message, selector, len(used))
-        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, indices=indices)
-        return InputFrame(
-            layout=layout,
+        return self._frame(
+            message,
+            selector,
+            used,
+            ("strain", "two gauges"),
             indices=tuple(range(len(used))),
             gauges=tuple(gauge for gauge, _ in items),
             to_strain=tuple(factors),
-            sample_time=indices.get("sample_time"),
-            tick=self._tick(message, extra, indices=indices, first=len(used)),
-            status=indices.get("status"),
-            configuration=indices.get("configuration"),
         )
+
+    def _frame(
+        self, message: Any, selector: int | None, used: list[Any], what: tuple[str, str], **measured: Any
+    ) -> InputFrame:
+        """Return a frame whose signals ``used`` are ``measured``; ``what`` they are of, for messages."""
+        names = [signal.name for signal in used]
+        if twice := [name for name in names if names.count(name) > 1]:
+            where = f"{self._name}: {what[0]}: signal '{message.name}.{twice[0]}'"
+            raise InputError(f"{where} found for {what[1]}")
+        extra, indices = self._extras(message, selector, len(used))
+        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, indices=indices)
+        tick = self._tick(message, extra, indices=indices, first=len(used))
+        return InputFrame(layout=layout, tick=tick, **(measured | indices))
 
     def _flow_frames(self, cycle_time: float) -> tuple[InputFrame, ...]:
         """Return the frames of q_inf, air data and other inputs; quantities of one frame are decoded together.
@@ -289,24 +296,13 @@ class _Mapper:
     def _flow_frame(self, message_name: str, selector: int | None, items: list[tuple[str, Any]]) -> InputFrame:
         """Return one frame of quantities of the flow."""
         message = self._database.get_message_by_name(message_name)
-        used = [signal for _, signal in items]
         flow = []
         for index, (quantity, signal) in enumerate(items):
             factor, offset = to_si(self._file, message, signal, quantity, self.readings)
             flow.append(FlowSignal(quantity=quantity, index=index, to_si=factor, offset=offset))
-        if len({signal.name for signal in used}) < len(used):
-            names = " and ".join(quantity for quantity, _ in items)
-            raise InputError(f"{self._name}: {names}: signal '{message_name}.{used[-1].name}' found for both")
-        extra, indices = self._extras(message, selector, len(used))
-        layout = self._frame_layout(message, [*used, *extra], selector=selector, measured=used, indices=indices)
-        return InputFrame(
-            layout=layout,
-            flow=tuple(flow),
-            sample_time=indices.get("sample_time"),
-            tick=self._tick(message, extra, indices=indices, first=len(used)),
-            status=indices.get("status"),
-            configuration=indices.get("configuration"),
-        )
+        names = " and ".join(quantity for quantity, _ in items)
+        used = [signal for _, signal in items]
+        return self._frame(message, selector, used, (names, "both"), flow=tuple(flow))
 
     def _frame_layout(
         self,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -53,6 +53,53 @@ class Taps:
     on_result: Callable[[Result], None] | None = None
 
 
+@dataclass(kw_only=True, eq=False)
+class ResultCounts:
+    """Results by quality, estimates by state of health, and number of results with Mach number and altitude."""
+
+    qualities: Counter[Quality] = field(default_factory=Counter)
+    healths: Counter[int] = field(default_factory=Counter)
+    navigated: int = 0
+
+    def add(self, result: Result) -> None:
+        """Count a result."""
+        self.qualities[result.quality] += 1
+        if result.health is not None:
+            self.healths[result.health] += 1
+        self.navigated += isfinite(result.mach_number) and isfinite(result.altitude)
+
+
+@dataclass(kw_only=True, eq=False)
+class BridgeSummary(ResultCounts):
+    """Summary of a run.
+
+    Attributes
+    ----------
+    duration, cpu : of the run, and processor time of the whole process in it [s].
+    account : of all frames.
+    latency : from the last frame of a cycle to its results on the bus [s], the latest ones.
+    sent, send_failures, failures, reconnects : frames sent and not sent, failed receptions, buses reopened.
+    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
+    kernel_drops : datagrams that the system dropped, None where that is not known.
+    period_text : the sender's period in words, "" where it was not measured.
+    last_fault : last failure of the bus.
+    """
+
+    duration: float = 0.0
+    cpu: float = 0.0
+    account: FrameAccount = field(default_factory=FrameAccount)
+    latency: deque[float] = field(default_factory=lambda: deque(maxlen=_LATENCIES))
+    sent: int = 0
+    send_failures: int = 0
+    failures: int = 0
+    malformed: int = 0
+    last_malformed: str = ""
+    reconnects: int = 0
+    kernel_drops: int | None = None
+    period_text: str = ""
+    last_fault: str = ""
+
+
 class BusListener:
     """Takes in the messages of a bus and the time; sends the results of its machine.
 
@@ -65,10 +112,7 @@ class BusListener:
 
     Attributes
     ----------
-    qualities, healths, navigated : results by quality, estimates by health, results with Mach number and altitude.
-    latency : from the last frame of a cycle to its results on the bus [s].
-    malformed, last_malformed : number of messages that were no frames, and why the last one was none.
-    sent, send_failures : number of frames.
+    summary : of the run so far, as far as a listener knows it.
     failure : last failure to send; ``is_broken``: too many in a row.
     """
 
@@ -86,16 +130,10 @@ class BusListener:
         self._is_stamped = False
         self.known = self._clock()
         """A time that no later frame precedes [s]."""
-        self.qualities: Counter[Quality] = Counter()
-        self.healths: Counter[int] = Counter()
-        self.latency: deque[float] = deque(maxlen=_LATENCIES)
-        self.navigated = self.answered = 0
+        self.summary, self.answered = BridgeSummary(), 0
         self.last: Result | None = None
         self._last_valid: Result | None = None
-        self.malformed, self.last_malformed = 0, ""
-        self.sent = self.send_failures = self._failed_in_a_row = 0
-        self.failure = ""
-        self.reconnects = 0
+        self._failed_in_a_row, self.failure = 0, ""
         self.next_status = self._clock()
 
     def use(self, bus: Any) -> None:
@@ -158,8 +196,8 @@ class BusListener:
 
     def count_malformed(self, error: BaseException) -> None:
         """Count a message that is no frame."""
-        self.malformed += 1
-        self.last_malformed = error_line(error)
+        self.summary.malformed += 1
+        self.summary.last_malformed = error_line(error)
 
     # --- out -----------------------------------------------------------------------------------------------------
 
@@ -168,15 +206,12 @@ class BusListener:
         self.answered += len(results)
         for result in results:
             self._send(self._frames.of_result(result))
-            self.qualities[result.quality] += 1
+            self.summary.add(result)
             self.last = result
-            if result.health is not None:
-                self.healths[result.health] += 1
-            self.navigated += isfinite(result.mach_number) and isfinite(result.altitude)
             if result.quality in _GOOD:
                 self._last_valid = result
             if result.arrival == result.arrival:
-                self.latency.append(self._clock() - result.arrival)
+                self.summary.latency.append(self._clock() - result.arrival)
             if self.taps.on_result is not None:
                 self.taps.on_result(result)
 
@@ -189,8 +224,8 @@ class BusListener:
             last_valid=self._last_valid,
             account=self.account,
             cycles=self.answered,
-            send_failures=self.send_failures,
-            reconnects=self.reconnects,
+            send_failures=self.summary.send_failures,
+            reconnects=self.summary.reconnects,
         )
         self._send(self._frames.of_status(status))
         # Without catching up: a late status is useless.
@@ -206,12 +241,12 @@ class BusListener:
             try:
                 self._bus.send(to_message(frame), timeout=0.0)
             except self._errors as error:
-                self.send_failures += 1
+                self.summary.send_failures += 1
                 self._failed_in_a_row += 1
                 self.failure = error_line(error)
                 continue
             self._failed_in_a_row = 0
-            self.sent += 1
+            self.summary.sent += 1
             if tap is not None:
                 frame.time = self._clock()
                 tap(frame)

@@ -175,30 +175,56 @@ class Machine:
 
     Parameters
     ----------
-    plan : of the input.
-    layout : the same frames.
+    layout : frames of the input.
     step : the estimator.
+    settings : limits and times; the estimator's range of strain holds where it is smaller.
     start : local monotonic clock [s] at the start.
-    own : frames that the bridge sends.
-    authentication : checks authenticators, by slot of the plan; None where frames have none.
+    own : keys of the frames that the bridge sends.
+    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
+    is_answered, counters : as of :class:`~strainfmu.can.plan.Plan`.
     now : local clock at the time of sending [s]; None: results are sent when they are ready, as in a replay.
+
+    Attributes
+    ----------
+    authentication : checks authenticators, by slot of the plan; None where frames have none.
+
+    Raises
+    ------
+    InputError
+        No frame holds the dynamic pressure, none is given, and the estimator needs it; own identifiers are among
+        the input's; or frames are authenticated, and there is no key.
     """
 
     def __init__(
         self,
-        plan: Plan,
         layout: InputLayout,
         step: Step,
+        settings: BridgeSettings,
         *,
         start: float,
-        own: OwnFrames | None = None,
-        authentication: Authentication | None = None,
+        own: Iterable[int] = (),
+        dynamic_pressure: float | None = None,
+        is_answered: bool = True,
+        counters: tuple[int, int] = (0, 256),
         now: Callable[[], float] | None = None,
     ) -> None:
+        self.own = OwnFrames(own)
+        _check_input(layout, step, self.own.keys, dynamic_pressure)
         library = functions()
-        self.layout, self.plan, self.own = layout, plan, own or OwnFrames(())
+        plan = Plan(
+            layout,
+            replace(settings, sensor_range=min(settings.sensor_range, sensor_range_of(step))),
+            dynamic_pressure=dynamic_pressure,
+            noise_std=noise_of(step),
+            is_answered=is_answered,
+            counters=counters,
+        )
+        self.layout, self.plan = layout, plan
         self.bus_state = BusState.ERROR_ACTIVE
-        self.authentication, self._now, self._step = authentication, now, _Stepper(step, layout.cycle_time)
+        self.authentication: Authentication | None = None
+        if layout.is_authenticated and layout.key is not None:
+            self.authentication = Authentication([frame.layout.secured for frame in plan.frames], layout.key)
+        self._now, self._step = now, _Stepper(step, layout.cycle_time)
         self._needs_pressure, self._constants = needs_pressure(step), dict(layout.constants)
         self._state = np.zeros(library.sb_size(pointer(plan.record)) // 8 + 1)
         self._at = pointer(plan.record), pointer(self._state)
@@ -397,6 +423,23 @@ class Machine:
 _new = object.__new__
 
 
+def _check_input(layout: InputLayout, step: Step, own: frozenset[int], dynamic_pressure: float | None) -> None:
+    """Refuse an input without q_inf or key where one is needed, and identifiers of both input and results."""
+    if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None and needs_pressure(step):
+        raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
+    if dynamic_pressure is not None and not 0.0 < dynamic_pressure <= LARGEST_DYNAMIC_PRESSURE:
+        raise InputError(
+            f"dynamic pressure: expected a positive number up to {LARGEST_DYNAMIC_PRESSURE:g} Pa, "
+            f"got {dynamic_pressure:g} Pa"
+        )
+    if common := own & {frame.layout.key for frame in layout.frames}:
+        raise InputError(
+            f"identifier 0x{min(common) & 0x1FFFFFFF:X}: is both input and result; choose another base"
+        )
+    if layout.is_authenticated and layout.key is None:
+        raise InputError(f"{layout.name}: frames are authenticated, and no key is given: state it as input.key")
+
+
 def _is_finite(step: Any) -> bool:
     """Return whether coefficients and their standard deviations are finite."""
     # A sum of products is finite only of finite numbers. Of huge ones it need not be.
@@ -432,65 +475,3 @@ class _Stepper:
             cycles = round((now - self._last) / period)
         self._last = now
         return period if cycles <= 1 else min(cycles, _LONGEST_STEP) * period
-
-
-# --- a machine for an estimator ----------------------------------------------------------------------------------
-
-
-def input_machine(
-    layout: InputLayout,
-    step: Step,
-    settings: BridgeSettings,
-    *,
-    start: float,
-    own: OwnFrames | Iterable[int] = (),
-    dynamic_pressure: float | None = None,
-    is_answered: bool = True,
-    counters: tuple[int, int] = (0, 256),
-    now: Callable[[], float] | None = None,
-) -> Machine:
-    """Return a machine for ``layout`` in front of the estimator ``step``.
-
-    Parameters
-    ----------
-    own : frames that the bridge sends, or their keys.
-    dynamic_pressure : q_inf of the whole run [Pa], or None to take it from its frame.
-
-    Others as of :class:`Machine` and :class:`~strainfmu.can.plan.Plan`.
-
-    Raises
-    ------
-    InputError
-        The layout has no frame of q_inf, none is given, and the estimator needs it; or own identifiers are among
-        the input's.
-    """
-    own = own if isinstance(own, OwnFrames) else OwnFrames(own)
-    if layout.frame_of(DYNAMIC_PRESSURE) is None and dynamic_pressure is None and needs_pressure(step):
-        raise InputError(f"{layout.name}: no frame holds the dynamic pressure; state it by --dynamic-pressure")
-    if dynamic_pressure is not None and not 0.0 < dynamic_pressure <= LARGEST_DYNAMIC_PRESSURE:
-        raise InputError(
-            f"dynamic pressure: expected a positive number up to {LARGEST_DYNAMIC_PRESSURE:g} Pa, "
-            f"got {dynamic_pressure:g} Pa"
-        )
-    common = own.keys & {frame.layout.key for frame in layout.frames}
-    if common:
-        raise InputError(
-            f"identifier 0x{min(common) & 0x1FFFFFFF:X}: is both input and result; choose another base"
-        )
-    settings = replace(settings, sensor_range=min(settings.sensor_range, sensor_range_of(step)))
-    plan = Plan(
-        layout,
-        settings,
-        dynamic_pressure=dynamic_pressure,
-        noise_std=noise_of(step),
-        is_answered=is_answered,
-        counters=counters,
-    )
-    authentication = None
-    if layout.is_authenticated:
-        if layout.key is None:
-            raise InputError(
-                f"{layout.name}: frames are authenticated, and no key is given: state it as input.key"
-            )
-        authentication = Authentication([frame.layout.secured for frame in plan.frames], layout.key)
-    return Machine(plan, layout, step, start=start, own=own, authentication=authentication, now=now)

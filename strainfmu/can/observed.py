@@ -14,7 +14,7 @@ from strainfmu.can.listener import Taps
 from strainfmu.can.machine import Result
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.page_message import PAGE_OUTPUTS, estimator_facts, field_messages, gauge_positions
-from strainfmu.can.publisher import BridgeReports, Publisher, parsed_address
+from strainfmu.can.publisher import Publisher, parsed_address
 from strainfmu.can.recording import MicrosecondClock, Recorder
 from strainfmu.can.setup import ReadyBridge, make_bridge
 from strainfmu.errors import InputError
@@ -126,13 +126,8 @@ def observed_bridge(
                 address,
                 positions,
                 rate=publish_rate,
-                reports=BridgeReports(
-                    account=bridge.account,
-                    bus_state=lambda: bridge.machine.bus_state,
-                    bus=lambda: _bus_report(bridge, f"{options.interface}:{options.channel}"),
-                    recording=lambda: _recording_report(recorder),
-                    period_text=lambda: bridge.machine.period_text,
-                ),
+                account=bridge.account,
+                report=lambda: _report(bridge, recorder, f"{options.interface}:{options.channel}"),
                 facts=estimator_facts(fmu),
                 field=field,
                 token=publish_token,
@@ -144,18 +139,19 @@ def observed_bridge(
         yield observed
 
 
-def _bus_report(bridge: Bridge, name: str) -> dict[str, Any]:
-    """Return what a display shows of the bus besides its state."""
-    return {"name": name, "last_fault": bridge.last_fault, "reconnects": bridge.listener.reconnects}
-
-
-def _recording_report(recorder: Recorder | None) -> dict[str, Any] | None:
-    """Return what a display shows of the recording, None without one."""
-    if recorder is None:
-        return None
-    return {
-        "file": recorder.path.name,
-        "frames": recorder.recorded,
-        "lost": recorder.lost,
-        "failure": recorder.failure,
+def _report(bridge: Bridge, recorder: Recorder | None, name: str) -> dict[str, Any]:
+    """Return what a display shows of the bus and of the recording."""
+    reconnects = bridge.listener.summary.reconnects
+    report: dict[str, Any] = {
+        "bus_state": bridge.machine.bus_state.name,
+        "bus": {"name": name, "last_fault": bridge.last_fault, "reconnects": reconnects},
+        "period_text": bridge.machine.period_text,
     }
+    if recorder is not None:
+        report["recording"] = {
+            "file": recorder.path.name,
+            "frames": recorder.recorded,
+            "lost": recorder.lost,
+            "failure": recorder.failure,
+        }
+    return report

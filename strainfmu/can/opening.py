@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +20,9 @@ VIRTUAL_TEXT = "virtual: no other process hears this bus; udp_multicast and sock
 """Interface of python-can within one process, and what a user must know of it."""
 
 MULTICAST_ADVICE = "ip link set lo multicast on, ip route add 224.0.0.0/4 dev lo (as root)"
+
+_QUOTED = re.compile(r"""(["'])(\w+)\1""")
+_OF_PYTHON = ("builtins", "abc")
 
 RECEIVE_BUFFER = 4 << 20
 """Size of a socket's receive buffer, requested of the system [bytes]: the default holds 166 CAN FD frames."""
@@ -40,6 +46,57 @@ class BusSettings:
 
     def __str__(self) -> str:
         return f"{self.interface}:{self.channel}"
+
+
+def bus_settings(interface: str, channel: str, options: Iterable[str]) -> BusSettings:
+    """Return a bus whose ``options`` are "key=value"; values that are numbers become numbers.
+
+    Raises
+    ------
+    InputError
+        An option has no such form, or nothing of the interface reads it: python-can would ignore it silently.
+    """
+    chosen: dict[str, object] = {}
+    for item in options:
+        key, equals, text = item.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"--bus-option: expected KEY=VALUE, got '{item}'")
+        words = {"true": True, "false": False}
+        try:
+            chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
+        except ValueError:
+            chosen[key.strip()] = text
+    stated, others = known_bus_options(interface) if chosen else (None, set())
+    for name in chosen:
+        if stated is not None and name not in stated | others:
+            known = ", ".join(sorted(stated))
+            raise InputError(f"--bus-option: expected an option of {interface} ({known}), got '{name}'")
+    return BusSettings(interface=interface, channel=channel, options=chosen)
+
+
+def known_bus_options(interface: str) -> tuple[set[str] | None, set[str]]:
+    """Return the options that an interface of python-can names, and others that it may read; None if not known.
+
+    Some read further options out of their keyword arguments: these stand in quotes in their source. A bit timing's
+    parameters may always be stated one by one. Interfaces of others, and what does not load here, cannot be known.
+    """
+    can = import_can()
+    module, name = can.interfaces.BACKENDS.get(interface, ("", ""))
+    try:
+        classes = [one for one in getattr(import_module(module), name).__mro__ if one.__module__ not in _OF_PYTHON]
+        sources = [inspect.getsource(import_module(one.__module__)) for one in classes]
+    except Exception:  # each vendor's driver is missing in its own way; opening it reports why
+        return None, set()
+    if not all(one.__module__.startswith("can.") for one in classes):
+        return None, set()
+    kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+    parameters = [entry for one in classes for entry in inspect.signature(one).parameters.values()]
+    others = {"config_context", "ignore_config"} | {
+        match[2] for text in sources for match in _QUOTED.finditer(text)
+    }
+    for timing in (can.BitTiming, can.BitTimingFd):
+        others |= set(inspect.signature(timing).parameters)
+    return {entry.name for entry in parameters if entry.kind in kinds} - {"channel"}, others
 
 
 OpenBus = Callable[[], Any]

@@ -10,8 +10,7 @@ import socket
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from strainfmu.can.machine import Result
@@ -60,23 +59,14 @@ def parsed_address(text: str, option: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
-@dataclass(frozen=True, kw_only=True)
-class BridgeReports:
-    """Functions that return what a bridge does at this moment; the publisher's thread calls them.
-
-    Attributes
-    ----------
-    account, bus_state : frames so far, state of the bus controller.
-    bus : name of the bus, its last fault, how often it was reopened.
-    recording : file, frames, lost frames and failure of the recording; None without one.
-    period_text : the sender's period in words, "" before it is measured.
-    """
-
-    account: Callable[[], FrameAccount]
-    bus_state: Callable[[], BusState]
-    bus: Callable[[], dict[str, Any]] = dict
-    recording: Callable[[], dict[str, Any] | None] = lambda: None
-    period_text: Callable[[], str] = lambda: ""
+IN_ORDER: dict[str, Any] = {
+    "bus_state": BusState.ERROR_ACTIVE.name,
+    "bus": {},
+    "recording": None,
+    "period_text": "",
+}
+"""Report of a bridge in order: state of the controller; name, last fault and number of reopenings of the bus;
+file, frames, lost frames and failure of the recording; the sender's period in words."""
 
 
 class Publisher:
@@ -89,7 +79,7 @@ class Publisher:
     ----------
     address : host and port.
     gauges : n_d positions, order of the strains.
-    reports : of the bridge.
+    account, report : return the frames so far, and entries of IN_ORDER; the publisher's thread calls them.
     facts : of the estimator.
     field : messages with the pressure on the surface; None for none.
     token : stated in every datagram, for a page that requires it; None for none.
@@ -106,7 +96,8 @@ class Publisher:
         gauges: Sequence[GaugePosition],
         *,
         rate: float,
-        reports: BridgeReports,
+        account: Callable[[], FrameAccount],
+        report: Callable[[], Mapping[str, Any]] = dict,
         facts: EstimatorFacts | None = None,
         field: FieldMessages | None = None,
         token: str | None = None,
@@ -119,7 +110,7 @@ class Publisher:
         self._socket.setblocking(False)
         self._target = target
         self._gauges, self._period, self._change_period = tuple(gauges), 1.0 / rate, 1.0 / max(rate, CHANGES)
-        self._reports, self._facts = reports, facts or EstimatorFacts()
+        self._account, self._report, self._facts = account, report, facts or EstimatorFacts()
         self._field = field
         self._token = {} if token is None else {TOKEN: token}
         self._start = time.monotonic()
@@ -176,17 +167,15 @@ class Publisher:
 
     def _message(self, result: Result, since: Cause, timestamp: float) -> dict[str, Any]:
         """Return the message of one result with the state of the bridge."""
-        account = _settled(self._reports.account)
+        account = _settled(self._account)
         self._sequence += 1
         return {
             "timestamp": timestamp,
             "sequence": self._sequence,
             "uptime_s": round(time.monotonic() - self._start, 3),
             **result_message(result, self._gauges, self._facts.score_limit, since, self._facts.sensors),
-            "bus_state": self._reports.bus_state().name,
-            "bus": self._reports.bus(),
-            "recording": self._reports.recording(),
-            "period_text": self._reports.period_text(),
+            **IN_ORDER,
+            **self._report(),
             "account": {**dict(account.rows()), "not accounted for": account.unaccounted},
             "results": {quality.name: count for quality, count in sorted(self._counts.copy().items())},
             "datagrams": {"sent": self.sent, "dropped": self.dropped},

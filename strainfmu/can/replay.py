@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +14,12 @@ import numpy as np
 
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.listener import ResultCounts
 from strainfmu.can.log_description import load_description
 from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.quality import Cause, FrameAccount, Quality
+from strainfmu.can.quality import Cause, FrameAccount
 from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import make_machine
 from strainfmu.can.signals import SignalPlan
@@ -50,14 +50,14 @@ _UNMATCHED = 10_000
 """Maximum number of result frames kept without a counterpart: a log without sent frames has none."""
 
 
-@dataclass(kw_only=True)
-class ReplaySummary:
+@dataclass(kw_only=True, eq=False)
+class ReplaySummary(ResultCounts):
     """Summary of a replay.
 
     Attributes
     ----------
     duration : of the log [s].
-    account, qualities, healths, navigated : as of a live run.
+    account : of all frames.
     compared, equal : number of result frames in the log, and of those that the replay repeated bit by bit, except
         for the age at the time of sending and the CRC over it.
     notes : lines for the user.
@@ -65,9 +65,6 @@ class ReplaySummary:
 
     duration: float = 0.0
     account: FrameAccount = field(default_factory=FrameAccount)
-    qualities: Counter[Quality] = field(default_factory=Counter)
-    healths: Counter[int] = field(default_factory=Counter)
-    navigated: int = 0
     compared: int = 0
     equal: int = 0
     notes: list[str] = field(default_factory=list)
@@ -123,10 +120,7 @@ def replay_log(
 
     def give(results: list[Result]) -> None:
         for result in results:
-            summary.qualities[result.quality] += 1
-            if result.health is not None:
-                summary.healths[result.health] += 1
-            summary.navigated += isfinite(result.mach_number) and isfinite(result.altitude)
+            summary.add(result)
             comparison.replayed(result)
             on_result(result)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import isnan, nan
 from operator import itemgetter
 
+from strainfmu.can.encoder import frame_of
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Result
@@ -58,13 +59,11 @@ class ResultFrames:
 
     def __init__(self, layouts: tuple[FrameLayout, ...], configuration: int, first: int = 0) -> None:
         self._configuration = configuration
-        self._others = OtherLoadSignals(layouts)
-        names = (*_RESULT_NAMES, *self._others.names)
-        of_result = [layout for layout in layouts if layout.cycle_time is not None]
-        self._of_result = [_ResultFrame(layout, names, first) for layout in of_result]
-        no_result = [layout for layout in layouts if layout.cycle_time is None]
-        self._of_status = [_ResultFrame(layout, _STATUS_NAMES) for layout in no_result if layout.name != DETAIL]
-        self._details = [_ResultFrame(layout, _DETAIL_NAMES) for layout in no_result if layout.name == DETAIL]
+        frames, self._others = composition(layouts)
+        self._of_result, self._of_status, self._details = (
+            [_ResultFrame(layout, places, 0 if kind else first) for layout, of, places in frames if of == kind]
+            for kind in range(3)
+        )
 
     def of_result(self, result: Result) -> list[Frame]:
         """Return the frames of one result; frames of a result with further causes hold their details too."""
@@ -103,20 +102,13 @@ def composition(
 
 
 class _ResultFrame:
-    """One frame, with its counter; ``names`` are the signals of the values that it is composed of."""
+    """One frame, with its counter, and the places of its signals' values."""
 
-    def __init__(self, layout: FrameLayout, names: Sequence[str], first: int = 0) -> None:
+    def __init__(self, layout: FrameLayout, places: Sequence[int], first: int) -> None:
         assert layout.protection is not None
-        self._plan = SignalPlan(layout)
-        self._pick = itemgetter(*[names.index(signal.name) for signal in layout.signals])
+        self._plan, self._pick = SignalPlan(layout), itemgetter(*places)
         self._counter, self._modulus = first, layout.protection.counter_modulus
-        self._frame = Frame(
-            identifier=layout.identifier,
-            data=b"",
-            is_extended=layout.is_extended,
-            is_fd=layout.is_fd,
-            bitrate_switch=layout.is_fd,
-        )
+        self._frame = frame_of(layout, b"")
 
     def compose(self, values: Sequence[float]) -> Frame:
         """Return the next frame with its signals among ``values``."""

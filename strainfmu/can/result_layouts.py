@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from math import ceil, isfinite, nan
 
@@ -77,133 +77,86 @@ def fd_layouts(
     ``head`` is the first 8 bytes, ``answered`` the counter of the strains answered, which is placed at the end.
     """
     layouts = []
-    for place in _places(groups):
-        outputs = [f"{of}{one.output}" for of in ("", SIGMA) for one in place.sent]
-        units = [one.unit for one in place.sent] * 2
-        floats = [
-            SignalLayout(
-                name=signal_name(output),
-                start=64 + 32 * index,
-                length=32,
-                kind=FLOAT,
-                unit=unit,
-                comment=_NAN,
-            )
-            for index, (output, unit) in enumerate(zip(outputs, units, strict=True))
-        ]
+    for family, name, text, sent in _places(groups):
+        outputs = [(f"{of}{output}", _unit(family, load)) for of in ("", SIGMA) for load, output in sent]
+        floats = [_float(output, unit, _NAN, 64 + 32 * k) for k, (output, unit) in enumerate(outputs)]
         end = 8 + 4 * len(floats)
         layouts.append(
             FrameLayout(
-                name=place.frame,
+                name=name,
                 identifier=0,
                 length=next(length for length in FD_LENGTHS if length > end),
                 signals=(*head, *floats, replace(answered, start=8 * end)),
                 is_fd=True,
                 cycle_time=cycle_time,
-                comment=place.text,
+                comment=text,
             )
         )
     return layouts
 
 
 def classic_layouts(
-    head: Sequence[SignalLayout],
-    answered: SignalLayout,
-    groups: Sequence[LoadGroup],
-    cycle_time: float,
+    head: Sequence[SignalLayout], answered: SignalLayout, groups: Sequence[LoadGroup], cycle_time: float
 ) -> list[FrameLayout]:
     """Return one frame of each load of each place of ``groups``.
 
     ``head`` is the first 2 bytes; ``answered`` is placed behind coefficients, and nowhere behind loads, which take
     all bytes.
     """
-
-    def at(signal: SignalLayout, byte: int) -> SignalLayout:
-        return replace(signal, start=8 * byte)
-
     layouts = []
-    for place in _places(groups):
-        for one in place.sent:
-            value, deviation = one.signals()
-            behind = [at(answered, 6)] if one.is_coefficient else []
-            byte = 4 if one.is_coefficient else 6
+    for family, name, text, sent in _places(groups):
+        for load, output in sent:
+            if family.sends_coefficients:
+                value = replace(_number(output, 5e-4, "", -32768, "-32768 (0x8000): not available"), kind=SIGNED)
+                std = _number(f"{SIGMA}{output}", 1e-4, "", 65535, "65535: not available")
+                signals = [value, replace(std, start=32), replace(answered, start=48)]
+            else:
+                value = _float(output, load.unit, f"{load.text}; {_NAN}", 16)
+                comment = "Rounded up; 65535: not available, above"
+                std = _number(f"{SIGMA}{output}", load.step, load.unit, 65535, comment)
+                signals = [value, replace(std, start=48)]
             layouts.append(
                 FrameLayout(
-                    name=f"{place.frame}_{one.key}" if place.is_listed else place.frame,
+                    name=f"{name}_{load.key}" if family.is_listed else name,
                     identifier=0,
                     length=8,
-                    signals=(*head, at(value, 2), at(deviation, byte), *behind),
+                    signals=(*head, *signals),
                     cycle_time=cycle_time,
-                    comment=place.text,
+                    comment=text,
                 )
             )
     return layouts
 
 
-@dataclass(frozen=True)
-class _Sent:
-    """An output that is sent."""
-
-    key: str
-    output: str
-    unit: str
-    text: str
-    step: float
-    is_coefficient: bool
-
-    def signals(self) -> tuple[SignalLayout, SignalLayout]:
-        """Return the signals of value and standard deviation in a classic frame, not placed yet."""
-        of_value, of_deviation = signal_name(self.output), signal_name(f"{SIGMA}{self.output}")
-        if self.is_coefficient:
-            value = SignalLayout(
-                name=of_value,
-                start=0,
-                length=16,
-                kind=SIGNED,
-                scale=5e-4,
-                not_available=-32768,
-                comment="-32768 (0x8000): not available",
-            )
-            return value, _number(of_deviation, 1e-4, "", "65535: not available")
-        comment = f"{self.text}; {_NAN}"
-        value = SignalLayout(name=of_value, start=0, length=32, kind=FLOAT, unit=self.unit, comment=comment)
-        return value, _number(of_deviation, self.step, self.unit, "Rounded up; 65535: not available, above")
+def _float(output: str, unit: str, comment: str, start: int) -> SignalLayout:
+    name = signal_name(output)
+    return SignalLayout(name=name, start=start, length=32, kind=FLOAT, unit=unit, comment=comment)
 
 
-@dataclass(frozen=True)
-class _Place:
-    """A place, its frame, and what is sent of it."""
-
-    frame: str
-    text: str
-    sent: tuple[_Sent, ...]
-    is_listed: bool
-
-
-def _number(name: str, scale: float, unit: str, comment: str) -> SignalLayout:
+def _number(output: str, scale: float, unit: str, not_available: int, comment: str) -> SignalLayout:
     return SignalLayout(
-        name=name, start=0, length=16, scale=scale, unit=unit, not_available=65535, comment=comment
+        name=signal_name(output),
+        start=16,
+        length=16,
+        scale=scale,
+        unit=unit,
+        not_available=not_available,
+        comment=comment,
     )
 
 
-def _places(groups: Sequence[LoadGroup]) -> Iterator[_Place]:
-    """Return the places of ``groups`` in the order of their frames."""
+def _places(groups: Sequence[LoadGroup]) -> Iterator[tuple[LoadFamily, str, str, list[tuple[LoadKind, str]]]]:
+    """Return the places of ``groups`` in the order of their frames: family, frame, its text, loads and outputs."""
     for family in FAMILIES:
         of_family = [group for group in groups if group.family is family]
         for index, at in enumerate(of_family[0].places if of_family else ()):
-            yield _Place(
-                frame=f"{family.frame}{index + 1}" if family.is_listed else family.frame,
-                text=family.frame_text.format(at),
-                sent=tuple(_sent(group, index) for group in of_family),
-                is_listed=family.is_listed,
-            )
+            name = f"{family.frame}{index + 1}" if family.is_listed else family.frame
+            sent = [(one.load, one.numbered(_sent_name(family, one.load))[index]) for one in of_family]
+            yield family, name, family.frame_text.format(at), sent
 
 
-def _sent(group: LoadGroup, index: int) -> _Sent:
-    family, load = group.family, group.load
-    unit = "" if family.sends_coefficients else load.unit
-    output = group.numbered(_sent_name(family, load))[index]
-    return _Sent(load.key, output, unit, load.text, load.step, family.sends_coefficients)
+def _unit(family: LoadFamily, load: LoadKind) -> str:
+    return "" if family.sends_coefficients else load.unit
 
 
 def _sent_name(family: LoadFamily, load: LoadKind) -> str:

@@ -13,8 +13,8 @@ from strainfmu.can.bridge import Bridge
 from strainfmu.can.frame import import_can
 from strainfmu.can.frame_layout import NAVIGATION, FrameLayout, InputLayout
 from strainfmu.can.listener import BusListener, Clock, Taps
-from strainfmu.can.machine import Machine, input_machine
-from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, BusSettings, open_bus
+from strainfmu.can.machine import Machine
+from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, bus_settings, open_bus
 from strainfmu.can.options import RESULT_FORMS, BridgeOptions, BridgeSettings, checked_cycle_time
 from strainfmu.can.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
 from strainfmu.can.result_layouts import result_layouts
@@ -58,8 +58,6 @@ class ReadyBridge:
     """
 
     bridge: Bridge
-    n_gauges: int
-    layout_name: str
     start: float
     freshness: FreshnessKeeper | None = None
     zeros: ZerosKeeper | None = None
@@ -93,7 +91,8 @@ def make_bridge(
     from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
     from strainfmu.cosim.estimators.zeros_file import load_zeros
 
-    taps, bus = taps or Taps(), bus_settings(options)
+    taps = taps or Taps()
+    bus = bus_settings(options.interface, options.channel, options.bus_options)
     key_of(options)  # refused before the FMU is unpacked
     outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *outputs)
     inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
@@ -123,8 +122,6 @@ def make_bridge(
         yield ReadyBridge(
             start_lines=tuple(lines),
             bridge=bridge,
-            n_gauges=step.n_gauges,
-            layout_name=machine.layout.name,
             start=start,
             freshness=keeper,
             zeros=zeros,
@@ -169,7 +166,7 @@ def make_machine(
     options.identifiers.checked(1, len(results))
     protection = results[0].protection
     modulus = 256 if protection is None else protection.counter_modulus
-    machine = input_machine(
+    machine = Machine(
         layout,
         step,
         settings,
@@ -275,7 +272,7 @@ def map_input_layout(
     """
     from strainfmu.cosim.estimators.source import open_step
 
-    names, readings = map_gauge_names(source), map_reading_units(source)
+    names, readings, _ = stated_in(source)
     if options.dbc is None:
         return input_layout(options, names, readings, needs_key=needs_key)[0], names, readings
     with open_step(source) as ready:
@@ -303,39 +300,18 @@ def key_of(options: BridgeOptions) -> AuthenticationKey | None:
     return load_key(options.key_file)
 
 
-def map_gauge_names(source: Path) -> tuple[str, ...]:
-    """Return the strain gauges of a map or an FMU."""
+def stated_in(source: Path) -> tuple[tuple[str, ...], dict[str, str], tuple[LoadGroup, ...]]:
+    """Return what a map or an FMU states: strain gauges, the unit of each auxiliary sensor and of thrust by name
+    of the input, and the groups of the loads that it gives in addition to the five."""
     if source.suffix == ".fmu":
-        from strainfmu.cosim.estimators.description import gauge_names_of
+        from strainfmu.cosim.estimators.description import gauge_names_of, load_groups_in, reading_units_in
 
-        return gauge_names_of(source)
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
-
-    found = load_inverse_map(source)
-    return tuple(found.gauge_names[: found.n_strain_gauges])
-
-
-def map_reading_units(source: Path) -> dict[str, str]:
-    """Return the unit of each auxiliary sensor and of thrust by name of the input of a map or an FMU."""
-    if source.suffix == ".fmu":
-        from strainfmu.cosim.estimators.description import reading_units_in
-
-        return reading_units_in(source)
-    from strainfmu.estimator.map.inverse_map import load_inverse_map
+        return gauge_names_of(source), reading_units_in(source), load_groups_in(source)
+    from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
     from strainfmu.interface.sensor_variables import reading_units
 
-    return reading_units(load_inverse_map(source))
-
-
-def map_load_groups(source: Path) -> tuple[LoadGroup, ...]:
-    """Return the groups of the loads that a map or an FMU gives in addition to the five."""
-    if source.suffix == ".fmu":
-        from strainfmu.cosim.estimators.description import load_groups_in
-
-        return load_groups_in(source)
-    from strainfmu.estimator.map.inverse_map import groups_of_outputs, load_inverse_map
-
-    return groups_of_outputs(load_inverse_map(source))
+    held = load_inverse_map(source)
+    return tuple(held.gauge_names[: held.n_strain_gauges]), reading_units(held), groups_of_outputs(held)
 
 
 def result_form(options: BridgeOptions, layout: InputLayout) -> str:
@@ -354,21 +330,6 @@ def result_form(options: BridgeOptions, layout: InputLayout) -> str:
     if form not in RESULT_FORMS:
         raise InputError(f"results.form: expected one of {', '.join(RESULT_FORMS)}, got '{form}'")
     return form
-
-
-def bus_settings(options: BridgeOptions) -> BusSettings:
-    """Return the bus; options that are numbers become numbers."""
-    chosen: dict[str, object] = {}
-    for item in options.bus_options:
-        key, equals, text = item.partition("=")
-        if not equals or not key.strip():
-            raise InputError(f"--bus-option: expected KEY=VALUE, got '{item}'")
-        words = {"true": True, "false": False}
-        try:
-            chosen[key.strip()] = words[text.lower()] if text.lower() in words else int(text, 0)
-        except ValueError:
-            chosen[key.strip()] = text
-    return BusSettings(interface=options.interface, channel=options.channel, options=chosen)
 
 
 def write_dbc(source: Path, output: Path, options: BridgeOptions) -> int:
@@ -403,7 +364,7 @@ def all_layouts(source: Path, options: BridgeOptions) -> list[FrameLayout]:
     checked_cycle_time(options.cycle_time, "cycle time")
     layout, _, _ = map_input_layout(options, source, needs_key=False)
     identifiers = options.identifiers
-    results = result_layouts(result_form(options, layout), identifiers, layout.cycle_time, map_load_groups(source))
+    results = result_layouts(result_form(options, layout), identifiers, layout.cycle_time, stated_in(source)[2])
     n_input = len(layout.frames) - (layout.state is not None)
     identifiers.checked(n_input if options.dbc is None else 1, len(results))
     of_input = [frame.layout for frame in layout.frames] if options.dbc is None else []

@@ -12,8 +12,8 @@ from can_faults import planned_faults
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.authentic import load_freshness, load_key
-from strainfmu.can.bridge import BridgeSummary
 from strainfmu.can.frame import to_message
+from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.log_description import sidecar
 from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.options import BridgeOptions

@@ -17,7 +17,7 @@ from strainfmu.can.authentic import (
     freshness_of,
 )
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, FrameClass, Quality
 from strainfmu.errors import InputError
@@ -81,7 +81,7 @@ def recorded_run(n_cycles: int, trip: int) -> list[Frame]:
 def core_above(reached: int | None) -> Machine:
     layout = layout_of("fd64-sec")
     settings = BridgeSettings(restart="accept")  # this sender hears no results
-    core = input_machine(layout, Projection(layout.n_gauges), settings, start=0.0, own=[OWN.key])
+    core = Machine(layout, Projection(layout.n_gauges), settings, start=0.0, own=[OWN.key])
     assert core.authentication is not None
     core.authentication.begin(reached)
     return core
@@ -197,7 +197,7 @@ def test_a_core_needs_the_key() -> None:
 
     layout = profile_layout("fd64-sec", ["a", "b"], CYCLE)
     with pytest.raises(InputError, match="fd64-sec: frames are authenticated, and no key is given"):
-        input_machine(layout, Projection(2), BridgeSettings(), start=0.0)
+        Machine(layout, Projection(2), BridgeSettings(), start=0.0)
 
 
 def test_after_clock_jumps_back_and_forth_the_age_is_that_of_the_newest_clock() -> None:

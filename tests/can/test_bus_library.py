@@ -12,7 +12,7 @@ from can_case import SIZES, Projection, layout_of
 
 from strainfmu.can import signals
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import FrameClass
 from strainfmu.can.signals import SignalPlan
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.fast
 @pytest.mark.parametrize("profile", SIZES)
 def test_frames_of_another_length_are_read_by_no_part(profile: str) -> None:
     layout, n = layout_of(profile, SIZES[profile]), 0
-    machine = input_machine(layout, Projection(layout.n_gauges), BridgeSettings(), start=0.0)
+    machine = Machine(layout, Projection(layout.n_gauges), BridgeSettings(), start=0.0)
     for item in layout.frames:
         own = item.layout
         for length in (0, own.length - 1, own.length + 1):

@@ -28,7 +28,7 @@ from dbc_case import (
 from strainfmu.can.dbc_files import database_of, load_database
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, Quality
 
@@ -249,7 +249,7 @@ def test_units_are_read_in_either_encoding(tmp_path: Path, unit: str, encoding: 
 
 def test_why_a_suppressed_refusal_was_one_is_not_said_of_the_next_result() -> None:
     """Cycles that repeat themselves, too many to be answered one by one, then good ones."""
-    core = input_machine(
+    core = Machine(
         layout_from(RACK),
         Projection(2),
         BridgeSettings(stuck_cycles=1000, period_tolerance=100.0),  # of frames that come twenty times too often

@@ -8,7 +8,7 @@ from can_case import CYCLE, OWN, SIZES, Ears, Projection, Truth, layout_of, mixe
 from fault_injection import FaultySender
 
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import REASONS, Cause, Quality
 
@@ -21,7 +21,7 @@ def flown(
     layout: InputLayout, strains: list[np.ndarray], q: float = Q, step: Projection | None = None
 ) -> list[Result]:
     """Return the results of a bridge that is sent ``strains`` [m/m] of successive cycles at q_inf ``q`` [Pa]."""
-    core = input_machine(layout, step or Projection(layout.n_gauges), BridgeSettings(), start=0.0, own=[OWN.key])
+    core = Machine(layout, step or Projection(layout.n_gauges), BridgeSettings(), start=0.0, own=[OWN.key])
     sender, results = FaultySender(layout, [], OWN), list[Result]()
     ears = Ears(sender)
     for number, strain in enumerate(strains):

@@ -11,7 +11,7 @@ from e2e import p01, p05
 
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame, Protection, counter_in, crc_in, crc_of, protect
-from strainfmu.can.machine import Machine, input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, FrameClass
 
@@ -28,7 +28,7 @@ class Bench:
     def __init__(self, profile: str) -> None:
         self.layout = layout_of(profile, 4)
         self.item = self.layout.flow_frames[0].layout
-        self.machine: Machine = input_machine(self.layout, Projection(4), BridgeSettings(), start=0.0)
+        self.machine: Machine = Machine(self.layout, Projection(4), BridgeSettings(), start=0.0)
         self._encoder, self.time = StrainEncoder(self.layout), 0.0
         self.causes = Cause.NONE
 

@@ -13,7 +13,7 @@ from can_case import Projection, Truth
 
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame, protect
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import profile_layout
 from strainfmu.can.quality import FrameClass, Quality
@@ -27,7 +27,7 @@ def run(seconds: float, checks: int) -> list[int]:
     """Send for ``seconds`` of bus time, some faults; return the memory [byte] at ``checks`` times."""
     layout = replace(profile_layout("fd64", [f"g{i}" for i in range(N_GAUGES)], CYCLE), state=None)
     # The sender hears no result.
-    core = input_machine(layout, Projection(N_GAUGES), BridgeSettings(restart="accept"), start=0.0)
+    core = Machine(layout, Projection(N_GAUGES), BridgeSettings(restart="accept"), start=0.0)
     encoder, truth = StrainEncoder(layout), Truth(N_GAUGES, 1)
     patterns = [encoder.encode(*truth.cycle(k), cycle=0, sample_time=0.0) for k in range(1000)]
     pressure = layout.frame_of("dynamic_pressure")

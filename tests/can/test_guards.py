@@ -12,7 +12,7 @@ from can_case import CYCLE, SIZES, Campaign, Projection, layout_of, run_campaign
 from can_faults import Fault, FaultKind
 
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Machine, input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.quality import Cause, FrameClass, Quality
 from strainfmu.cosim.estimators.step import StepResult
 
@@ -23,7 +23,7 @@ def without(**weak: dict[str, Any]) -> Callable[..., Machine]:
     """Return what makes a machine in whose tables ``record``, ``slots`` and ``signals`` have other entries."""
 
     def made(*given: Any, **stated: Any) -> Machine:
-        machine = input_machine(*given, **stated)
+        machine = Machine(*given, **stated)
         tables = {"record": machine.plan.record, "slots": machine.plan._slots, "signals": machine.plan._signals}
         for name, entries in weak.items():
             for entry, value in entries.items():
@@ -86,14 +86,14 @@ GUARDS: dict[str, tuple[Callable[..., Machine], FaultKind, int, Callable[[Campai
 @pytest.mark.parametrize("guard", GUARDS)
 def test_every_guard_is_needed(guard: str) -> None:
     weak, kind, cycles, is_wrong = GUARDS[guard]
-    assert not is_wrong(run_of(kind, input_machine, cycles))
+    assert not is_wrong(run_of(kind, Machine, cycles))
     assert is_wrong(run_of(kind, weak, cycles))
 
 
 @pytest.mark.parametrize("kind", [FaultKind.FORGERY, FaultKind.EARLIER_RUN])
 def test_the_authenticator_is_needed(kind: FaultKind) -> None:
     weak = without(slots={"is_secured": 0})
-    assert not has_false_valid(run_of(kind, input_machine, profile="fd64-sec"))
+    assert not has_false_valid(run_of(kind, Machine, profile="fd64-sec"))
     if kind is FaultKind.FORGERY:
         assert has_false_valid(run_of(kind, weak, profile="fd64-sec"))
 

@@ -14,7 +14,7 @@ from scaled_maps import NOMINAL, scaled_map
 from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.source import MapStep
@@ -56,7 +56,7 @@ def test_a_bridge_takes_what_the_unit_measures() -> None:
     step, found, random = MapStep(held), [], np.random.default_rng(1)
     strains = held.mean_strain + held.noise_std * random.standard_normal((40, N_D))
     assert set(INERTIAL_NAMES) < set(step.other_inputs)
-    core = input_machine(layout_of(held), step, BridgeSettings(), start=0.0)
+    core = Machine(layout_of(held), step, BridgeSettings(), start=0.0)
     for k in range(40):
         frames = [(PRESSURE, NOMINAL)]
         if k < 5:

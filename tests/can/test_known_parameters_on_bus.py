@@ -16,7 +16,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.source import open_step
@@ -86,7 +86,7 @@ def test_a_bridge_estimates_as_python_does(source: str, is_signal: bool, tmp_pat
     with open_step(tmp_path / source) as ready:
         assert parameter_names_of(ready.step) == (f"parameter.{NAME}",)
         assert parameter_std_names_of(ready.step) == (f"parameter_std.{NAME}",)
-        core = input_machine(layout_of(entry), ready.step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
+        core = Machine(layout_of(entry), ready.step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
         for k in range(45):
             strain = readings(1.0) + known_map().noise_std * random.normal(size=N_D)
             # Known; without its deviation, or lost.
@@ -121,7 +121,7 @@ def test_a_deviation_that_cannot_be_is_not_stated() -> None:
 
     step.other_inputs = (f"parameter.{NAME}", f"parameter_std.{NAME}")  # type: ignore[attr-defined]  # read by name
     layout = layout_of({"signal": "Fins.fin", "std": "Fins.sigma"}, 2)
-    core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
+    core = Machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=Q)
     values = [0.5] * 5 + [0.25, -0.5, nan, 1e9, 2.0]
     for k, value in enumerate(values):
         cycle(core, 1e-6 * np.array([100.0 + k, 200.0 + k % 3]), k, (1.5, value))

@@ -15,7 +15,7 @@ from strainfmu.can.bridge import ERRORS_PER_SECOND, BackOff, Bridge
 from strainfmu.can.frame import Frame, MalformedFrame, from_message
 from strainfmu.can.listener import BusListener, Taps
 from strainfmu.can.log_frames import LogState, log_frames
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
@@ -73,7 +73,7 @@ def bridged(messages: list[can.Message | Exception], **taps: Any) -> Bridge:
     """Return a bridge that has taken ``messages`` and what follows for 0.1 s."""
     layout, results = layout_of("fd64"), result_layouts("fd", Identifiers(), CYCLE)
     own = [one.key for one in results]
-    machine = input_machine(layout, Projection(30), BridgeSettings(), start=time.monotonic(), own=own)
+    machine = Machine(layout, Projection(30), BridgeSettings(), start=time.monotonic(), own=own)
     bus = Scripted(list(messages))
     back_off = BackOff(first=0.01, attempts=1)
     bridge = Bridge(

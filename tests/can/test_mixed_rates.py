@@ -13,7 +13,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.errors import InputError
@@ -77,7 +77,7 @@ def frames_of(number: int, slow: bool, air: bool) -> list[Frame]:
 
 def run(layout: InputLayout, n_cycles: int, last_slow: int, last_air: int) -> list[Result]:
     """Return the results of cycles whose slow frames come in every fifth one, up to the last ones."""
-    core = input_machine(layout, Projection(3), BridgeSettings(), start=-1e-3)
+    core = Machine(layout, Projection(3), BridgeSettings(), start=-1e-3)
     results = []
     for k in range(n_cycles):
         due = k % 5 == 0
@@ -164,7 +164,7 @@ def test_a_frame_with_strains_that_always_come_and_multiplexed_ones_works() -> N
     gauges = {"g1": "R.S1", "g2": "R.S2", "g3": "R.S3"}
     layout = layout_from(ALWAYS_AND_MULTIPLEXED, gauges, cycle_time_ms=10)
     assert [frame.layout.name for frame in layout.strain_frames] == ["R[1]", "R[2]"]
-    core, results = input_machine(layout, Projection(3), BridgeSettings(), start=0.0, dynamic_pressure=9e4), []
+    core, results = Machine(layout, Projection(3), BridgeSettings(), start=0.0, dynamic_pressure=9e4), []
     for k in range(40):
         for page in (1, 2):
             data = struct.pack("<Bhh3x", page, 100 + 3 * k, 300 * page - 3 * k)
@@ -191,7 +191,7 @@ def test_a_multiplexed_rack_needs_no_setting() -> None:
     layout = layout_from(multiplexed_rack(), gauges)
     assert layout.cycle_time == 0.01
     assert {frame.layout.cycle_time for frame in layout.strain_frames} == {0.01, 0.05}
-    core, results = input_machine(layout, Projection(6), BridgeSettings(), start=0.0, dynamic_pressure=9e4), []
+    core, results = Machine(layout, Projection(6), BridgeSettings(), start=0.0, dynamic_pressure=9e4), []
     for k in range(200):
         fast, page = struct.pack("<h6x", 100 + 3 * k % 50), struct.pack("<Bh5x", k % 5, 100 * (k % 5) + 7 * k % 40)
         results += core.receive(Frame(identifier=257, data=page, time=k * CYCLE))

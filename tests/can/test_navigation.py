@@ -13,7 +13,7 @@ from can_faults import Fault, FaultKind
 from fault_injection import FaultySender
 
 from strainfmu.can.frame_layout import ALTITUDE, MACH_NUMBER, InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import PROFILES
 from strainfmu.can.quality import Cause, Quality
@@ -60,7 +60,7 @@ def fly(
     known: Callable[[int], bool] = lambda _: True,
 ) -> list[Result]:
     """Send cycles with navigation where it is ``known``; return all results."""
-    core = input_machine(layout, step, SETTINGS, start=0.0, own=[OWN.key])
+    core = Machine(layout, step, SETTINGS, start=0.0, own=[OWN.key])
     sender, truth, results = FaultySender(layout, list(faults), OWN), Truth(N, 1), list[Result]()
     ears = Ears(sender)
     for k in range(n_cycles):
@@ -182,4 +182,4 @@ def test_every_state_of_health_has_its_quality(health: HealthState, quality: Qua
 @pytest.mark.parametrize("pressure", [0.0, -1.0, nan, 1.001e7, 9e9])
 def test_an_absurd_fixed_dynamic_pressure_is_refused(pressure: float) -> None:
     with pytest.raises(InputError, match=r"dynamic pressure: expected a positive number up to 1e\+07 Pa, got "):
-        input_machine(layout_of("fd64", N), Projection(N), SETTINGS, start=0.0, dynamic_pressure=pressure)
+        Machine(layout_of("fd64", N), Projection(N), SETTINGS, start=0.0, dynamic_pressure=pressure)

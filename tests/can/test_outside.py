@@ -22,7 +22,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.page_message import health_text
 from strainfmu.can.profiles import profile_layout
@@ -68,7 +68,7 @@ def strains(n_cycles: int) -> np.ndarray:
 
 def last_result(step: Step, q: float = PRESSURE, mach_number: float = nan, altitude: float = nan) -> Result:
     layout = profile_layout("fd64", NAMES, CYCLE)
-    core, encoder, results = input_machine(layout, step, ACCEPTING, start=0.0), StrainEncoder(layout), []
+    core, encoder, results = Machine(layout, step, ACCEPTING, start=0.0), StrainEncoder(layout), []
     for k, strain in enumerate(strains(12)):
         frames = encoder.encode(
             strain, q, cycle=k, sample_time=k * CYCLE, mach_number=mach_number, altitude=altitude
@@ -172,7 +172,7 @@ def test_an_absurd_dynamic_pressure_gives_no_coefficients(synthetic: SyntheticFi
     layout = mapped_layout(database_of(HUGE, "x.dbc"), mapping, gauge_names=NAMES, name="map.toml")
     results: list[Result] = []
     with opened(synthetic.map_1.parent, synthetic.estimator_1.name) as step:
-        core = input_machine(layout, step, BridgeSettings(), start=0.0)
+        core = Machine(layout, step, BridgeSettings(), start=0.0)
         for k, strain in enumerate(strains(12)):
             time, pressure = k * CYCLE, PRESSURE if k < 9 else q
             core.receive(Frame(identifier=300, data=struct.pack("<f4x", pressure), time=time))
@@ -199,7 +199,7 @@ def test_a_map_per_dynamic_pressure_behind_the_bus(tmp_path: Path, name: str) ->
     found = {}
     with opened(tmp_path, name) as step:
         for factor in (2.0, 3.5, nan):
-            core, encoder = input_machine(layout, step, ACCEPTING, start=0.0), StrainEncoder(layout)
+            core, encoder = Machine(layout, step, ACCEPTING, start=0.0), StrainEncoder(layout)
             results: list[Result] = []
             for k in range(12):
                 strain = 2.0 * inverse_map.mean_strain + 1e-6 * np.random.default_rng(k).normal(size=n)

@@ -12,7 +12,7 @@ from can_case import CYCLE, Ears, Projection, Truth, layout_of
 from strainfmu.can.bridge import QUEUED_CYCLES, Backlog
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, FrameClass, Quality
 from strainfmu.cosim.estimators.step import StepResult
@@ -71,7 +71,7 @@ def run(
     encoder, waiting, number, index = StrainEncoder(layout), deque[Frame](), 0, 0
     limit = QUEUED_CYCLES * layout.cycle_length
     backlog, is_skipping = Backlog(SETTINGS.max_age, CYCLE), False
-    over, ears = Overloaded(input_machine(layout, step, SETTINGS, start=0.0, now=clock)), Ears(encoder)
+    over, ears = Overloaded(Machine(layout, step, SETTINGS, start=0.0, now=clock)), Ears(encoder)
     coming: list[Frame] = []
 
     def step_slowly(*given: object) -> StepResult:

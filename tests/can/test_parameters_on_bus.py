@@ -17,7 +17,7 @@ from scaled_maps import NOMINAL, scaled_map
 from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.page_message import health_text
 from strainfmu.can.quality import Cause, Quality
@@ -126,7 +126,7 @@ def test_what_cannot_be_is_not_known() -> None:
     layout = mapped_layout(
         database_of(text, "r"), mapping, gauge_names=["a", "b"], name="r", parameter_names=["parameter.fin"]
     )
-    core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=NOMINAL)
+    core = Machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=NOMINAL)
     values = [1.0] * 5 + [-7.25, -1e9, nan, 1e99, 2.5]
     for k, value in enumerate(values):
         time = k * CYCLE

@@ -15,7 +15,7 @@ from slender_vehicle import make_slender_files
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.frame import from_message
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.opening import BusSettings, open_bus
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
@@ -95,7 +95,7 @@ def test_a_core_trusts_what_is_sent() -> None:
         assert pressure == pytest.approx(9e4, rel=1e-7)  # float32
         return StepResult(np.zeros(5), np.ones(5), 0, 1.0)
 
-    core = input_machine(LAYOUT, step, ACCEPTING, start=50.0)
+    core = Machine(LAYOUT, step, ACCEPTING, start=50.0)
     results = [r for time, message in bus.sent for r in core.receive(from_message(message, time))]
     assert [r.quality for r in results[-27:]] == [Quality.VALID] * 27
     # Half of the 0.25 um/m of one bit.
@@ -105,7 +105,7 @@ def test_a_core_trusts_what_is_sent() -> None:
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])
 def test_a_flight_that_is_sent_three_times_is_valid_three_times_if_restarts_are_accepted(profile: str) -> None:
     layout, clock = profile_layout(profile, NAMES, CYCLE), Time()
-    core = input_machine(layout, Projection(N_GAUGES), BridgeSettings(restart="accept"), start=50.0)
+    core = Machine(layout, Projection(N_GAUGES), BridgeSettings(restart="accept"), start=50.0)
     given = samples(60)
     for _ in range(3):
         bus = Bus(clock)

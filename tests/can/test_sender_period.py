@@ -10,7 +10,7 @@ from can_case import CYCLE, Ears, Projection, Truth, layout_of
 
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, Quality
 
@@ -32,7 +32,7 @@ def sent(
 
 
 def new_core(layout: InputLayout, tolerance: float = 0.2) -> Machine:
-    return input_machine(layout, Projection(4), BridgeSettings(period_tolerance=tolerance), start=0.0)
+    return Machine(layout, Projection(4), BridgeSettings(period_tolerance=tolerance), start=0.0)
 
 
 @pytest.mark.parametrize("profile", ["fd64", "classic-le"])

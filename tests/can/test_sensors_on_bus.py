@@ -23,13 +23,13 @@ from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.profiles import PROFILES
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.replay import estimate_log
 from strainfmu.can.sender import send_flight
-from strainfmu.can.setup import input_layout, make_machine, map_gauge_names, map_reading_units, write_dbc
+from strainfmu.can.setup import input_layout, make_machine, stated_in, write_dbc
 from strainfmu.can.strain_sources import FlownSample
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import StepResult
@@ -93,7 +93,7 @@ def flown(
 ) -> tuple[dict[int, dict[str, float]], list[Result]]:
     """Send strains and, ahead of them, the raw numbers of the sensors; return what was given, and the results."""
     step, results, given = Sensing(), list[Result](), dict[int, dict[str, float]]()
-    core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=9e4)
+    core = Machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=9e4)
     for k in range(30):
         found = codes(k)
         if found is not None:
@@ -288,8 +288,9 @@ def test_every_profile_holds_them(profile: str, tmp_path: Path) -> None:
     check_results(held, through_core(tmp_path / "map.h5", options, samples), samples)
     write_dbc(tmp_path / "map.h5", tmp_path / "m.dbc", bus_options(profile))
     text = (tmp_path / "m.dbc").read_text(encoding="cp1252")
-    assert all(f" SG_ {name.removeprefix('sensor.')} :" in text for name in map_reading_units(tmp_path / "map.h5"))
-    assert map_gauge_names(tmp_path / "map.h5") == held.gauge_names[: held.n_strain_gauges]
+    names, units, _ = stated_in(tmp_path / "map.h5")
+    assert all(f" SG_ {name.removeprefix('sensor.')} :" in text for name in units)
+    assert names == held.gauge_names[: held.n_strain_gauges]
 
 
 def test_a_live_run_and_its_replay(tmp_path: Path) -> None:
@@ -303,7 +304,7 @@ def test_a_live_run_and_its_replay(tmp_path: Path) -> None:
     samples = samples_of(held, 25)
     watched = {"record": log, "also": results.append, "publish": None, "publish_rate": 1.0}
     with paced_bridge(fmu, options, **watched) as paced:
-        layout, _ = input_layout(options, map_gauge_names(fmu), readings=map_reading_units(fmu))
+        layout, _ = input_layout(options, *stated_in(fmu)[:2])
         sender = paced.sender(layout)
         send_flight(paced, layout, samples=samples, clock=paced.clock, sleep=paced.sleep, sender=sender)
     answered = [one for one in results if one.quality.has_coefficients]

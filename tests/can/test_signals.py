@@ -28,7 +28,7 @@ from strainfmu.can.frame_layout import (
     InputLayout,
     SignalLayout,
 )
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.quality import REASONS
@@ -170,7 +170,7 @@ def test_what_is_refused_is_what_the_signal_forbids(signal: SignalLayout) -> Non
     settings = BridgeSettings(heal_cycles=1, rate_limit=1e300, sensor_range=1e300, stuck_cycles=0, zero_jump=1e300)
     step = Projection(1)
     step.sensor_range = 1e300  # type: ignore[attr-defined]  # as estimators of maps have it
-    machine = input_machine(layout, step, settings, start=0.0, dynamic_pressure=9e4)
+    machine = Machine(layout, step, settings, start=0.0, dynamic_pressure=9e4)
     for k, number in enumerate(range(1, 1 << signal.length, 1 if signal.length == 8 else 61)):
         data = number.to_bytes(2, "little")
         results = machine.receive(Frame(identifier=1, data=data, time=CYCLE * k))
@@ -317,7 +317,7 @@ def test_profiles_carry_strains_to_half_a_quantum(profile: str) -> None:
     random = np.random.default_rng(8)
     strain = random.uniform(-8e-3, 8e-3, 54)
     strain[5] = np.nan
-    machine = input_machine(layout, Projection(54), BridgeSettings(), start=0.0)
+    machine = Machine(layout, Projection(54), BridgeSettings(), start=0.0)
     encoder, results = StrainEncoder(layout), []
     for k in range(6):
         frames = encoder.encode(strain, 1.25e5, cycle=k, sample_time=12.5 + CYCLE * k)

@@ -12,7 +12,7 @@ from strainfmu.can.bridge import BackOff
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import LISTED_IDENTIFIERS, BusState, Cause, FrameClass, Quality, state_after
 from strainfmu.errors import InputError
@@ -25,7 +25,7 @@ class Bench:
 
     def __init__(self, profile: str = "fd64", n_gauges: int = 54) -> None:
         self.layout: InputLayout = replace(layout_of(profile, n_gauges), state=None)
-        self.machine: Machine = input_machine(self.layout, Projection(n_gauges), BridgeSettings(), start=0.0)
+        self.machine: Machine = Machine(self.layout, Projection(n_gauges), BridgeSettings(), start=0.0)
         self._encoder, self._random = StrainEncoder(self.layout), np.random.default_rng(1)
         self.n = n_gauges
         for cycle in range(6):
@@ -107,7 +107,7 @@ def test_without_times_a_repeated_frame_or_the_trailer_ends_a_cycle() -> None:
 def verdicts(strains: list[float], settings: BridgeSettings | None = None) -> list[bool]:
     """Return the verdict on one gauge over cycles, beside others that are well; its frame is trusted before."""
     layout = layout_of("fd64", 4)
-    machine = input_machine(layout, Projection(4), settings or BridgeSettings(stuck_cycles=25), start=0.0)
+    machine = Machine(layout, Projection(4), settings or BridgeSettings(stuck_cycles=25), start=0.0)
     encoder, found = StrainEncoder(layout), []
     ears, random = Ears(encoder), np.random.default_rng(2)
     for k, value in enumerate([*moving(40, strains[0] if strains[0] == strains[0] else 2e-4), *strains]):
@@ -185,7 +185,7 @@ def test_a_machine_of_a_billion_cycles_restarts_as_a_fresh_one_does() -> None:
     found = []
     for age in (0, 10**9):
         layout = layout_of("fd64", 4)
-        machine = input_machine(layout, Projection(4), BridgeSettings(), start=age * CYCLE)
+        machine = Machine(layout, Projection(4), BridgeSettings(), start=age * CYCLE)
         encoder = StrainEncoder(layout, session=7)
         shift = [0.0]
         ears = Ears(encoder, lambda time, shift=shift: time - shift[0])

@@ -19,7 +19,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.source import open_step
@@ -77,7 +77,7 @@ def layout_of(mapping: Mapping[str, Any], flow_names: tuple[str, ...]) -> InputL
 def flown(step: Step, lost: int, cycles: int) -> list[Result]:
     """Return the result of each cycle; the air data are lost from cycle ``lost`` on."""
     layout = layout_of(MAPPING, other_inputs(step))
-    core = input_machine(layout, step, BridgeSettings(), start=0.0)
+    core = Machine(layout, step, BridgeSettings(), start=0.0)
     random, found = np.random.default_rng(4), []
     for k in range(cycles):
         strain = STRAIN + NOISE_STD * random.standard_normal(N_D)
@@ -134,7 +134,7 @@ def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(
         taken = tuple(name for name in other_inputs(ready.step) if name in OTHER_AIR_DATA)
         assert taken == ("dynamic_pressure_std", *LAST_INPUTS)
         taken = taken[:1]
-        core = input_machine(
+        core = Machine(
             layout_of({"dynamic_pressure": MAPPING["dynamic_pressure"]}, taken),
             ready.step,
             BridgeSettings(),

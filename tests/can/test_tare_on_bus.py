@@ -236,7 +236,7 @@ def test_old_and_forged_commands_are_none(synthetic: SyntheticFiles) -> None:
     """Recorded commands of half a second ago, with counters that follow, do not begin a window."""
     from can_case import Projection
 
-    from strainfmu.can.machine import input_machine
+    from strainfmu.can.machine import Machine
     from strainfmu.can.options import BridgeSettings
     from strainfmu.can.quality import FrameClass
     from strainfmu.can.tare import Taring
@@ -244,7 +244,7 @@ def test_old_and_forged_commands_are_none(synthetic: SyntheticFiles) -> None:
     layout = profile_layout("fd64", NAMES, CYCLE, has_tare=True)
     assert layout.command is not None
     taring = Taring(Estimator(synthetic_inverse_map(1)), lambda zeros: None, WINDOW)
-    core = input_machine(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0)
+    core = Machine(layout, Projection(N_GAUGES), BridgeSettings(), start=0.0)
     core.on_cycle = taring.take
     samples, encoder, identifier = at_rest(200), StrainEncoder(layout), layout.command.layout.identifier
     for cycle in range(200):

@@ -20,7 +20,7 @@ from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.setup import make_machine
@@ -91,7 +91,7 @@ def flown(
     Returns what the estimator was given, and the results, of every cycle.
     """
     step, results = Warmed(), list[Result]()
-    core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=9e4)
+    core = Machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=9e4)
     for k in range(cycles):
         found = codes(k) if k % EVERY == 0 else None
         if found is not None:

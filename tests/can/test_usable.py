@@ -23,7 +23,7 @@ from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
 from strainfmu.can.load_listener import LoadListener
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.page_message import GaugePosition, result_message
 from strainfmu.can.profiles import Identifiers
@@ -68,7 +68,7 @@ def flown(
         )
         layout = replace(layout, state=None, strain_frames=frames)
     layouts = result_layouts(form, Identifiers(), CYCLE)
-    machine = input_machine(layout, step, BridgeSettings(), start=0.0, own=[one.key for one in layouts])
+    machine = Machine(layout, step, BridgeSettings(), start=0.0, own=[one.key for one in layouts])
     encoder, truth, wire, results = StrainEncoder(layout), Truth(N_GAUGES, 1), Wire(), list[Result]()
     ears, messages = Ears(encoder), list[list[Any]]()
 

@@ -14,7 +14,7 @@ from flight_fmu import whole_map
 from flight_maps import NOISE_STD, exact_response
 
 from strainfmu.can.frame_layout import DYNAMIC_PRESSURE, InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import Step
@@ -45,7 +45,7 @@ def without_pressure(layout: InputLayout) -> InputLayout:
 
 def flown(step: Step, layout: InputLayout, mach_number: float = MACH) -> list[Result]:
     """Return the result of each cycle."""
-    core = input_machine(layout, step, ACCEPTING, start=0.0, own=[OWN.key])
+    core = Machine(layout, step, ACCEPTING, start=0.0, own=[OWN.key])
     sender, random, results = FaultySender(layout, [], OWN), np.random.default_rng(5), list[Result]()
     for k in range(CYCLES):
         strain = STRAIN + NOISE_STD * random.standard_normal(N_D)

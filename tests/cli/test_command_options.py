@@ -13,7 +13,7 @@ import pytest
 from typer.main import get_command
 
 from strainfmu.can.bus_file import TABLES, read_bus
-from strainfmu.can.interface_options import check_bus_options, known_bus_options
+from strainfmu.can.opening import bus_settings, known_bus_options
 from strainfmu.can.options import BridgeSettings
 from strainfmu.cli.commands import program
 from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES
@@ -154,12 +154,15 @@ def test_the_limits_of_the_cycle_time_are_allowed() -> None:
 
 def test_options_that_an_interface_reads_are_allowed() -> None:
     """Named by its constructor, read from its keyword arguments by name; or of a bit timing."""
-    check_bus_options("udp_multicast", ["port", "hop_limit", "fd", "receive_own_messages"])
-    check_bus_options("pcan", ["bitrate", "device_id", "fd", "auto_reset", "f_clock_mhz", "nom_brp", "data_sjw"])
-    check_bus_options("kvaser", ["bitrate", "data_bitrate", "single_handle"])  # all of them unnamed
+    for interface, names in {
+        "udp_multicast": ("port", "hop_limit", "fd", "receive_own_messages"),
+        "pcan": ("bitrate", "device_id", "fd", "auto_reset", "f_clock_mhz", "nom_brp", "data_sjw"),
+        "kvaser": ("bitrate", "data_bitrate", "single_handle"),  # all of them unnamed
+    }.items():
+        bus_settings(interface, "0", [f"{name}=1" for name in names])
     with pytest.raises(InputError, match=r"expected an option of udp_multicast .*, got 'prot'"):
-        check_bus_options("udp_multicast", ["port", "prot"])
-    assert known_bus_options("of_somebody_else") is None
+        bus_settings("udp_multicast", "0", ["port=1", "prot=1"])
+    assert known_bus_options("of_somebody_else") == (None, set())
 
 
 def test_no_help_loses_what_is_in_brackets(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ from other_carriers import without_masks
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Protection
 from strainfmu.can.frame_layout import FLOAT, FlowSignal, FrameLayout, InputFrame, InputLayout, SignalLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import shared_signal
 from strainfmu.cosim.estimators.source import open_step
@@ -58,7 +58,7 @@ def by_bridge(source: Path, inverse_map: InverseMap, inputs: Inputs) -> Results:
     with open_step(source) as ready:
         others = [name for name in other_inputs(ready.step) if name in given]
         layout = _layout(n, ("dynamic_pressure", *others))
-        core, encoder = input_machine(layout, ready.step, OWN_CHECKS_OFF, start=0.0), StrainEncoder(layout)
+        core, encoder = Machine(layout, ready.step, OWN_CHECKS_OFF, start=0.0), StrainEncoder(layout)
         found = list[Result]()
         for k, strain in enumerate(inputs.strain[:, :n]):
             values = {name: float(given[name][k]) for name in ("dynamic_pressure", *others)}

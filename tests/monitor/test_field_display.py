@@ -18,8 +18,8 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.machine import Result
 from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages, outermost_places
-from strainfmu.can.publisher import BridgeReports, Publisher
-from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.can.publisher import Publisher
+from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
@@ -185,7 +185,7 @@ def test_publisher_sends_it_to_the_page() -> None:
         monitor.listens_at,
         [GaugePosition(f"g{i}") for i in range(N_D)],
         rate=1e4,
-        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        account=FrameAccount,
         field=FieldMessages(field_map()),
     )
     try:

@@ -10,8 +10,8 @@ from field_maps import N_D, field_map
 from test_field_display import cycle
 
 from strainfmu.can.page_message import FieldMessages, GaugePosition
-from strainfmu.can.publisher import BridgeReports, Publisher
-from strainfmu.can.quality import BusState, FrameAccount, Quality
+from strainfmu.can.publisher import Publisher
+from strainfmu.can.quality import FrameAccount, Quality
 from strainfmu.monitor.server import Monitor
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Chromium is not installed")
@@ -23,10 +23,9 @@ DRAWN = """[document.getElementById("field_section").hidden, document.querySelec
 def test_pressure_is_drawn_and_goes_with_the_estimate(tmp_path: Path) -> None:
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
-    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
     positions = [GaugePosition(f"g{k}", 0.1 * (k % 9), 40.0 * (k // 9)) for k in range(N_D)]
     publisher = Publisher(
-        monitor.listens_at, positions, rate=50.0, reports=reports, field=FieldMessages(field_map())
+        monitor.listens_at, positions, rate=50.0, account=FrameAccount, field=FieldMessages(field_map())
     )
     quality = Quality.VALID
 

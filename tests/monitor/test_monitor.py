@@ -22,8 +22,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.can.options import PUBLISH_RATE
 from strainfmu.can.page_message import GaugePosition, gauge_positions, result_message
-from strainfmu.can.publisher import CHANGES_AT_ONCE, BridgeReports, Publisher, parsed_address
-from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.can.publisher import CHANGES_AT_ONCE, Publisher, parsed_address
+from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.monitor.server import PAGE_FILES, PUSH_PERIOD, Monitor, page_file
 from strainfmu.monitor.state import MonitorState
@@ -364,7 +364,7 @@ def test_a_token_limits_who_may_publish() -> None:
         monitor.listens_at,
         [GaugePosition(name, 0.5, 0.0) for name in "abc"],
         rate=1e4,
-        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        account=FrameAccount,
         token="another",
     )
     wrong.result(result())
@@ -374,7 +374,7 @@ def test_a_token_limits_who_may_publish() -> None:
         monitor.listens_at,
         [GaugePosition(name, 0.5, 0.0) for name in "abc"],
         rate=1e4,
-        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        account=FrameAccount,
         token="secret of the rack",
     )
     own.result(result())

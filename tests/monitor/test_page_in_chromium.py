@@ -18,8 +18,8 @@ from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.machine import Result
 from strainfmu.can.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.publisher import BridgeReports, Publisher
-from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.can.publisher import Publisher
+from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.can.strain_sources import FlownSample
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.other_loads import SECTIONS as FAMILY
@@ -187,9 +187,10 @@ def test_rolling_moment_and_section_loads(tmp_path: Path) -> None:
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
     gauges = [GaugePosition(f"g{k}", 1.0 + k, 90.0 * k) for k in range(3)]
-    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
     publishers = [
-        Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports, facts=EstimatorFacts(load_groups=one))
+        Publisher(
+            monitor.listens_at, gauges, rate=1e4, account=FrameAccount, facts=EstimatorFacts(load_groups=one)
+        )
         for one in ((), groups_at(stations))
     ]
 
@@ -239,8 +240,7 @@ def test_gauges_anywhere_around_do_not_cover_each_other(tmp_path: Path) -> None:
     )
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
-    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
-    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports)
+    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, account=FrameAccount)
     try:
         for width in WIDTHS:
             set_width(browser, width)
@@ -284,8 +284,7 @@ def test_the_first_view_answers_whether_loads_may_be_used(tmp_path: Path) -> Non
     bad = altered(good, quality=Quality.UNCONFIRMED, usable=False, causes=Cause.UNPROVEN_RESTART)
     monitor = Monitor(("127.0.0.1", 0), ("127.0.0.1", 0))
     browser = Browser(tmp_path / "profile", monitor.url)
-    reports = BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE)
-    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, reports=reports)
+    publisher = Publisher(monitor.listens_at, gauges, rate=1e4, account=FrameAccount)
 
     def seen(result: Result, *texts: str) -> Callable[[Any], bool]:
         def is_seen(found: Any) -> bool:

@@ -21,10 +21,6 @@ from strainfmu.can.page_message import (
     result_message,
 )
 from strainfmu.can.quality import (
-    BUS_WORDS,
-    CAUSE_WORDS,
-    HEALTH_WORDS,
-    QUALITY_WORDS,
     REASONS,
     BusState,
     Cause,
@@ -39,6 +35,7 @@ from strainfmu.monitor.message import UNITS, parsed
 from strainfmu.monitor.state import COLUMNS, SILENT_AFTER, MonitorState
 
 NAMES = ("a", "b", "c", "d", "e")
+QUALITY_WORDS, CAUSE_WORDS = (all_words()[kind] for kind in ("quality", "cause"))
 NO_FRAME, NO_VALUE, FROZEN, HEALING = (REASONS[k] for k in (1, 3, 6, 8))
 POSITIONS = [GaugePosition(name, 0.5 * k, 90.0 * k) for k, name in enumerate(NAMES)]
 
@@ -166,10 +163,10 @@ def test_every_number_of_the_state_has_a_unit_and_no_field_is_missing() -> None:
 
 @pytest.mark.fast
 def test_every_cause_and_state_has_words() -> None:
-    assert list(QUALITY_WORDS) == list(Quality)
-    assert set(CAUSE_WORDS) == set(Cause)
-    assert list(BUS_WORDS) == list(BusState)
-    assert set(HEALTH_WORDS) == set(HealthState)
+    kinds = {"quality": Quality, "cause": Cause, "bus": BusState, "health": HealthState}
+    assert {kind: set(words) for kind, words in all_words().items()} == {
+        kind: {member.name for member in members} for kind, members in kinds.items()
+    }
     assert all(text for words in all_words().values() for text in words.values())
 
 
@@ -326,12 +323,12 @@ def test_a_bridge_reports_loads_reasons_and_its_recording(synthetic: SyntheticFi
 @pytest.mark.parametrize(
     ("changed", "usable", "why"),
     [
-        ({}, True, QUALITY_WORDS[Quality.VALID]),
-        ({"quality_name": "DEGRADED", "causes": ["GAUGE_INVALID"]}, True, CAUSE_WORDS[Cause.GAUGE_INVALID]),
-        ({"quality_name": "UNPROTECTED"}, True, QUALITY_WORDS[Quality.UNPROTECTED]),
+        ({}, True, QUALITY_WORDS["VALID"]),
+        ({"quality_name": "DEGRADED", "causes": ["GAUGE_INVALID"]}, True, CAUSE_WORDS["GAUGE_INVALID"]),
+        ({"quality_name": "UNPROTECTED"}, True, QUALITY_WORDS["UNPROTECTED"]),
         ({"quality_name": "SUSPECT", "usable": 0, "health_name": "SUSPECT", "health_text": "g3"}, False, "g3"),
-        ({"quality_name": "UNCONFIRMED", "usable": 0, "causes": ["PERIOD"]}, False, CAUSE_WORDS[Cause.PERIOD]),
-        ({"quality_name": "STALE", "usable": 0, "causes": ["OLD"]}, False, CAUSE_WORDS[Cause.OLD]),
+        ({"quality_name": "UNCONFIRMED", "usable": 0, "causes": ["PERIOD"]}, False, CAUSE_WORDS["PERIOD"]),
+        ({"quality_name": "STALE", "usable": 0, "causes": ["OLD"]}, False, CAUSE_WORDS["OLD"]),
     ],
 )
 def test_may_these_loads_be_used(changed: dict[str, Any], usable: bool, why: str) -> None:

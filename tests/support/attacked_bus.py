@@ -21,7 +21,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Cause, Quality
@@ -179,7 +179,7 @@ class Scenario:
         else:
             layout = profile_layout(profile, NAMES, cycle_time=PERIOD, identifiers=Identifiers(), key=key)
         step = Projection(N_GAUGES)
-        self.core: Machine = input_machine(layout, step, settings, start=0.0)
+        self.core: Machine = Machine(layout, step, settings, start=0.0)
         self.is_fd = profile != "classic-le"
         self.random = np.random.default_rng(seed)
         self.bus = Bus(self.random, DocumentedSender(profile, NAMES, PERIOD, session=session))

@@ -21,8 +21,9 @@ from synthetic_vehicle import N_GAUGES, synthetic_inverse_map
 
 from strainfmu.atmosphere import dynamic_pressure
 from strainfmu.can.authentic import freshness_file, next_trip
-from strainfmu.can.bridge import Bridge, BridgeSummary
+from strainfmu.can.bridge import Bridge
 from strainfmu.can.frame_layout import InputLayout
+from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.machine import Result
 from strainfmu.can.observed import observed_bridge
 from strainfmu.can.opening import BusSettings, open_bus
@@ -33,6 +34,8 @@ from strainfmu.can.setup import input_layout
 from strainfmu.can.strain_sources import FlownSample
 
 CYCLE = 0.01
+TURN = 1e-3
+"""Longest time for which the bridge waits before it looks at the clock [s]."""
 PATIENCE = 120.0
 """How long a thread may take for its turn on a busy machine [s]."""
 
@@ -112,7 +115,7 @@ class PacedBridge:
         def received(timeout: float) -> Any:
             self._is_waiting = True
             try:
-                return inner(timeout)
+                return inner(min(timeout, TURN))  # the clock may have moved meanwhile
             finally:
                 self._is_waiting = False
 
@@ -142,8 +145,7 @@ class PacedBridge:
         self.sent += 1
 
     def sleep(self, seconds: float) -> None:
-        """Sleep, then let so much time pass on the clock, from one event of the bridge to the next."""
-        time.sleep(seconds)
+        """Let so much time pass on the clock, from one event of the bridge to the next."""
         end = self.clock.now + seconds
         while self.clock.now < end - 1e-6:
             self._settle()
@@ -174,10 +176,7 @@ class PacedBridge:
 
     def _is_idle(self) -> bool:
         assert self._thread.is_alive(), "the bridge has ended"
-        try:
-            received = self._bridge.account().received
-        except RuntimeError:  # a table of it grew meanwhile
-            return False
+        received = int(self._bridge.machine._account["received"][0])
         if self._is_free:  # all but the cycle at which it stands are in its queue
             waiting = self._inbox._waiting.qsize()
             return received + waiting > self.sent - self._bridge.machine.layout.cycle_length
@@ -190,7 +189,7 @@ def wait_until(condition: Callable[[], bool], seconds: float = PATIENCE) -> None
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it did not happen"
-        time.sleep(0.001)
+        time.sleep(2e-4)
 
 
 @contextmanager

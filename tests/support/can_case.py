@@ -17,7 +17,7 @@ from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.encoder import StrainEncoder, cycles_apart
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout, InputLayout
-from strainfmu.can.machine import Machine, Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions, BridgeSettings
 from strainfmu.can.profiles import SECURED_PROFILE, Identifiers, profile_layout, result_form_of
 from strainfmu.can.quality import BusState, Cause, Quality
@@ -177,12 +177,12 @@ def run_campaign(
     keep: bool = True,
     change: Callable[[int, list[Frame]], list[Frame]] | None = None,
     step: Projection | None = None,
-    make_core: Callable[..., Machine] = input_machine,
+    make_core: Callable[..., Machine] = Machine,
 ) -> Campaign:
     """Send ``n_cycles`` with ``faults`` through a core and judge every result.
 
     ``change`` may alter the frames of a cycle further; ``keep`` False keeps no results, for long runs;
-    ``make_core`` takes what ``input_machine`` takes.
+    ``make_core`` takes what ``Machine`` takes.
     """
     settings = settings or BridgeSettings()
     step = step or Projection(layout.n_gauges)
@@ -380,7 +380,7 @@ class Oracle:
 
 def run_core(layout: InputLayout, frames: list[Frame], n: int, **options: float) -> tuple[list[Result], Machine]:
     """Results and core of a bridge that got ``frames``, every one of them accounted for; options are its."""
-    core = input_machine(layout, Projection(n), BridgeSettings(), start=0.0, **options)
+    core = Machine(layout, Projection(n), BridgeSettings(), start=0.0, **options)
     results = [result for frame in frames for result in core.receive(frame)]
     results += core.advance(frames[-1].time + 0.5 * CYCLE)
     core.finish(frames[-1].time + CYCLE)

@@ -11,7 +11,7 @@ from strainfmu.can.dbc_files import database_of
 from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A B\n'
@@ -67,7 +67,7 @@ def layout_from(text: str, **tables: Any) -> InputLayout:
 
 
 def results_of(layout: InputLayout, frames: list[Frame], pressure: float | None = 9e4) -> list[Result]:
-    core = input_machine(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
+    core = Machine(layout, Projection(2), BridgeSettings(), start=0.0, dynamic_pressure=pressure)
     results = [result for frame in frames for result in core.receive(frame)]
     return results + core.advance(frames[-1].time + 0.6 * CYCLE)
 

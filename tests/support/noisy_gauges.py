@@ -9,7 +9,7 @@ from can_case import CYCLE, Ears, Projection, layout_of
 
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 
 STEP = 0.25e-6
@@ -41,7 +41,7 @@ def answers(
 ) -> list[Result]:
     """Return the results of all cycles of ``strains`` (n_cycles, n_d) [m/m] sent in time, but ``lost`` ones."""
     layout = layout or layout_of("fd64", strains.shape[1])
-    core = input_machine(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
+    core = Machine(layout, NoisyStep(layout.n_gauges, stated_noise), settings or BridgeSettings(), start=0.0)
     encoder, results = StrainEncoder(layout), list[Result]()
     ears = Ears(encoder)
     for number, strain in enumerate(strains):

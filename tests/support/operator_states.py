@@ -28,7 +28,7 @@ from strainfmu.can.demo import private_port
 from strainfmu.can.opening import BusSettings, open_bus
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.sender import send_flight
-from strainfmu.can.setup import input_layout, map_gauge_names
+from strainfmu.can.setup import input_layout, stated_in
 from strainfmu.can.strain_sources import FlownSample, plant_samples
 
 CYCLE = 0.02
@@ -113,7 +113,7 @@ class _Line:
 def running_range(fmu: Path, samples: Sequence[FlownSample], record: Path | None = None) -> Iterator[TestRange]:
     """Run monitor, bridge and sender until the context is left."""
     options = BridgeOptions(interface="udp_multicast", channel=GROUP, cycle_time=CYCLE)
-    names = map_gauge_names(fmu)
+    names = stated_in(fmu)[0]
     layout, _ = input_layout(options, names)
     state = TestRange(len(names), [frame.layout.identifier for frame in layout.strain_frames])
     port = private_port()
@@ -168,7 +168,7 @@ def _first_line(process: subprocess.Popen[str]) -> str:
 
 def demo_samples(demo: Path) -> list[FlownSample]:
     """Return the loaded part of the manoeuvre of a finished demonstration."""
-    n_gauges = len(map_gauge_names(demo / "estimator.fmu"))
+    n_gauges = len(stated_in(demo / "estimator.fmu")[0])
     with plant_samples(demo / "plant.fmu", n_gauges, CYCLE, 10.0) as samples:
         return list(samples)[round(2.0 / CYCLE) : round(8.0 / CYCLE)]
 

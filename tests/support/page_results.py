@@ -9,8 +9,8 @@ import numpy as np
 
 from strainfmu.can.machine import Result
 from strainfmu.can.page_message import EstimatorFacts, GaugePosition
-from strainfmu.can.publisher import BridgeReports, Publisher
-from strainfmu.can.quality import BusState, Cause, FrameAccount, Quality
+from strainfmu.can.publisher import Publisher
+from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
 
@@ -49,6 +49,6 @@ def publisher(port: int, rate: float = 1e4, score_limit: float | None = None) ->
         ("127.0.0.1", port),
         positions,
         rate=rate,
-        reports=BridgeReports(account=FrameAccount, bus_state=lambda: BusState.ERROR_ACTIVE),
+        account=FrameAccount,
         facts=EstimatorFacts(score_limit=score_limit),
     )

@@ -10,11 +10,11 @@ import can
 import numpy as np
 from can_case import Ears, Projection, Truth, layout_of
 
-from strainfmu.can.bridge import QUEUED_CYCLES, BackOff, Bridge, BridgeSummary
+from strainfmu.can.bridge import QUEUED_CYCLES, BackOff, Bridge
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
-from strainfmu.can.listener import BusListener, Taps
-from strainfmu.can.machine import Result, input_machine
+from strainfmu.can.listener import BridgeSummary, BusListener, Taps
+from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Quality
@@ -51,7 +51,7 @@ class Running:
         layout = layout_of("fd64", N, CYCLE)
         results = result_layouts("fd", Identifiers(), CYCLE)
         self.step = Slow(N)
-        core = input_machine(
+        core = Machine(
             layout,
             self.step,
             BridgeSettings(),

@@ -19,7 +19,7 @@ from strainfmu.can.dbc_mapping import mapped_layout
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame, protect
 from strainfmu.can.frame_layout import InputLayout
-from strainfmu.can.machine import input_machine
+from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.quality import Quality
@@ -50,7 +50,7 @@ def frames_from(data: bytes) -> None:
     if not data:
         return
     layout = layouts()[data[0] % len(PROFILES)]
-    core = input_machine(layout, step, BridgeSettings(), start=0.0, own=[0x380])
+    core = Machine(layout, step, BridgeSettings(), start=0.0, own=[0x380])
     keys = [frame.layout.identifier for frame in layout.frames] + [0x380, 0x7FF]
     encoder = StrainEncoder(layout)
     index, time, number = 1, 0.0, 0
@@ -108,7 +108,7 @@ def database_from(data: bytes) -> None:
             parameter_names=("parameter.fin", "parameter.power"),
             parameter_std_names=("parameter_std.fin",),
         )
-        core = input_machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
+        core = Machine(layout, step, BridgeSettings(), start=0.0, dynamic_pressure=1e5)
     except InputError:
         return
     for number in range(4):
@@ -152,7 +152,7 @@ def authentication_from(data: bytes) -> None:
     layout = layouts()[-1]
     assert layout.is_authenticated
     judge, trip = TrueStrains(), 3
-    core = input_machine(layout, judge, BridgeSettings(), start=0.0, own=[0x380])
+    core = Machine(layout, judge, BridgeSettings(), start=0.0, own=[0x380])
     items = {item.layout.key: item.layout for item in layout.frames}
     encoder, history = StrainEncoder(layout, trip), list[Frame]()
     number, first, time, index = 0, 0, 0.0, 0
