@@ -8,13 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from can_case import CYCLE
 from deflected_shape import NAME, known_map
+from float_rack import rack_cycle, rack_layout
 from shape_case import N_D
 
-from strainfmu.can.dbc_files import database_of
-from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
@@ -35,38 +32,17 @@ STATE = np.array([6.5, 0.03, 0.01, np.log(4000.0)])
 def layout_of(
     entry: Any, n_gauges: int = N_D, std_names: tuple[str, ...] = (f"parameter_std.{NAME}",)
 ) -> InputLayout:
-    """Return the frames of a float64 per gauge, and the fins with their deviation, by ``entry`` of [parameter]."""
-    lines, floats = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"], []
-    for number in range(n_gauges):
-        lines += [f"BO_ {0x100 + number} F{number}: 8 A", ' SG_ v : 0|64@1- (1,0) [0|0] "m/m" B']
-        floats.append(f"SIG_VALTYPE_ {0x100 + number} v : 2;")
-    lines += [f"BO_ {FINS} Fins: 8 A"]
+    """Return the frames of the gauges, and the fins with their deviation, by ``entry`` of [parameter]."""
+    lines = [f"BO_ {FINS} Fins: 8 A"]
     lines += [' SG_ fin : 0|32@1- (1,0) [0|0] "deg" B', ' SG_ sigma : 32|32@1- (1,0) [0|0] "deg" B']
-    floats += [f"SIG_VALTYPE_ {FINS} fin : 1;", f"SIG_VALTYPE_ {FINS} sigma : 1;"]
-    mapping = {
-        "cycle_time_ms": 1e3 * CYCLE,
-        "strain": {f"strain[{number + 1}]": f"F{number}.v" for number in range(n_gauges)},
-        "parameter": {NAME: entry},
-    }
-    return mapped_layout(
-        database_of("\n".join([*lines, *floats, ""]), "r"),
-        mapping,
-        gauge_names=[f"g{number}" for number in range(n_gauges)],
-        name="r",
-        parameter_names=[f"parameter.{NAME}"],
-        parameter_std_names=std_names,
-    )
+    lines += [f"SIG_VALTYPE_ {FINS} fin : 1;", f"SIG_VALTYPE_ {FINS} sigma : 1;"]
+    names = {"parameter_names": [f"parameter.{NAME}"], "parameter_std_names": std_names}
+    return rack_layout(n_gauges, lines, {"parameter": {NAME: entry}}, **names)
 
 
 def cycle(core: Machine, strain: np.ndarray, k: int, fins: tuple[float, float] | None) -> Result:
     """Return the result of cycle ``k``; ``fins`` None for no frame of them."""
-    frames = [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(strain)]
-    if fins is not None:
-        frames.insert(0, (FINS, struct.pack("<ff", *fins)))
-    results = []
-    for identifier, data in frames:
-        results += core.receive(Frame(identifier=identifier, data=data, time=k * CYCLE))
-    return (results + core.advance((k + 0.9) * CYCLE))[-1]
+    return rack_cycle(core, strain, k, [] if fins is None else [(FINS, struct.pack("<ff", *fins))])
 
 
 def readings(deflection: float) -> np.ndarray:

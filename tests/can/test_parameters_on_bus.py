@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from can_case import CYCLE
+from float_rack import rack_cycle, rack_strains, rack_text
 from parameter_maps import with_parameters
 from scaled_maps import NOMINAL, scaled_map
 
@@ -39,13 +40,7 @@ PERIOD = 5
 
 def files_of(inverse_map: InverseMap, folder: Path) -> BridgeOptions:
     """Write a DBC file with a float64 in each frame of strains, and the fins; its mapping too; return options."""
-    lines = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"]
-    floats, strains = [], ["[strain]"]
-    for number in range(inverse_map.n_gauges):
-        lines += [f"BO_ {0x100 + number} F{number}: 8 A", ' SG_ v : 0|64@1- (1,0) [0|0] "m/m" B']
-        floats.append(f"SIG_VALTYPE_ {0x100 + number} v : 2;")
-        strains.append(f'"strain[{number + 1}]" = "F{number}.v"')
-    lines += [
+    lines = [
         f"BO_ {FINS} Fins: 8 A",
         ' SG_ fin : 0|16@1- (0.01,0) [0|0] "deg" B',
         ' SG_ power : 16|16@1+ (0.001,0) [0|0] "" B',
@@ -53,7 +48,11 @@ def files_of(inverse_map: InverseMap, folder: Path) -> BridgeOptions:
         'BA_DEF_DEF_ "GenMsgCycleTime" 10;',
         f'BA_ "GenMsgCycleTime" BO_ {FINS} {round(1e3 * PERIOD * CYCLE)};',
     ]
-    (folder / "r.dbc").write_text("\n".join([*lines, *floats, ""]))
+    strains = [
+        "[strain]",
+        *(f'"{gauge}" = "{path}"' for gauge, path in rack_strains(inverse_map.n_gauges).items()),
+    ]
+    (folder / "r.dbc").write_text(rack_text(inverse_map.n_gauges, lines))
     mapped = '[parameter]\nfin_deg = "Fins.fin"\n"parameter.power" = "Fins.power"\n'
     (folder / "r.toml").write_text("\n".join([*strains, mapped]))
     options = BridgeOptions(interface="virtual", channel="fins", dynamic_pressure=NOMINAL)
@@ -62,13 +61,8 @@ def files_of(inverse_map: InverseMap, folder: Path) -> BridgeOptions:
 
 def cycle(core: Machine, strain: np.ndarray, k: int, fins: tuple[float, float] | None) -> Result:
     """Return the result of cycle ``k``; ``fins`` None for no frame of them."""
-    frames = [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(strain)]
-    if fins is not None:
-        frames.insert(0, (FINS, struct.pack("<hH4x", round(100.0 * fins[0]), round(1000.0 * fins[1]))))
-    results = []
-    for identifier, data in frames:
-        results += core.receive(Frame(identifier=identifier, data=data, time=k * CYCLE))
-    return (results + core.advance((k + 0.9) * CYCLE))[-1]
+    data = b"" if fins is None else struct.pack("<hH4x", round(100.0 * fins[0]), round(1000.0 * fins[1]))
+    return rack_cycle(core, strain, k, [(FINS, data)] if data else [])
 
 
 @pytest.mark.parametrize("source", ["map.h5", "e.fmu"])

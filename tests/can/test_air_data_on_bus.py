@@ -1,28 +1,27 @@
-"""A user's mapping gives the nonlinear estimator p_inf, and deviations of navigation as numbers or signals."""
+"""A user's mapping gives p_inf, deviations of navigation as numbers or signals, and inertial inputs."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
 from dataclasses import replace
-from math import isnan, nan
+from math import isnan, nan, radians
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from can_case import CYCLE
 from flight_fmu import whole_map
 from flight_maps import NOISE_STD, exact_response
+from float_rack import rack_cycle, rack_layout
+from inertia_maps import with_masses
+from scaled_maps import NOMINAL, scaled_map
 
-from strainfmu.can.dbc_files import database_of
-from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import InputLayout
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause
-from strainfmu.cosim.estimators.source import open_step
+from strainfmu.cosim.estimators.source import MapStep, open_step
 from strainfmu.cosim.estimators.step import Step, other_inputs
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import INERTIAL_NAMES, LAST_INPUTS
@@ -43,6 +42,7 @@ MAPPING: dict[str, Any] = {
 }
 SENT = {"q": Q, "mach": MACH, "mach_std": 0.1, "p": STATIC / 100.0, "p_std": 2.0}
 """Of the frame of air data; the static pressure in hPa."""
+AIR_DATA = AIR, struct.pack("<5f", *SENT.values())
 
 
 def flown_map(has_tables: bool = True) -> InverseMap:
@@ -52,26 +52,15 @@ def flown_map(has_tables: bool = True) -> InverseMap:
 
 def layout_of(mapping: Mapping[str, Any], flow_names: tuple[str, ...]) -> InputLayout:
     """Return frames of a float64 per gauge, and of air data."""
-    lines, floats = ['VERSION ""', "NS_ :", "BS_:", "BU_: A B"], []
-    for number in range(N_D):
-        lines += [f"BO_ {0x100 + number} F{number}: 8 A", ' SG_ v : 0|64@1- (1,0) [0|0] "m/m" B']
-        floats.append(f"SIG_VALTYPE_ {0x100 + number} v : 2;")
-    lines += [f"BO_ {AIR} Air: 20 A"]
+    lines = [f"BO_ {AIR} Air: 20 A"]
     for place, (name, unit) in enumerate(zip(SENT, ("Pa", "", "", "hPa", "hPa"), strict=True)):
         lines += [f' SG_ {name} : {32 * place}|32@1- (1,0) [0|0] "{unit}" B']
-        floats.append(f"SIG_VALTYPE_ {AIR} {name} : 1;")
     lines += [
         'BA_DEF_ BO_ "VFrameFormat" ENUM "a","b","c","d","e","f","g","h","i","j","k","l","m","n","StandardCAN_FD";'
     ]
     lines += ['BA_DEF_DEF_ "VFrameFormat" "a";', f'BA_ "VFrameFormat" BO_ {AIR} 14;']
-    strain = {f"strain[{number + 1}]": f"F{number}.v" for number in range(N_D)}
-    return mapped_layout(
-        database_of("\n".join([*lines, *floats, ""]), "r"),
-        {"cycle_time_ms": 1e3 * CYCLE, "strain": strain, **mapping},
-        gauge_names=[f"g{number}" for number in range(N_D)],
-        name="r",
-        flow_names=flow_names,
-    )
+    lines += [f"SIG_VALTYPE_ {AIR} {name} : 1;" for name in SENT]
+    return rack_layout(N_D, lines, mapping, flow_names=flow_names)
 
 
 def flown(step: Step, lost: int, cycles: int) -> list[Result]:
@@ -81,14 +70,7 @@ def flown(step: Step, lost: int, cycles: int) -> list[Result]:
     random, found = np.random.default_rng(4), []
     for k in range(cycles):
         strain = STRAIN + NOISE_STD * random.standard_normal(N_D)
-        frames = [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(strain)]
-        if k < lost:
-            frames.insert(0, (AIR, struct.pack("<5f", *SENT.values())))
-        results = []
-        for identifier, data in frames:
-            frame = Frame(identifier=identifier, data=data, time=k * CYCLE, is_fd=identifier == AIR)
-            results += core.receive(frame)
-        found.append((results + core.advance((k + 0.9) * CYCLE))[-1])
+        found.append(rack_cycle(core, strain, k, [AIR_DATA] if k < lost else []))
     return found
 
 
@@ -140,12 +122,7 @@ def test_the_linear_estimator_takes_the_deviation_of_the_dynamic_pressure_alone(
             BridgeSettings(),
             start=0.0,
         )
-        frames = [(AIR, struct.pack("<5f", *SENT.values()))]
-        frames += [(0x100 + i, struct.pack("<d", value)) for i, value in enumerate(STRAIN)]
-        results = []
-        for identifier, data in frames:
-            results += core.receive(Frame(identifier=identifier, data=data, time=0.0, is_fd=identifier == AIR))
-        result = (results + core.advance(0.9 * CYCLE))[-1]
+        result = rack_cycle(core, STRAIN, 0, [AIR_DATA])
     expected = Estimator(flown_map(has_tables=False)).step(
         STRAIN, result.dynamic_pressure, dynamic_pressure_std=4e3
     )
@@ -162,3 +139,48 @@ def test_a_wrong_deviation_gets_one_line(value: object) -> None:
         InputError, match=r"r: static_pressure: std: expected 'Message.Signal' or a number from 0 on"
     ):
         layout_of(mapping, OTHER_AIR_DATA)
+
+
+# --- inertial inputs: units of a user's DBC file, and a unit that falls silent -----------------------------------
+
+N_INERTIAL, UNIT, PRESSURE = 12, 0x300, 0x301
+MEASURED = {"specific_force_z": (2.5, "g"), "angular_rate_y": (40.0, "deg/s"), "vibration": (3.0, "um/m")}
+IN_SI = {"specific_force_z": 2.5 * 9.80665, "angular_rate_y": radians(40.0), "vibration": 3e-6}
+SENDERS = {"dynamic_pressure": (PRESSURE, "Pa")} | {
+    name: (UNIT + 2 + place, unit) for place, (name, (_, unit)) in enumerate(MEASURED.items())
+}
+
+
+def inertial_layout(held: InverseMap) -> InputLayout:
+    lines = []
+    for name, (identifier, unit) in SENDERS.items():
+        lines += [f"BO_ {identifier} Of_{name}: 8 A", f' SG_ v : 0|64@1- (1,0) [0|0] "{unit}" B']
+        lines += [f"SIG_VALTYPE_ {identifier} v : 2;"]
+    flow = {name: {"signal": f"Of_{name}.v"} for name in SENDERS}
+    return rack_layout(N_INERTIAL, lines, flow, flow_names=MapStep(held).other_inputs)
+
+
+def test_a_bridge_takes_what_an_inertial_unit_measures() -> None:
+    held = with_masses(scaled_map(2, seed=4, n=N_INERTIAL))
+    step, found, random = MapStep(held), [], np.random.default_rng(1)
+    strains = held.mean_strain + held.noise_std * random.standard_normal((40, N_INERTIAL))
+    assert set(INERTIAL_NAMES) < set(step.other_inputs)
+    core = Machine(inertial_layout(held), step, BridgeSettings(), start=0.0)
+    for k, strain in enumerate(strains):
+        sent = {"dynamic_pressure": NOMINAL}
+        sent |= {name: value for name, (value, _) in MEASURED.items()} if k < 5 else {}
+        others = [(SENDERS[name][0], struct.pack("<d", value)) for name, value in sent.items()]
+        found.append(rack_cycle(core, strain, k, others))
+    estimator = Estimator(held)
+    with_unit = estimator.estimate(strains[3], NOMINAL, **IN_SI)
+    without = estimator.estimate(strains[-1], NOMINAL, specific_force_z=nan)
+    np.testing.assert_allclose(found[3].coefficients, with_unit.coefficients, rtol=1e-9)
+    np.testing.assert_allclose(found[3].coefficients_std, with_unit.coefficients_std, rtol=1e-9)
+    np.testing.assert_allclose(found[-1].coefficients, without.coefficients, rtol=1e-9)
+    assert Cause.NAVIGATION in found[-1].causes
+    np.testing.assert_allclose(found[-1].coefficients_std, without.coefficients_std, rtol=1e-9)
+
+
+def test_a_map_without_masses_refuses_the_entry() -> None:
+    with pytest.raises(InputError, match="expected none, the estimator does not take it"):
+        inertial_layout(scaled_map(2, seed=4, n=N_INERTIAL))
