@@ -18,7 +18,7 @@ from strainfmu.can.encoder import cycles_apart
 from strainfmu.can.frame_layout import FLOW_QUANTITIES, NAVIGATION, FrameLayout, InputFrame, InputLayout
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_layouts import result_layouts
-from strainfmu.can.setup import input_layout, map_gauge_names, map_reading_units, result_form
+from strainfmu.can.setup import input_layout, result_form, stated_in
 from strainfmu.can.signals import SIGNAL, SLOT, signal_table
 from strainfmu.can.strain_sources import recorded_samples
 from strainfmu.cosim.models.flight_model import FlightModel, load_flight_model
@@ -157,7 +157,7 @@ def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]
     names, units = model.gauge_names[:n], () if model.sensors is None else fmi_units(model.sensors)[n:]
     readings = dict(zip(sensor_names(model), units, strict=True))
     if bus.gauges is not None:
-        names, readings = map_gauge_names(bus.gauges), map_reading_units(bus.gauges)
+        names, readings, _ = stated_in(bus.gauges)
     if tuple(names) != tuple(model.gauge_names[:n]):
         raise InputError(f"{bus_path}: input.gauges: expected the gauges of the flight model")
     layout, _ = input_layout(options, names, readings, needs_key=False)
