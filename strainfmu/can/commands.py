@@ -245,7 +245,10 @@ def send(
     if options.interface == VIRTUAL and say is not None:
         say(VIRTUAL_TEXT)
     with samples as opened:
-        found = _send(settings_of_bus, options, layout, opened, duration, described.tare_at, stopped)
+        limited = islice(opened, round(duration / layout.cycle_time))
+        found = _send(
+            settings_of_bus, options, layout, samples=limited, tare_at=described.tare_at, stopped=stopped
+        )
     if report is not None:
         score = found.score
         if score is None or (score.published and not score.has_errors):
@@ -278,8 +281,8 @@ def _send(
     settings: BusSettings,
     options: Any,
     layout: Any,
+    *,
     samples: Iterator[FlownSample],
-    duration: float,
     tare_at: float | None,
     stopped: Callable[[], bool],
 ) -> SentStrains:
@@ -292,8 +295,7 @@ def _send(
     heard = open_bus(settings)
     try:
         answers = Answers(heard, results, sender.hear)
-        limited = islice(samples, round(duration / layout.cycle_time))
-        sent = send_flight(bus, layout, samples=limited, stopped=stopped, tare_at=tare_at, sender=sender)
+        sent = send_flight(bus, layout, samples=samples, stopped=stopped, tare_at=tare_at, sender=sender)
         sleep(3.0 * layout.cycle_time + 0.2)  # the answer to the last cycle
         received = answers.finish()
         is_heard = bool(sent.truth) and bool(received)
