@@ -44,7 +44,7 @@ from builder.reports.page.origin import input_files
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.model import update_structure
+from builder.structure.solid.solid_model import update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.trial.world import World
 from builder.truth.independent_model import ENGINES_IN_WORDS

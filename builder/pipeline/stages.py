@@ -46,7 +46,7 @@ from builder.structure.gauge_checks import check_gauges
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks import mesh_error_line
-from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
 from builder.trial.world import World

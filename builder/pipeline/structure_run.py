@@ -17,7 +17,7 @@ from builder.structure.solid.case import solid_case, structure_case
 from builder.structure.solid.checks import mesh_error_line
 from builder.structure.solid.mesh_checks import report_text
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import update_structure
+from builder.structure.solid.solid_model import update_structure
 from builder.structure.structure_file import Structure, save_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts

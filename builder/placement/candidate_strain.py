@@ -22,8 +22,7 @@ from builder.structure.fourier.strain_operator import distinct_stations, respons
 from builder.structure.loads.fourier import fourier_structure
 from builder.structure.mapped_structure import mapped_fields
 from builder.structure.solid.case import SolidCase
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.gauges import (
+from builder.structure.solid.gauge_layouts import (
     AFT,
     AROUND,
     BACK,
@@ -34,10 +33,11 @@ from builder.structure.solid.gauges import (
     displaced_on_surface,
     surface_axes,
 )
-from builder.structure.solid.gauges import STEP as SOLID_STEP
+from builder.structure.solid.gauge_layouts import STEP as SOLID_STEP
+from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.nodal_loads import split_surface
 from builder.structure.solid.solid_mesh import EXTERNAL
-from builder.structure.solid.solution import solve_fields
-from builder.structure.solid.surface_load import split_surface
+from builder.structure.solid.strain_solution import solve_fields
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout

@@ -10,7 +10,7 @@ import numpy as np
 
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.gauges import GaugeSurface
+from builder.structure.solid.gauge_layouts import GaugeSurface
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout

@@ -30,11 +30,11 @@ from builder.structure.solid.checks import ELEMENT_FRACTION
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
+from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
+from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
-from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.solver import CYCLIC, named_back_end
-from builder.structure.solid.surface_load import triangulated_surface
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates

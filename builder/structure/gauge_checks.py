@@ -10,8 +10,8 @@ from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
-from builder.structure.solid.gauges import solid_gauges
-from builder.structure.solid.model import check_gauges_on_mesh
+from builder.structure.solid.gauge_layouts import solid_gauges
+from builder.structure.solid.solid_model import check_gauges_on_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

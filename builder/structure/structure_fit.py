@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from builder.structure.solid.case import SolidCase, structure_case
+from builder.structure.solid.gauge_layouts import is_displaced
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.gauges import is_displaced
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts

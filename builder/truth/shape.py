@@ -29,8 +29,8 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import flying_mesh, second_mesh, structure_case
-from builder.structure.solid.gauges import DISPLACED, displaced_name
-from builder.structure.solid.model import on_other_mesh
+from builder.structure.solid.gauge_layouts import DISPLACED, displaced_name
+from builder.structure.solid.solid_model import on_other_mesh
 from builder.structure.structure_file import Structure
 from builder.truth.flights import Flights, pressures_at
 from builder.vehicle.conditions.flight_conditions import ConditionSet

@@ -9,10 +9,10 @@ from builder.reproduce.strain_models import element_strain_rows, tetrahedral_sec
 from builder.structure.solid.elements import boundary_facets
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.matter import Matter
+from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.surface_load import triangulated_surface
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle

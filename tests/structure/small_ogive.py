@@ -11,7 +11,7 @@ from ogive import OGIVE
 from builder.reporting import Silent
 from builder.structure.solid.case import solid_case
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import load_vehicle
 from builder.vehicle.map_needs import used_layouts

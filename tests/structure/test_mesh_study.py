@@ -21,7 +21,7 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.reports.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
-from builder.structure.solid.solver import named_back_end
+from builder.structure.solid.linear_solvers import named_back_end
 from builder.structure.solid.swept_mesh import SweptResolution, SweptSector, swept_wall
 from builder.structure.wall import Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

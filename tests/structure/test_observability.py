@@ -23,8 +23,8 @@ from builder.structure.observability import (
 from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, pressure_operator
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import gauges_at
+from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.surface_load import triangulated_surface
 from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -10,9 +10,9 @@ from scipy.sparse.linalg import splu
 
 from builder.structure.fourier.meridian_mesh import End, tube_mesh
 from builder.structure.solid.elements import CORNERS, Quadrature, boundary_facets, element_edges, reference_nodes
+from builder.structure.solid.nodal_loads import sector_pressure_load, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.stiffness import sector_stiffness
-from builder.structure.solid.surface_load import sector_pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh, swept_meridian
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray

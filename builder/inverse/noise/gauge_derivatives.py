@@ -12,7 +12,7 @@ from builder.structure.as_built.vehicle import AsBuilt, Counts, as_drawn
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
-from builder.structure.solid.gauges import displaced_name
+from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from builder.structure.external.load_cases import strain_columns
+from builder.structure.solid.gauge_layouts import is_displaced
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.gauges import is_displaced
 from strainfmu.errors import InputError
 
 

@@ -25,7 +25,7 @@ from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import SubcaseStrains
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.surface_load import facet_pressure_load, facet_triangles, split_facets
+from builder.structure.solid.nodal_loads import facet_pressure_load, facet_triangles, split_facets
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray

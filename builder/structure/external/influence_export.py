@@ -9,9 +9,9 @@ import numpy as np
 from builder.structure.external.influence_file import Influence, write_influence
 from builder.structure.external.load_cases import strain_columns
 from builder.structure.solid.case import SolidCase
-from builder.structure.solid.model import strain_per_force
+from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL
-from builder.structure.solid.surface_load import surface_nodes
+from builder.structure.solid.solid_model import strain_per_force
 from builder.structure.solid.swept_mesh import SweptMesh
 
 
@@ -23,7 +23,7 @@ def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`builder.structure.solid.model.solve_solid_structure`; or the file could not be written.
+        As :func:`builder.structure.solid.solid_model.solve_solid_structure`; or the file could not be written.
     """
     mesh, strain = strain_per_force(case)
     node = surface_nodes(mesh, EXTERNAL)

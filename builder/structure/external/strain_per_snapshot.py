@@ -155,7 +155,7 @@ def structure_of_strains(
 ) -> Structure:
     """Return the structure behind the strains of ``path``, on the surface of ``snapshots``.
 
-    ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.gauges`) may
+    ``layouts`` are those a map needs. Displaced ones (:mod:`builder.structure.solid.gauge_layouts`) may
     be missing: placement errors of gauges must then be 0. With ``results`` the table names subcases instead of
     strains.
 

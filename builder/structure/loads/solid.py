@@ -1,7 +1,7 @@
 """Known loads on the three-dimensional model.
 
 Nodal forces are arrays (n_dof,) [N], dof = 3 * node + component along body axes. The strains of all gauges are
-solved for once (adjoint, as in :mod:`~builder.structure.solid.solution`), so that a load costs a product.
+solved for once (adjoint, as in :mod:`~builder.structure.solid.strain_solution`), so that a load costs a product.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from builder.structure.solid.elements import (
     reference_facet,
 )
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.linear_solvers import choose_solver
 from builder.structure.solid.matter import FreeFlight, free_flight
+from builder.structure.solid.nodal_loads import surface_points, vector_area
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.solution import held_problem
-from builder.structure.solid.solver import choose_solver
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
+from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Support, rigid_motions
-from builder.structure.solid.surface_load import surface_points, vector_area
 from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray

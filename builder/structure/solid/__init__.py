@@ -1,14 +1,14 @@
 """Structure as a solid: three-dimensional linear elasticity of the vehicle, any shape.
 
-:mod:`~builder.structure.solid.case` makes the input of a vehicle file, :mod:`~builder.structure.solid.model` runs
-the stages. The data go one way:
+:mod:`~builder.structure.solid.case` makes the input of a vehicle file,
+:mod:`~builder.structure.solid.solid_model` runs the stages. The data go one way:
 
 - Mesh, a :class:`~builder.structure.solid.solid_mesh.SolidMesh`, by ``mesh_choice``: swept round the axis or over
   sections (``swept_mesh``), by Gmsh (``gmsh_mesh``) or read (``mesh_files``); checked by ``mesh_checks``.
-- Operators: ``stiffness`` (A), ``surface_load`` (C_map: pressure at the nodes of a surface to nodal forces),
-  ``gauge_rows`` (B: gauge strain per displacement), on ``elements``. Gauges of a vehicle file: ``gauges``.
-- Solution: ``supports`` or the inertia of ``matter``, a solver (``problem``, ``solver``, ``petsc``), then Z_p =
-  B A^-1 C_map by ``solution``; ``cyclic`` and ``cyclic_gauges`` on a mesh of equal sectors.
+- Operators: ``stiffness`` (A), ``nodal_loads`` (C_map: pressure at the nodes of a surface to nodal forces),
+  ``gauge_rows`` (B: gauge strain per displacement), on ``elements``. Gauges of a vehicle file: ``gauge_layouts``.
+- Solution: ``supports`` or the inertia of ``matter``, solvers (``sparse_problem``, ``linear_solvers``, ``petsc``),
+  then Z_p = B A^-1 C_map by ``strain_solution``; ``cyclic`` and ``cyclic_gauges`` on a mesh of equal sectors.
 - Checks by closed forms and by another mesh: ``checks``. Time and memory over the size: ``growth``.
 
 Default solvers need scipy alone and are permissive; the output names the solver in use and its licence.

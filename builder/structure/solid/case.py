@@ -18,8 +18,7 @@ import numpy as np
 from builder.aero.cfd.units import METRES
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.checks import WallElements, fourier_can, fourier_reference_strain, layers_needed
-from builder.structure.solid.gauge_rows import Gauges
-from builder.structure.solid.gauges import (
+from builder.structure.solid.gauge_layouts import (
     check_table,
     displaced_gauges,
     displaced_on_surface,
@@ -27,6 +26,7 @@ from builder.structure.solid.gauges import (
     solid_gauges,
     surface_axes,
 )
+from builder.structure.solid.gauge_rows import Gauges
 from builder.structure.solid.matter import Matter, PointMass
 from builder.structure.solid.mesh_checks import check_mesh, facet_size, facet_size_round_axis
 from builder.structure.solid.mesh_choice import (

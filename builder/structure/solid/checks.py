@@ -45,7 +45,7 @@ from builder.structure.solid.elements import (
     reference_nodes,
 )
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
-from builder.structure.solid.problem import factor_symmetric
+from builder.structure.solid.nodal_loads import pressure_load, surface_points
 from builder.structure.solid.solid_mesh import (
     EXTERNAL,
     INTERNAL,
@@ -54,9 +54,9 @@ from builder.structure.solid.solid_mesh import (
     SUPPORT,
     SolidMesh,
 )
+from builder.structure.solid.sparse_problem import factor_symmetric
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
-from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptMesh
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall

@@ -32,7 +32,9 @@ from scipy.sparse import csc_array, csr_array
 
 from builder.processors import processors
 from builder.reporting import Progress
-from builder.structure.solid.problem import (
+from builder.structure.solid.nodal_loads import sector_pressure_load, surface_nodes
+from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.sparse_problem import (
     SolveStatistics,
     checked_loads,
     checked_residual,
@@ -41,10 +43,8 @@ from builder.structure.solid.problem import (
     probe_loads,
     refuse_indefinite,
 )
-from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.stiffness import sector_blocks, sector_stiffness
 from builder.structure.solid.supports import Support, restrain
-from builder.structure.solid.surface_load import sector_pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
 from builder.structure.wall import Material
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray

@@ -40,8 +40,8 @@ from builder.structure.solid.elements import (
     reference_facet,
 )
 from builder.structure.solid.mesh_checks import match_facets
+from builder.structure.solid.nodal_loads import normals_at_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.surface_load import normals_at_nodes
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

@@ -19,11 +19,11 @@ import numpy as np
 from builder.structure.gauge_placement import gauge_layout, gauge_mesh
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.matter import Matter
-from builder.structure.solid.problem import peak_memory
 from builder.structure.solid.solid_mesh import SUPPORT
-from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.solver import CYCLIC, named_back_end
+from builder.structure.solid.sparse_problem import peak_memory
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import (
     RESOLUTIONS,
@@ -58,7 +58,7 @@ class GrowthRow:
     seconds : from reading the vehicle to Z_p [s].
     peak_memory : of the process [byte].
     relative_residual, probe_residual : of the gauge rows and of loads that move the whole body, as in
-        :class:`~builder.structure.solid.problem.SolveStatistics`.
+        :class:`~builder.structure.solid.sparse_problem.SolveStatistics`.
     """
 
     solver: str

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.structure.solid.elements import MASS_DEGREE, reference_element, reference_facet
+from builder.structure.solid.nodal_loads import vector_area
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.supports import Restraint, free_motions, rigid_motions
-from builder.structure.solid.surface_load import vector_area
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.solid.problem import BackEnd, Factor, SolverError, SparseProblem, importable
+from builder.structure.solid.sparse_problem import BackEnd, Factor, SolverError, SparseProblem, importable
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

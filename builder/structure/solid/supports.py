@@ -13,8 +13,8 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.elements import reference_facet
+from builder.structure.solid.nodal_loads import normals_at_nodes, surface_nodes, vector_area
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.surface_load import normals_at_nodes, surface_nodes, vector_area
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 

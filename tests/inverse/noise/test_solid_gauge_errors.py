@@ -19,10 +19,10 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.solid.case import solid_case
+from builder.structure.solid.gauge_layouts import displaced_gauges
 from builder.structure.solid.gauge_rows import gauges_at
-from builder.structure.solid.gauges import displaced_gauges
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise

@@ -26,7 +26,7 @@ from builder.structure.fourier.model import StructuralModel
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.solid.case import SolidCase, solid_case
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.model import solve_solid_structure
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

@@ -10,9 +10,9 @@ import numpy as np
 
 from builder.structure.solid.elements import FACE_CORNERS, face_keys
 from builder.structure.solid.matter import Matter, PointMass
+from builder.structure.solid.nodal_loads import vector_area
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.supports import rigid_motions
-from builder.structure.solid.surface_load import vector_area
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray, IntArray
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from builder.structure.solid.elements import boundary_facets, reference_nodes, shape_functions
-from builder.structure.solid.problem import factor_symmetric
 from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.sparse_problem import factor_symmetric
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
 from builder.structure.wall import Material

@@ -13,13 +13,13 @@ from scipy.sparse import csr_array
 from builder.structure.solid.checks import ring_mesh
 from builder.structure.solid.elements import FACE_CORNERS, Quadrature
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.problem import SparseProblem
+from builder.structure.solid.linear_solvers import SparseSolver, choose_solver
+from builder.structure.solid.nodal_loads import pressure_load, surface_points
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.solution import strain_operator
-from builder.structure.solid.solver import SparseSolver, choose_solver
+from builder.structure.solid.sparse_problem import SparseProblem
 from builder.structure.solid.stiffness import assemble_stiffness
+from builder.structure.solid.strain_solution import strain_operator
 from builder.structure.solid.supports import Clamped, restrain
-from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments

@@ -11,9 +11,9 @@ from solid_bodies import METAL, cube, harmonic_field, tube
 
 from builder.structure.solid.checks import inner_hoop_strain
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL
 from builder.structure.solid.stiffness import assemble_stiffness
-from builder.structure.solid.surface_load import surface_nodes
 from builder.structure.solid.swept_mesh import REGION, SweptResolution, SweptSector, full_mesh, swept_wall
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import chain_segments

@@ -9,10 +9,10 @@ from scipy.sparse.linalg import splu
 from solid_bodies import METAL, cube
 
 from builder.structure.solid.elements import reference_element
+from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.stiffness import assemble_stiffness, physical_gradients
 from builder.structure.solid.supports import free_motions
-from builder.structure.solid.surface_load import surface_nodes
 from builder.structure.solid.swept_mesh import REGION
 
 WAVE = np.array([[1.1, 0.7, -0.4], [-0.6, 1.3, 0.5], [0.3, -0.8, 1.2]])

@@ -14,9 +14,9 @@ from builder.structure.solid.elements import FACE_CORNERS
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.matter import Matter, PointMass, free_flight
 from builder.structure.solid.mesh_files import read_mesh, write_mesh
+from builder.structure.solid.nodal_loads import pressure_load, split_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.solution import solve_strain
-from builder.structure.solid.surface_load import pressure_load, split_surface
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.wall import Material
 
 pytestmark = [

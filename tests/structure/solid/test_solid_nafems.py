@@ -5,9 +5,9 @@ import pytest
 from mapped_blocks import Mapping3, Side, mapped_mesh, node_at, plane, solve_held, stress_at
 
 from builder.structure.solid.elements import reference_element
+from builder.structure.solid.nodal_loads import pressure_load
 from builder.structure.solid.solid_mesh import SolidMesh
 from builder.structure.solid.stiffness import physical_gradients
-from builder.structure.solid.surface_load import pressure_load
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 

@@ -10,12 +10,12 @@ from scipy.sparse import csr_array
 from solid_bodies import METAL, swept_tube
 
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
+from builder.structure.solid.linear_solvers import Solver, choose_solver
 from builder.structure.solid.matter import FreeFlight, determinate_support, free_flight
+from builder.structure.solid.nodal_loads import pressure_load
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.solution import displacement, held_problem, strain_operator
-from builder.structure.solid.solver import Solver, choose_solver
+from builder.structure.solid.strain_solution import displacement, held_problem, strain_operator
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.surface_load import pressure_load
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 

@@ -11,12 +11,12 @@ from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh
+from builder.structure.solid.linear_solvers import choose_solver, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
+from builder.structure.solid.nodal_loads import pressure_load, surface_points
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh, linear_tetrahedra
-from builder.structure.solid.solution import held_problem
-from builder.structure.solid.solver import choose_solver, named_back_end
+from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.surface_load import pressure_load, surface_points
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle

@@ -16,8 +16,8 @@ from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks import check_solid_elements
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.mesh_files import write_mesh
-from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.vehicle.file import load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

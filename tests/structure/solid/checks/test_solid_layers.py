@@ -13,8 +13,8 @@ from builder.structure.solid.checks import WARN_BELOW, fourier_reference_strain,
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.mesh_checks import mesh_misfits
 from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
-from builder.structure.solid.model import solve_solid_structure
 from builder.structure.solid.solid_mesh import SUPPORT, SolidMesh
+from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import full_mesh, swept_wall
 from builder.structure.wall import Material, Wall

@@ -18,9 +18,9 @@ from builder.structure.solid.elements import (
     reference_nodes,
     shape_functions,
 )
+from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.stiffness import assemble_stiffness, element_stiffness
 from builder.structure.solid.supports import free_motions, rigid_motions
-from builder.structure.solid.surface_load import surface_nodes
 from builder.structure.solid.swept_mesh import REGION
 from builder.structure.wall import Material
 from strainfmu.errors import InputError

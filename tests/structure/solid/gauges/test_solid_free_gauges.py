@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.structure.solid.gauges import GaugeSurface, free_gauges, surface_axes
+from builder.structure.solid.gauge_layouts import GaugeSurface, free_gauges, surface_axes
 from builder.structure.solid.mesh_checks import check_mesh
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
 from builder.structure.solid.swept_mesh import SweptMesh, SweptResolution, section_wall

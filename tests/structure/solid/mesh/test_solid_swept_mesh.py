@@ -16,15 +16,15 @@ from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.solid.elements import boundary_facets, face_keys
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.mesh_checks import check_mesh
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-from builder.structure.solid.stiffness import assemble_stiffness, sector_stiffness
-from builder.structure.solid.surface_load import (
+from builder.structure.solid.nodal_loads import (
     pressure_load,
     surface_nodes,
     surface_points,
     triangulated_surface,
     vector_area,
 )
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
+from builder.structure.solid.stiffness import assemble_stiffness, sector_stiffness
 from builder.structure.solid.swept_mesh import (
     BORE,
     HEXAHEDRON,

@@ -8,8 +8,7 @@ from scipy.sparse import csr_array
 from solid_bodies import ELEMENT_TYPES, cube, tube
 
 from builder.structure.solid.elements import reference_facet
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.surface_load import (
+from builder.structure.solid.nodal_loads import (
     nodal_force_load,
     pressure_load,
     sector_pressure_load,
@@ -17,6 +16,7 @@ from builder.structure.solid.surface_load import (
     surface_points,
     vector_area,
 )
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.swept_mesh import full_mesh
 from strainfmu.errors import InputError
 

@@ -16,7 +16,7 @@ from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.matter import Matter, PointMass, carried_inertia, free_flight
 from builder.structure.solid.mesh_files import read_mesh, write_mesh
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.solution import solve_strain
+from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.supports import rigid_motions
 from builder.structure.wall import Material
 from builder.vehicle.file import VEHICLES, load_vehicle

@@ -10,6 +10,7 @@ from solid_bodies import METAL, cube, swept_tube
 
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.matter import determinate_support, free_flight
+from builder.structure.solid.nodal_loads import pressure_load, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import (
@@ -22,7 +23,6 @@ from builder.structure.solid.supports import (
     restrain,
     rigid_motions,
 )
-from builder.structure.solid.surface_load import pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 

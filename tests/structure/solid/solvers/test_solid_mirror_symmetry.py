@@ -10,9 +10,9 @@ from scipy.sparse import csr_array, eye_array, hstack
 from scipy.sparse.linalg import norm
 from solid_bodies import METAL, swept_tube
 
-from builder.structure.solid.problem import SUPERLU, SparseProblem, factor_symmetric, symmetric_parts
 from builder.structure.solid.solid_mesh import SUPPORT, SolidMesh
-from builder.structure.solid.solution import held_problem
+from builder.structure.solid.sparse_problem import SUPERLU, SparseProblem, factor_symmetric, symmetric_parts
+from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import REGION
 

@@ -15,8 +15,17 @@ from scipy.sparse.linalg import eigsh
 from solid_bodies import METAL, cube, swept_tube, tube
 
 from builder.structure.solid.cyclic import cyclic_problem
+from builder.structure.solid.linear_solvers import (
+    BACK_ENDS,
+    IterationLimits,
+    SparseSolver,
+    choose_solver,
+    multigrid_solver,
+    named_back_end,
+)
 from builder.structure.solid.petsc import PYTHON_VARIABLE, RANKS_VARIABLE, MpiLaunch, petsc_back_end
-from builder.structure.solid.problem import (
+from builder.structure.solid.solid_mesh import SUPPORT
+from builder.structure.solid.sparse_problem import (
     RESIDUAL_BOUND,
     SUPERLU,
     BackEnd,
@@ -27,17 +36,8 @@ from builder.structure.solid.problem import (
     relative_residual,
     unheld_problem,
 )
-from builder.structure.solid.solid_mesh import SUPPORT
-from builder.structure.solid.solution import held_problem
-from builder.structure.solid.solver import (
-    BACK_ENDS,
-    IterationLimits,
-    SparseSolver,
-    choose_solver,
-    multigrid_solver,
-    named_back_end,
-)
 from builder.structure.solid.stiffness import assemble_stiffness
+from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Clamped, Symmetric
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError

@@ -25,13 +25,13 @@ from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.elements import element_faces
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
 from builder.structure.solid.growth import growth_rows, growth_table, layout_gauges, sector_of_size
-from builder.structure.solid.problem import SolverError
+from builder.structure.solid.linear_solvers import choose_solver
+from builder.structure.solid.nodal_loads import pressure_load, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.solution import held_problem, strain_operator
-from builder.structure.solid.solver import choose_solver
+from builder.structure.solid.sparse_problem import SolverError
 from builder.structure.solid.stiffness import sector_stiffness
+from builder.structure.solid.strain_solution import held_problem, strain_operator
 from builder.structure.solid.supports import Clamped, Foundation, Support, Symmetric
-from builder.structure.solid.surface_load import pressure_load, surface_nodes
 from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, load_vehicle

@@ -17,13 +17,13 @@ from scipy.sparse import csr_array
 
 from builder.reporting import Progress
 from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, force_operator, pressure_operator
+from builder.structure.solid.linear_solvers import CYCLIC, Solver, choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, determinate_support, free_flight
-from builder.structure.solid.problem import SparseProblem
+from builder.structure.solid.nodal_loads import nodal_force_load, pressure_load, split_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.solver import CYCLIC, Solver, choose_solver
+from builder.structure.solid.sparse_problem import SparseProblem
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Restraint, Support, restrain
-from builder.structure.solid.surface_load import nodal_force_load, pressure_load, split_surface
 from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
@@ -133,7 +133,7 @@ class StrainSolution:
     ----------
     strain_operator : (n_d, n_p) [1/Pa], columns in the order of the full mesh's external nodes; of meshes that are
         not swept one per side of a sharp edge
-        (:func:`~builder.structure.solid.surface_load.split_surface`).
+        (:func:`~builder.structure.solid.nodal_loads.split_surface`).
     statistics : solver, licence and residuals; nothing that changes from run to run.
     """
 

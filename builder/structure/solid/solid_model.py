@@ -27,6 +27,7 @@ from builder.structure.solid.checks import (
 )
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields, gauge_rows
+from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_checks import (
     check_mesh,
     exact_wall,
@@ -34,10 +35,9 @@ from builder.structure.solid.mesh_checks import (
     mesh_report,
 )
 from builder.structure.solid.mesh_choice import AnyMesh, MeshChoice, make_mesh, whole_mesh
+from builder.structure.solid.nodal_loads import split_surface, triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.solution import StrainSolution, solve_strain
-from builder.structure.solid.solver import CYCLIC, named_back_end
-from builder.structure.solid.surface_load import split_surface, triangulated_surface
+from builder.structure.solid.strain_solution import StrainSolution, solve_strain
 from builder.structure.solid.swept_mesh import SweptSector
 from builder.structure.structure_file import Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall

@@ -365,7 +365,7 @@ def factor_symmetric(matrix: csr_array | csc_array) -> Any:
 
 
 def _factor(problem: SparseProblem) -> Factor:
-    """Factorise part by part (:mod:`~builder.structure.solid.problem`), several at once.
+    """Factorise part by part (:mod:`~builder.structure.solid.sparse_problem`), several at once.
 
     SuperLU lets other threads run while it factorises or solves; finished factors are only read.
     """

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import cg
 
 from builder.structure.solid.cyclic import CyclicProblem, CyclicSolver
 from builder.structure.solid.petsc import petsc_back_end
-from builder.structure.solid.problem import (
+from builder.structure.solid.sparse_problem import (
     RESIDUAL_BOUND,
     SUPERLU,
     BackEnd,
@@ -205,7 +205,7 @@ class Solver(Protocol):
         Raises
         ------
         SolverError
-            A relative residual is above :data:`~builder.structure.solid.problem.RESIDUAL_BOUND`.
+            A relative residual is above :data:`~builder.structure.solid.sparse_problem.RESIDUAL_BOUND`.
         InputError
             Loads have a wrong shape or are not finite.
         """

@@ -78,7 +78,7 @@ def pressure_load(mesh: SolidMesh, surface_name: str, column: IntArray | None = 
     mesh : the mesh.
     surface_name : the loaded surface.
     column : (f, n_f) column of the pressure at each node of each facet, such as one per side of a sharp edge
-        (:func:`builder.structure.solid.surface_load.split_surface`); by default one per node, in
+        (:func:`builder.structure.solid.nodal_loads.split_surface`); by default one per node, in
         the order of :func:`surface_nodes`.
 
     Returns

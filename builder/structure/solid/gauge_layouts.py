@@ -19,8 +19,8 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.gauge_placement import gauge_layout, layout_from_rows
 from builder.structure.solid.elements import CurvedFacets, FootPoint, foot_point
 from builder.structure.solid.gauge_rows import Gauges, gauges_at, joined_gauges
+from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
-from builder.structure.solid.surface_load import triangulated_surface
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.entries import GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout
