@@ -41,7 +41,7 @@ from builder.processors import processors
 from builder.reporting import Reporter, Silent
 from builder.trial.cases import Case, Plan
 from builder.trial.levels import HARDWARE
-from builder.trial.run import Task, run_tasks, scored
+from builder.trial.run import Task, run_tasks, scored, tasks_of
 from builder.trial.score import Row
 from builder.trial.table import write_table
 from builder.trial.world import World
@@ -265,7 +265,7 @@ def _tasks(
 ) -> list[Task]:
     """Return the tasks; flows are solved here, once for all designs that have the same."""
     shared: dict[str, Pipeline] = {}
-    tasks = []
+    tasks = list[Task]()
     for design, vehicle in zip(designs, vehicles, strict=True):
         key = flows_key(vehicle)
         if key not in shared:
@@ -279,17 +279,14 @@ def _tasks(
         if vehicle.is_of_revolution:
             table, made_from = flows.path(FLOWS), flows.made_from(FLOWS)[0]
         files = folder / design.name, flows.path(SNAPSHOTS), table, made_from
-        inputs = {"version": [VERSION, __version__], "trial": plan.model_dump(), "flows": made_from}
-        entries = vehicle.model_dump(exclude={"description"})
-        tasks.append(
-            Task(
-                key=fingerprint({**inputs, "design": design.number, "vehicle": entries}),
-                case=HARDWARE,
-                plan=plan,
-                make_world=partial(design_world, vehicle, plan, *files),
-                score=design_rows,
-            )
-        )
+        inputs = {
+            "study": [VERSION, __version__],
+            "flows": made_from,
+            "design": design.number,
+            "vehicle": vehicle.model_dump(exclude={"description"}),
+        }
+        world = partial(design_world, vehicle, plan, *files)
+        tasks += tasks_of([HARDWARE], plan, world, inputs, design_rows)
     return tasks
 
 

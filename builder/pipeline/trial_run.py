@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial, wraps
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
@@ -206,14 +207,14 @@ def prepared_map(
         refuse_vehicle(vehicle, trial)
         check_fit(vehicle, inverse_map, options.map_path)
         pipeline = Pipeline(vehicle, Workspace(folder), reporter)
-        pipeline.use(MAP, options.map_path, _content_of_map(options.map_path))
+        pipeline.use(MAP, options.map_path, _content_of(options.map_path, inverse_map_file))
     for line in other_physics(vehicle):
         reporter.note(line)
     plan = trial.trial.model_copy(update={"estimators": available(inverse_map, trial.trial.estimators)})
     make_trial_flows(pipeline, vehicle, trial, options)
     structure = pipeline.path(STRUCTURE)
     files = pipeline.path(MAP), pipeline.path(FLOWS), structure if structure.is_file() else None
-    inputs = {"map": _content_of_map(pipeline.path(MAP)), "flows": pipeline.made_from(FLOWS)}
+    inputs = {"map": _content_of(pipeline.path(MAP), inverse_map_file), "flows": pipeline.made_from(FLOWS)}
     return Prepared(vehicle, partial(world_of, vehicle, *files, plan.conditions, plan.seed), inputs, plan)
 
 
@@ -426,13 +427,12 @@ def make_trial_flows(pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, opt
     pipeline.make(FLOWS, holds, inputs, write)
 
 
-def _content_of_map(path: Path) -> str:
-    return content_hash_of(path, inverse_map_file.SCHEMA, inverse_map_file.SCHEMA_VERSION)
+def _content_of(path: Path, module: ModuleType) -> str:
+    return content_hash_of(path, module.SCHEMA, module.SCHEMA_VERSION)
 
 
 def _content_of_flows(path: Path, vehicle: Vehicle) -> str:
-    module = flow_table_file if vehicle.is_of_revolution else snapshots_file
-    return content_hash_of(path, module.SCHEMA, module.SCHEMA_VERSION)
+    return _content_of(path, flow_table_file if vehicle.is_of_revolution else snapshots_file)
 
 
 def shape_conditions(vehicle: Vehicle, cases: Sequence[Case], count: int, seed: int) -> list[FlightCondition]:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from builder.processors import processors
-from builder.trial.readings import ANGLES, Readings
+from builder.trial.readings import ANGLES, Readings, chosen, stacked
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
@@ -56,9 +56,7 @@ class Estimates:
 
     def rows(self, rows: IntArray) -> Estimates:
         """Return the samples ``rows`` alone."""
-        health = None if self.health is None else self.health[rows]
-        others = {name: (value[rows], std[rows]) for name, (value, std) in self.others.items()}
-        return Estimates(value=self.value[rows], std=self.std[rows], health=health, others=others)
+        return Estimates(**{name: chosen(value, rows, len(self.value)) for name, value in vars(self).items()})
 
 
 EstimateReadings = Callable[[Readings], Estimates]
@@ -187,14 +185,5 @@ def _of_sample(known: Mapping[str, Any], number: int, count: int) -> dict[str, A
 
 def together(parts: list[Estimates]) -> Estimates:
     """Return the estimates of ``parts`` one after another."""
-    health = [part.health for part in parts if part.health is not None]
-    others = {name: [part.others[name] for part in parts] for name in parts[0].others}
-    return Estimates(
-        value=np.concatenate([part.value for part in parts]),
-        std=np.concatenate([part.std for part in parts]),
-        health=np.concatenate(health) if health else None,
-        others={
-            name: (np.concatenate([value for value, _ in pairs]), np.concatenate([std for _, std in pairs]))
-            for name, pairs in others.items()
-        },
-    )
+    counts = [len(part.value) for part in parts]
+    return Estimates(**{name: stacked([getattr(part, name) for part in parts], counts) for name in vars(parts[0])})

@@ -98,54 +98,44 @@ class Readings:
     def rows(self, rows: IntArray | slice) -> Readings:
         """Return the samples ``rows`` alone."""
         n = len(self.strain)
-        return replace(
-            self,
-            strain=self.strain[rows],
-            known=_each(self.known, lambda value: _of_samples(value, n)[rows]),
-            truth=self.truth[rows],
-            vehicle=self.vehicle[rows],
-            flight=self.flight[rows],
-            bound=None if self.bound is None else self.bound[rows],
-            quiet=None if self.quiet is None else self.quiet[rows],
-        )
+        return replace(self, **{name: chosen(getattr(self, name), rows, n) for name in OF_SAMPLES})
 
 
-def _each(known: Mapping[str, Any], change: Callable[[Any], Any]) -> dict[str, Any]:
-    """Return what is known with each value changed."""
-    return {
-        name: _each(value, change) if isinstance(value, Mapping) else change(value)
-        for name, value in known.items()
-    }
+OF_SAMPLES = (STRAIN, "known", "truth", "vehicle", "flight", "bound", "quiet")
+"""Attributes of readings that are per sample."""
 
 
-def _of_samples(value: Any, count: int) -> Any:
-    """Return ``value`` with a row for each of ``count`` samples."""
-    return value if np.ndim(value) > 1 else np.broadcast_to(value, count)
+def chosen(value: Any, rows: IntArray | slice, count: int) -> Any:
+    """Return the samples ``rows`` of a ``value`` of ``count`` samples: an array, one number for all, a mapping or
+    pair of such, or None."""
+    if value is None:
+        return None
+    if isinstance(value, Mapping):
+        return {name: chosen(one, rows, count) for name, one in value.items()}
+    if isinstance(value, tuple):
+        return tuple(chosen(one, rows, count) for one in value)
+    return (value if np.ndim(value) > 1 else np.broadcast_to(value, count))[rows]
+
+
+def stacked(values: Sequence[Any], counts: Sequence[int]) -> Any:
+    """Return ``values`` of parts of so many samples, each as :func:`chosen` takes it, one after another."""
+    first = values[0]
+    if first is None:
+        return None
+    if isinstance(first, Mapping):
+        return {name: stacked([value[name] for value in values], counts) for name in first}
+    if isinstance(first, tuple):
+        return tuple(stacked(each, counts) for each in zip(*values, strict=True))
+    return np.concatenate([chosen(value, slice(None), n) for value, n in zip(values, counts, strict=True)])
 
 
 def joined(parts: Sequence[Readings]) -> Readings:
     """Return the samples of ``parts`` one after another; what is known in them has the same names."""
-    first = parts[0]
+    first, counts = parts[0], [len(part.strain) for part in parts]
     if len(parts) == 1:
         return first
-
-    def all_of(values: Sequence[Any]) -> Any:
-        if isinstance(values[0], Mapping):
-            return {name: all_of([value[name] for value in values]) for name in values[0]}
-        counts = [len(part.strain) for part in parts]
-        return np.concatenate([_of_samples(value, n) for value, n in zip(values, counts, strict=True)])
-
-    def arrays(name: str) -> Any:
-        every = [getattr(part, name) for part in parts]
-        return None if every[0] is None else np.concatenate(every)
-
-    names = (STRAIN, "truth", "vehicle", "flight", "bound", "quiet")
-    return replace(
-        first,
-        **{name: arrays(name) for name in names},
-        known={name: all_of([part.known[name] for part in parts]) for name in first.known},
-        time=arrays("time") if first.strain.ndim == 2 else first.time,
-    )
+    names = (*OF_SAMPLES, "time") if first.strain.ndim == 2 else OF_SAMPLES  # one time of all short flights
+    return replace(first, **{name: stacked([getattr(part, name) for part in parts], counts) for name in names})
 
 
 def read_case(

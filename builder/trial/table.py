@@ -173,16 +173,17 @@ def reasons(rows: Sequence[Row]) -> list[str]:
 CLASSES = {"drawn": "within", "alone": "within", "beyond": "outside", "unobservable": "unobservable"}
 """Former names of the classes."""
 
-_SINGLE = "0 s"
+COLUMNS = {"rms": "rms", "coverage_percent": "covered_percent"}
+OF_MOTION = {"rms_over_single": "over_single"}
+OF_SAMPLES = {"bound": "bound", "bias": "bias", "rms_z": "rms_z", "coverage_1_percent": "covered_1_percent"}
+"""Columns of the loads by their former names: of all rows, of flights in time, of others."""
 
 
 def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return an entry for each case and estimator."""
-    what, entries = {case.name: case for case in cases}, []
+    """Return an entry for each case and estimator, as version 0.2 wrote them."""
+    of_name, loads, entries = {case.name: case for case in cases}, loads_of(rows), []
     for row in (one for one in rows if one["load"] == ALL):
-        case = what[f"{row['error']} {row['size']}"]
-        loads = [one for one in rows if one["load"] != ALL and _same(one, row)]
-        words = row["health"].split()
+        case, words = of_name[f"{row['error']} {row['size']}"], row["health"].split()
         health = {name: round(float(share), 4) for name, share in zip(words[::2], words[1::2], strict=True)}
         entry = {
             "error": row["error"],
@@ -192,40 +193,30 @@ def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str,
             "undetected_percent": round(row["undetected_percent"], 4),
             "samples": row["samples"],
             "what": case.what,
-            "missed": row["why"].split("; ") if row["verdict"] == "missed" else [],
+            "missed": row["why"].split("; ") if row["verdict"] == MISSED else [],
         }
-        columns = {"rms": "rms", "coverage_percent": "covered_percent"}
         if case.motion is not None:
             kind, _, seconds = row["estimator"].partition(" ")
-            entry |= {"estimator": kind, "time_constant_s": float((seconds or _SINGLE).removesuffix(" s"))}
-            columns["rms_over_single"] = "over_single"
+            entry |= {"estimator": kind, "time_constant_s": float(seconds.removesuffix(" s") or 0.0)}
         else:
+            wrong, is_included = row["wrong_flagged_percent"] + row["undetected_percent"], row["class"] in INCLUDED
             entry |= {
-                "wrong_percent": round(sum(row[f"{n}_percent"] for n in ("wrong_flagged", "undetected")), 4),
+                "wrong_percent": round(wrong, 4),
                 "health": health,
                 "conditions": row["flights"],
-                "false_alarms_percent": round(row["right_flagged_percent"], 4)
-                if row["class"] in ("drawn", "alone")
-                else None,
-                "flagged_percent": entry["detected_percent"],
-                "silent_percent": entry["undetected_percent"],
+                "false_alarms_percent": round(row["right_flagged_percent"], 4) if is_included else None,
             }
-            columns |= {
-                "bound": "bound",
-                "bias": "bias",
-                "rms_z": "rms_z",
-                "coverage_1_percent": "covered_1_percent",
-            }
-        of_loads = {
-            key: {load["load"]: _rounded(load.get(column)) for load in loads} for key, column in columns.items()
-        }
-        entries.append({**entry, **of_loads})
+        columns = COLUMNS | (OF_SAMPLES if case.motion is None else OF_MOTION)
+        of_case = loads[row["case"], row["estimator"]]
+        entries.append(entry | {key: _rounded(of_case, column) for key, column in columns.items()})
     return entries
 
 
-def _same(row: Row, other: Row) -> bool:
-    return all(row[name] == other[name] for name in ("error", "size", "estimator"))
+INCLUDED = ("drawn", "alone")
+"""Classes of errors that sigma includes."""
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None or not isfinite(value) else float(f"{value:.5g}")
+def _rounded(loads: Sequence[Row], column: str) -> dict[str, float | None]:
+    """Return a column of single loads by name, as numbers of five digits."""
+    known = {load["load"]: _known(load.get(column)) for load in loads}
+    return {name: None if value is None else float(f"{value:.5g}") for name, value in known.items()}

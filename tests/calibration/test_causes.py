@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from as_built_case import TITANIUM
-from drawn_tests import drawn_readings
+from drawn_tests import blank_test, drawn_readings
 
 from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
 from builder.calibration.estimate.cause import Cause
@@ -18,7 +18,7 @@ from builder.calibration.estimate.remarks import remarks
 from builder.calibration.estimate.vehicle import usable
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
-from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import slices
@@ -46,12 +46,7 @@ def model(vehicle: Vehicle, structure: AsBuiltStructure) -> ReadingsModel:
 
 
 def model_of(vehicle: Vehicle, structure: AsBuiltStructure, errors: LoadErrors) -> ReadingsModel:
-    n_d = structure.n_gauges
-    blank = tuple(
-        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
-        for name, loads in standard_load_cases(10, 3.6, errors)
-    )
-    test = LoadTest(gauge_names=structure.gauges.names, cases=blank, errors=errors)
+    test = blank_test(structure.gauges.names, errors, NOISE)
     return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from coarse_vehicle import COARSE
+from drawn_tests import blank_test
 
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.ground_rows import (
     CALIBRATION,
     add_over_exact,
@@ -31,15 +33,6 @@ from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
-GAUGES = ("a", "b", "c")
-
-
-def load_test(attitudes: bool) -> LoadTest:
-    """A test of six pads, with or without own weight."""
-    zero, cases = np.zeros(len(GAUGES)), standard_load_cases(6, 3.6, LoadErrors())
-    blank = [LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + 1.0) for name, loads in cases]
-    return LoadTest(gauge_names=GAUGES, cases=tuple(blank if attitudes else blank[:6]), errors=LoadErrors())
-
 
 @pytest.mark.fast
 def test_errors_of_a_case_are_what_the_file_says() -> None:
@@ -53,8 +46,10 @@ def test_errors_of_a_case_are_what_the_file_says() -> None:
     assert changed.joint_softness.tolist() == [0.02, 0.02]
     assert set(np.abs(changed.region_modulus)) == {0.03}
     assert set(changed.wall_taper) == {0.02}
+    pads = blank_test(("a", "b", "c"), LoadErrors(), 1.0, 6)
+    pads = replace(pads, cases=pads.cases[:6])
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .* in this test, got 'attitude'"):
-        spoil_of(GroundTest(wrong="attitude"), load_test(False))
+        spoil_of(GroundTest(wrong="attitude"), pads)
     case = Case(error="a", group="beyond", ground=GroundTest(wrong="kgs"))
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .*, wrong load; got 'kgs'"):
         refuse_unknown_tests((), [case])

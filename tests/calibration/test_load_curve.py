@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from as_built_case import TITANIUM
+from drawn_tests import blank_test
 
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.faults import calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_parts
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadStep, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.load_test import LoadErrors, LoadStep
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -30,12 +30,7 @@ def structure(vehicle: Vehicle) -> AsBuiltStructure:
 
 @pytest.fixture(scope="module")
 def blank(vehicle: Vehicle, structure: AsBuiltStructure) -> ReadingsModel:
-    n_d, errors = structure.n_gauges, LoadErrors(common=0.001)
-    cases = tuple(
-        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE))
-        for name, loads in standard_load_cases(10, 3.6, errors)
-    )
-    test = LoadTest(gauge_names=structure.gauges.names, cases=cases, errors=errors)
+    test = blank_test(structure.gauges.names, LoadErrors(common=0.001), NOISE)
     return ReadingsModel(structure, test, prior_of_test(vehicle, structure))
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from drawn_tests import blank_test
 
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import freed
 from builder.calibration.estimate.outside_terms import NOISE, OutsideKind, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.vehicle import Estimate, estimate, usable
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.load_test import LoadErrors
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
@@ -30,12 +30,7 @@ def prior(vehicle: Vehicle, as_built: AsBuiltStructure) -> AsBuilt:
 @pytest.fixture(scope="module")
 def blank(as_built: AsBuiltStructure, prior: AsBuilt) -> ReadingsModel:
     """A test of six pads and four attitudes without readings."""
-    n_d = as_built.n_gauges
-    cases = tuple(
-        LoadCase(name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, STATED))
-        for name, loads in standard_load_cases(6, 3.6, ERRORS)
-    )
-    return ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=cases, errors=ERRORS), prior)
+    return ReadingsModel(as_built, blank_test(as_built.gauges.names, ERRORS, STATED, 6), prior)
 
 
 def calibrated(blank: ReadingsModel, seed: int, noise: float = 1.0, **wall: FloatArray) -> Estimate:

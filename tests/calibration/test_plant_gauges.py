@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.pipeline.demonstration.plant_gauges import plant_gauges
 from builder.structure.as_built.structure import AsBuiltStructure
 from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.truth.revolution.flight_tables import plant_gauges
 from builder.vehicle.file import Vehicle
 
 HARMONICS = 5

@@ -1,13 +1,27 @@
-"""Ground tests whose vehicle, loads and pads are drawn from the tolerances of a model."""
+"""Ground tests without readings, and tests whose vehicle, loads and pads are drawn from a model's tolerances."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.score.ground_rows import AppliedTest
 from builder.structure.as_built.structure import OF_MASS
 from strainfmu.arrays import FloatArray
+
+
+def blank_test(gauges: Sequence[str], errors: LoadErrors, std: float, count: int = 10) -> LoadTest:
+    """Return a test of ``count`` pads and four attitudes without readings, whose noise is ``std`` [m/m]."""
+    zero = np.zeros(len(gauges))
+    cases = tuple(
+        LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + std)
+        for name, loads in standard_load_cases(count, 3.6, errors)
+    )
+    return LoadTest(gauge_names=tuple(gauges), cases=cases, errors=errors)
 
 
 def drawn_readings(

@@ -34,9 +34,8 @@ from builder.pipeline.calibrate import (
     write_zeros_of,
 )
 from builder.pipeline.demonstration.flight_trial import SCORE_VERSION, Flown, flown_estimators
-from builder.pipeline.demonstration.flown_shape import FLIGHT, FLIGHT_MODEL, make_numbers
-from builder.pipeline.demonstration.plant_gauges import plant_gauges
-from builder.pipeline.map_files import make_independent_flows, true_structure_of
+from builder.pipeline.demonstration.flown_shape import FLIGHT, make_flight_model, make_numbers
+from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
@@ -44,12 +43,11 @@ from builder.structure.as_built.counts import counts_of
 from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.loads.applied import Weight
-from builder.truth.revolution.flight_tables import plant_flight_model
-from builder.truth.revolution.flow_table import load_flow_table
+from builder.truth.revolution.flight_tables import plant_flight_model, plant_gauges
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
-from strainfmu.cosim.models import flight_model as flight_model_file
-from strainfmu.cosim.models.flight_model import save_flight_model
+from strainfmu.cosim.models.flight_model import FlightModel
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
@@ -190,22 +188,13 @@ class AsBuiltRun:
 
     def make_flight_model(self) -> None:
         """Make the flight model of the vehicle as built."""
-        pipeline, vehicle = self.pipeline, self.pipeline.vehicle
-        make_independent_flows(pipeline)
 
-        def write(path: Path) -> None:
-            noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
-            flows = load_flow_table(pipeline.path(FLOWS))
+        def model(flows: FlowTable, noise_std: float) -> FlightModel:
+            vehicle = self.pipeline.vehicle
             gauges = plant_gauges(self.truth, self.built, vehicle.resolution.truth.harmonics)
-            save_flight_model(plant_flight_model(vehicle, flows, self.truth.surface, gauges, noise_std), path)
+            return plant_flight_model(vehicle, flows, self.truth.surface, gauges, noise_std)
 
-        inputs = {
-            "schema_version": flight_model_file.SCHEMA_VERSION,
-            "map": pipeline.made_from(MAP),
-            "flows": pipeline.made_from(FLOWS),
-            **self.inputs,
-        }
-        pipeline.make(FLIGHT_MODEL, "the vehicle that flies: the independent model, as built", inputs, write)
+        make_flight_model(self.pipeline, self.inputs, model)
 
     def start_values(self) -> dict[str, float]:
         """Return the zeros that the estimator takes off what the plant reads."""

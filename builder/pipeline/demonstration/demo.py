@@ -38,21 +38,16 @@ from builder.pipeline.demonstration.flown_shape import (
     make_coefficients,
     make_estimator,
     make_flight,
+    make_flight_model,
     make_numbers,
     make_pictures,
     manoeuvre_warnings,
 )
 from builder.pipeline.demonstration.held_out_score import held_out_score
-from builder.pipeline.map_files import (
-    make_independent_flows,
-    make_map,
-    map_parts,
-    solid_structure_of,
-    true_structure_of,
-)
+from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
-from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, open_pipeline
+from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.structure import refuse_beyond_calibration
 from builder.structure.as_built.vehicle import AsBuilt, exactly_built
@@ -62,11 +57,10 @@ from builder.trial.readings import ANGLES
 from builder.truth.flights import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
 from builder.truth.revolution.flight_tables import flight_model
-from builder.truth.revolution.flow_table import load_flow_table, truth_knots
+from builder.truth.revolution.flow_table import FlowTable, truth_knots
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.cosim.models import flight_model as flight_model_file
-from strainfmu.cosim.models.flight_model import check_envelope, save_flight_model
+from strainfmu.cosim.models.flight_model import FlightModel, check_envelope
 from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
 from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.recording import Recording
@@ -275,24 +269,15 @@ def _result(
 
 def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
     """Make the flight model of a vehicle as ``built``; ``seed`` draws the errors of its auxiliary sensors."""
-    vehicle = pipeline.vehicle
-    make_independent_flows(pipeline)
 
-    def make(path: Path) -> None:
-        noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
-        flows, structure = load_flow_table(pipeline.path(FLOWS)), true_structure_of(pipeline)
+    def model(flows: FlowTable, noise_std: float) -> FlightModel:
+        vehicle, structure = pipeline.vehicle, true_structure_of(pipeline)
         found = flown_sensors(vehicle, structure.surface)
         random = None if seed is None else np.random.default_rng([seed, 1])
         sensors = None if found is None else found.built(built, random)
-        save_flight_model(flight_model(vehicle, flows, structure, built, noise_std, sensors), path)
+        return flight_model(vehicle, flows, structure, built, noise_std, sensors)
 
-    inputs = {
-        "schema_version": flight_model_file.SCHEMA_VERSION,
-        "map": pipeline.made_from(MAP),
-        "flows": pipeline.made_from(FLOWS),
-        "as built": built.record(IN_NOISE),
-    }
-    pipeline.make(FLIGHT_MODEL, "the vehicle that flies: the independent model, as built", inputs, make)
+    make_flight_model(pipeline, {"as built": built.record(IN_NOISE)}, model)
 
 
 def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:

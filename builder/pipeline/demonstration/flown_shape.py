@@ -22,17 +22,21 @@ from builder.figures.drawing.canvas import save
 from builder.figures.scene.free_shape import shape_with_gauges
 from builder.figures.scene.picture_files import write_picture
 from builder.figures.scene.scene import scene_of_snapshot
+from builder.pipeline.map_files import make_independent_flows
 from builder.pipeline.pipeline import Pipeline
-from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE
+from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE
 from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import ANGLES
 from builder.trial.score import ROLLING
+from builder.truth.revolution.flow_table import FlowTable, load_flow_table
 from builder.truth.shape import flights_along, flows_along, flying_structure
 from builder.vehicle.doubtful_entries import is_in_radians
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.estimators.fmu_step import FmuStep
+from strainfmu.cosim.models import flight_model as flight_model_file
+from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import FaultsError
@@ -67,6 +71,21 @@ def make_estimator(pipeline: Pipeline, map_name: str = MAP, takes_zeros: bool = 
         inputs | ({"zero_inputs": True} if takes_zeros else {}),
         lambda path: export_estimator(pipeline.path(map_name), path, ExportOptions(zero_inputs=takes_zeros)),
     )
+
+
+def make_flight_model(
+    pipeline: Pipeline, inputs: dict[str, Any], model: Callable[[FlowTable, float], FlightModel]
+) -> None:
+    """Make the flight model that ``model`` returns, of the flows and the gauge noise [m/m]."""
+    make_independent_flows(pipeline)
+
+    def write(path: Path) -> None:
+        noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
+        save_flight_model(model(load_flow_table(pipeline.path(FLOWS)), noise_std), path)
+
+    made_from = {"map": pipeline.made_from(MAP), "flows": pipeline.made_from(FLOWS)}
+    inputs = {"schema_version": flight_model_file.SCHEMA_VERSION, **made_from, **inputs}
+    pipeline.make(FLIGHT_MODEL, "the vehicle that flies: the independent model, as built", inputs, write)
 
 
 def make_flight(pipeline: Pipeline, holds: str, inputs: dict[str, Any], fly: Callable[[], Recording]) -> Recording:
