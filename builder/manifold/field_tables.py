@@ -6,7 +6,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import rolled_modes
-from builder.inverse.noise.error_list import LEVEL, PROCESS, SPREAD, parts_of
+from builder.inverse.noise.error_list import INTERPOLATION, LEVEL, PROCESS, SPREAD, parts_of
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes, process_size
 from builder.manifold.flow_amplitudes import flow_amplitudes
@@ -52,6 +52,8 @@ def flight_field(
     of_level[:, 0, 0] = np.outer(level, response[:, :, 0, 0] @ level)
     covariances = {PROCESS: process, SPREAD: prior, LEVEL: of_level}
     measured = problem.sensors is not None
+    if measured:  # strain alone does not show the pattern
+        covariances[INTERPOLATION] = _of_numerics(error[..., :n_h], response)
     covariance = sum(
         (parts_of(name, measured)[0] ** 2 * one for name, one in covariances.items()), start=0.0 * process
     )
@@ -64,6 +66,18 @@ def flight_field(
         error_std=np.hypot(np.hypot(process_std, prior_std), level),
         table_error_std=_table_error(snapshots, numerics, grid).astype(np.float32),
     )
+
+
+def _of_numerics(error: FloatArray, response: FloatArray) -> FloatArray:
+    """Return (n_x, n_h, 2, n_d) covariance with strain of ``error`` (q, n_x, n_h), averaged over the roll angle.
+
+    ``response`` (n_d, n_x, n_h, 2) comes from :func:`~builder.manifold.tables.ring_response`.
+    """
+    if not len(error):
+        return np.zeros((response.shape[1], response.shape[2], 2, len(response)))
+    strain = np.einsum("qxm,nxms->qnms", error, response, optimize=True)
+    mean = np.where(np.arange(error.shape[2]) == 0, 1.0, 0.5) / len(error)
+    return np.einsum("m,qxm,qnms->xmsn", mean, error, strain, optimize=True)
 
 
 def _of_process(

@@ -153,9 +153,11 @@ def _of_revolution(
     n_m = flows.amplitude.shape[-1]
     response = ring_response(operator, grid, n_m)
     left_out, n_d = interpolation_errors(flows, response), len(problem.strain_operator)
-    # Flows left out show how far each gauge is off, not in which pattern: a gain that trusts it does worse.
-    of_gauge = np.diag(np.linalg.norm(left_out[:, :n_d], axis=0))
-    errors = {INTERPOLATION: block_diag(of_gauge, left_out[:, n_d:].T)}
+    errors = {INTERPOLATION: left_out.T}
+    if problem.sensors is None:
+        # Flows left out show how far each gauge is off, not in which pattern: a gain that trusts it does worse.
+        of_gauge = np.diag(np.linalg.norm(left_out[:, :n_d], axis=0))
+        errors = {INTERPOLATION: block_diag(of_gauge, left_out[:, n_d:].T)}
     of_grid = grid_errors(vehicle, snapshots)
     if of_grid is not None:
         errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T
