@@ -11,7 +11,7 @@ from sphinx.application import Sphinx
 
 from strainfmu.can.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.profiles import Identifiers, profile_layout
-from strainfmu.can.quality import CAUSE_WORDS, Cause
+from strainfmu.can.quality import Cause, all_words
 from strainfmu.can.result_layouts import result_layouts
 from strainfmu.estimator.other_loads import FAMILIES, LoadGroup
 
@@ -120,9 +120,9 @@ def _bytes(start: int, end: int) -> str:
 
 def causes_page() -> str:
     """Return the causes of a result that is not VALID, bit by bit, in MyST Markdown."""
-    rows = ["| bit | cause | |", "|---|---|---|"]
+    rows, words = ["| bit | cause | |", "|---|---|---|"], all_words()["cause"]
     for cause in Cause:
-        rows.append(f"| {cause.bit_length() - 1} | `{cause.name}` | {CAUSE_WORDS[cause]} |")
+        rows.append(f"| {cause.bit_length() - 1} | `{cause.name}` | {words[cause.name or '']} |")
     return "\n".join(rows)
 
 
