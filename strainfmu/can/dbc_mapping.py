@@ -188,7 +188,7 @@ class _Mapper:
             message,
             selector,
             used,
-            ("strain", "two gauges"),
+            (STRAIN, "two gauges"),
             indices=tuple(range(len(used))),
             gauges=tuple(gauge for gauge, _ in items),
             to_strain=tuple(factors),

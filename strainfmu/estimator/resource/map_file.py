@@ -178,18 +178,18 @@ def _covariances(
     def of(first: str, second: str) -> Callable[[Any], FloatArray]:
         def value(source: Any) -> FloatArray:
             strain, load = columns(source)
-            parts = {"strain": strain, "five": load[FIVE_LOADS], "others": load[OTHER_LOADS]}
+            parts = {"gauges": strain, "five": load[FIVE_LOADS], "others": load[OTHER_LOADS]}
             return product(parts[first], parts[second].T)
 
         return value
 
     # fmt: off
     return (
-        Stored(place, f"of {errors}", of("strain", "strain"), "n_gauges n_gauges", unit="1/Pa^2"),
-        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", of("five", "strain"),
+        Stored(place, f"of {errors}", of("gauges", "gauges"), "n_gauges n_gauges", unit="1/Pa^2"),
+        Stored(f"flight.{before}load_strain_covariance", "the same of loads with strain", of("five", "gauges"),
             "5 n_gauges", unit=""),
         Stored(f"flight.{before}load_covariance", "the same of loads", of("five", "five"), "5 5", unit=""),
-        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", of("others", "strain"),
+        Stored(f"flight_loads.{before}strain_covariance", f"with strain, of {errors}", of("others", "gauges"),
             "n_loads n_gauges", unit=""),
         Stored(f"flight_loads.{before}variance", "the same of each load",
             lambda s: np.sum(columns(s)[1][OTHER_LOADS] ** 2, axis=1), "n_loads", unit=""),
