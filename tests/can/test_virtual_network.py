@@ -193,6 +193,7 @@ def test_the_sender_is_the_encoder(fmus: Path, reference: Reference, tmp_path: P
             samples.append((network.time, dict(zip(names, values, strict=True))))
         return content
 
+    # The method is wrapped on this instance alone.
     sender.sent = sent  # type: ignore[method-assign]
     network.run(0.305)
     encoder, expected, results = (

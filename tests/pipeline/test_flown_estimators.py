@@ -27,6 +27,7 @@ pytestmark = pytest.mark.fast
 def recording(names: list[str], values: np.ndarray, **more: object) -> Recording:
     """Return a recording of (n, m) values at 100 Hz."""
     time, units = 0.01 * np.arange(len(values)), ("1",) * len(names)
+    # ``more`` are other fields of a recording, each of its own type.
     return Recording(time=time, names=tuple(names), units=units, values=values, **more)  # type: ignore[arg-type]
 
 

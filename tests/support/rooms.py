@@ -74,7 +74,7 @@ def room_of(path: Path, rooms: frozenset[str]) -> str | None:
 
 
 def lines_of_rooms(rooms: frozenset[str]) -> Counter[str | None]:
-    """Return the lines of each room; those of files without a room count for None."""
+    """Return the lines of each room; None has the lines of files without a room."""
     counts: Counter[str | None] = Counter(dict.fromkeys(rooms, 0))
     for path in files():
         counts[room_of(path, rooms)] += text_of(path).count("\n")
@@ -170,7 +170,7 @@ MEASURES = {
 
 
 def updated(text: str) -> str:
-    """Return the page with the counts of today in place of its own."""
+    """Return the page with the counts of today."""
     table = rows("Rooms", text)
     lines = lines_of_rooms(frozenset(row.name for row in table))
     for row in table:

@@ -151,6 +151,7 @@ def command_function(name: str, run: Callable[..., None]) -> Callable[..., None]
     called.__name__ = name
     called.__doc__ = _help(ast.get_docstring(source(public_functions(name)[0])) or "", names)
     parameters = [_parameter(one, spelled[one.name], names) for one in options.values()]
+    # typer reads the attribute, which the type of functions does not list.
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {one.name: one.annotation for one in parameters}
     return called

@@ -191,6 +191,7 @@ def described(record: type[Record]) -> type[Record]:
     """Add the attributes to the description of a type of records, and a text of few lines."""
     lines = [f"{name} : {_in_words(stated)}" for name, stated in entries(record).items() if stated.meaning]
     record.__doc__ = f"{record.__doc__}\n\n    Attributes\n    ----------\n    " + "\n    ".join(lines) + "\n"
+    # A decorator gives every record this text; mypy knows no assignment of methods.
     record.__repr__ = brief  # type: ignore[method-assign]
     return record
 
@@ -202,6 +203,7 @@ def _in_words(stated: Entry) -> str:
 
 def _length(axis: str, sizes: Mapping[str, int]) -> int | None:
     terms = [int(term) if term.isdigit() else sizes.get(term) for term in axis.split("+")]
+    # mypy does not follow that no term is None here.
     return None if None in terms else sum(terms)  # type: ignore[arg-type]
 
 

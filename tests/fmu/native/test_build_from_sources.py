@@ -25,7 +25,7 @@ BUILT = ("native", pytest.param("native_3", marks=pytest.mark.slow), "native_pla
 SUFFIX = library_file(this_platform()).suffix
 
 OPTIONS = {kind: {"CMAKE_C_FLAGS_RELEASE": "-O0"} for kind in ("native", "native_plant")}
-"""Of CMake; its default, -O3, takes a third of a minute here. That of FMI 3.0 is built with it."""
+"""Of CMake; its default, -O3, takes a third of a minute here. FMI 3.0 is built with the default."""
 
 
 @pytest.fixture(scope="module")
