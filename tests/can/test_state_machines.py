@@ -21,10 +21,11 @@ pytestmark = pytest.mark.fast
 
 
 class Bench:
-    """A machine of two frames of strains and a sender without state, whose frames are given one by one."""
+    """A machine of two frames of strains, whose frames are given one by one; the sender may have a state."""
 
-    def __init__(self, profile: str = "fd64", n_gauges: int = 54) -> None:
-        self.layout: InputLayout = replace(layout_of(profile, n_gauges), state=None)
+    def __init__(self, profile: str = "fd64", n_gauges: int = 54, has_state: bool = False) -> None:
+        layout = layout_of(profile, n_gauges)
+        self.layout: InputLayout = layout if has_state else replace(layout, state=None)
         self.machine: Machine = Machine(self.layout, Projection(n_gauges), BridgeSettings(), start=0.0)
         self._encoder, self._random = StrainEncoder(self.layout), np.random.default_rng(1)
         self.n = n_gauges
@@ -81,6 +82,18 @@ def test_the_deadline_closes_a_partial_cycle() -> None:
     assert bench.machine.next_event == pytest.approx(0.06001 + 0.5 * CYCLE)
     assert bench.machine.advance(0.065) == []
     assert [int(result.valid.sum()) for result in bench.machine.advance(0.06502)] == [27]
+
+
+def test_strains_that_come_behind_the_deadline_of_the_senders_state_are_refused() -> None:
+    """The cycle is answered by a result without a sample time: its strains are late."""
+    bench = Bench(has_state=True)
+    state, _, *strains = bench.frames(6)
+    bench.give(state)
+    (alone,) = bench.machine.advance(0.0651)
+    assert alone.sample_time is None
+    assert not alone.valid.any()
+    assert [bench.kind(replace(frame, time=0.066)) for frame in strains] == [FrameClass.LATE] * 2
+    assert bench.give(*bench.frames(7))[0].valid.all()
 
 
 def test_the_same_time_with_another_counter_is_no_part_of_the_cycle() -> None:
