@@ -168,7 +168,6 @@ class Cause(IntFlag):
     NOT_AUTHENTIC = 1 << 24
     SENSOR = 1 << 25
     PERIOD = 1 << 26
-    REPEATS = 1 << 27
 
 
 MORE_CAUSES = 1 << 15

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,7 +15,7 @@ from strainfmu.can import signals
 from strainfmu.can.frame import Frame
 from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
-from strainfmu.can.quality import FrameClass
+from strainfmu.can.quality import Cause, FrameClass
 from strainfmu.can.signals import SignalPlan
 from strainfmu.estimator import core
 from strainfmu.estimator.core import NoCoreError
@@ -34,6 +35,15 @@ def test_frames_of_another_length_are_read_by_no_part(profile: str) -> None:
     assert machine.account.classes[FrameClass.WRONG_FORMAT] == machine.account.received == n
     with pytest.raises(ValueError, match="bytes, got 0"):
         SignalPlan(layout.strain_frames[0].layout).raw(b"")
+
+
+def test_each_cause_is_set_in_c_or_in_python() -> None:
+    header = Path("fmus/native/bus/bus.h").read_text("utf-8")
+    results = re.findall(r"enum \{(.*?)\}", header[header.index("/* Causes, bit by bit") :], re.DOTALL)[0]
+    in_c = {1 << int(bit) for bit in re.findall(r"SB_\w+ = 1 << (\d+)", results)}
+    in_python = "".join(path.read_text("utf-8") for path in Path("strainfmu/can").rglob("*.py"))
+    unset = [one.name for one in Cause if one.value not in in_c and f"Cause.{one.name}" not in in_python]
+    assert unset == []
 
 
 def test_arrays_in_pieces_have_no_address() -> None:

@@ -173,8 +173,8 @@ def test_the_tables_of_a_map_are_as_good_at_small_incidence(ic3x_demo: Path) -> 
 def test_the_inertial_unit_sharpens(heavy_world: World) -> None:
     without, measured = (rows_for(heavy_world, error)[2] for error in MASSES[:2])
     assert without["load"] == measured["load"] == "C_N"
-    # Where the unit reads, errors of the masses and of the theory of their strain are left.
-    assert measured["rms"] < 0.35 * without["rms"]
+    # 0.313: the gain allows for 5 % error of the strain by inertia. With inertia_strain_percent = 0 it is 0.274.
+    assert measured["rms"] < 0.32 * without["rms"]
     unit = case_of(heavy_world.vehicle, MASSES[1])
     read = read_case(heavy_world, unit, heavy_world.flights(unit), number=0, random=np.random.default_rng(1))
     lateral = np.hypot(read.known["specific_force_y"], read.known["specific_force_z"])
