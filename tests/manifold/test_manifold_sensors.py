@@ -108,9 +108,7 @@ def flights(vehicle: Vehicle, inverse_map: InverseMap, problem: Problem, held_ou
     return Flights(rows * scale, q, mach, p, loads / (q[:, None] * size), pressure)
 
 
-def estimated(
-    inverse_map: InverseMap, flown: Flights, *without: str, start: FloatArray | None = None
-) -> Estimate:
+def estimated(inverse_map: InverseMap, flown: Flights, *without: str, start: FloatArray | None = None) -> Estimate:
     """Return the estimates, sensors whose name begins with one of ``without`` left out."""
     found = Estimator(inverse_map).estimate(
         flown.readings,
@@ -179,7 +177,7 @@ def test_lost_sensors_leave_the_tables_built_without_them(
     flown.readings[:, ~valid] = np.nan
     flown_rebuilt = flown._replace(readings=flown.readings[:, valid])
     found = estimated(whole, flown, "none")
-    # Searches take a fixed number of iterations from different starts: 2.1e-9 sigma apart, 1.9e-7 from the minimum.
+    # Searches end after a fixed number of iterations: 2.1e-9 sigma apart, 1.9e-7 from the minimum.
     expected = estimated(rebuilt, flown_rebuilt, "none")
     np.testing.assert_allclose((found.loads - expected.loads) / expected.loads_std, 0.0, atol=1e-8)
     np.testing.assert_allclose(found.state, expected.state, atol=1e-9)
