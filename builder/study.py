@@ -49,7 +49,7 @@ from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.toml.reading import read_sections
 from builder.vehicle.toml.sections import Section
-from builder.workspace import Workspace
+from builder.workspace import Cache, Workspace
 from strainfmu.errors import FaultsError, InputError, StrainfmuError
 from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.files import fingerprint
@@ -269,7 +269,9 @@ def _tasks(
     for design, vehicle in zip(designs, vehicles, strict=True):
         key = flows_key(vehicle)
         if key not in shared:
-            pipeline = Pipeline(vehicle, Workspace(folder / f"flows_{len(shared) + 1:04d}"), reporter)
+            pipeline = Pipeline(
+                vehicle, Workspace(folder / f"flows_{len(shared) + 1:04d}", Cache(vehicle.beside("."))), reporter
+            )
             make_snapshots(pipeline)
             if vehicle.is_of_revolution:
                 make_independent_flows(pipeline)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,10 @@ from strainfmu.version import __version__
 
 MANIFEST = "manifest.json"
 MISFITS_NAMED = 3
+SHARED, SHARED_VARIABLE = ".strainfmu", "STRAINFMU_CACHE"
+"""The cache next to a vehicle file, and the environment variable that names another folder."""
+LARGEST_CACHE = 4e9
+"""Bytes of a cache; the files that were used longest ago go first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,11 +52,47 @@ def refuse_misfits(path: Path | str, misfits: Sequence[Misfit], remedy: str = ""
     raise InputError(f"{path}: {named}{counted}{f'; {remedy}' if remedy else ''}")
 
 
+class Cache:
+    """Files that the commands on the vehicle files of a folder share, by the fingerprint of their inputs.
+
+    A file's name has its own hash, so a damaged one is not used. The shipped vehicles have a cache only where
+    ``STRAINFMU_CACHE`` names one; empty, nothing is shared. A folder that cannot be written is no error.
+    """
+
+    def __init__(self, vehicle_folder: Path) -> None:
+        given = os.environ.get(SHARED_VARIABLE)
+        shipped = vehicle_folder.resolve() == Path(__file__).parent / "vehicles"
+        self.folder = Path(given) if given else None if shipped or given is not None else vehicle_folder / SHARED
+
+    def find(self, name: str, inputs: Mapping[str, Any]) -> Path | None:
+        """Return the file ``name`` that a command made from ``inputs``, None where there is none."""
+        path = Path(name)
+        for file in self.folder.glob(f"{path.stem}-{made_from_of(inputs)}-*{path.suffix}") if self.folder else ():
+            if file.stem.endswith(f"-{_sha256(file)}"):
+                with suppress(OSError):
+                    file.touch()
+                return file
+        return None
+
+    def add(self, path: Path, inputs: Mapping[str, Any]) -> None:
+        """Add the file at ``path``; it takes no space of its own where the file system links files."""
+        if self.folder is None:
+            return
+        with suppress(OSError):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            _link(path, self.folder / f"{path.stem}-{made_from_of(inputs)}-{_sha256(path)}{path.suffix}")
+            size = 0.0
+            for file in sorted(self.folder.iterdir(), key=lambda file: -file.stat().st_mtime):
+                size += file.stat().st_size
+                if size > LARGEST_CACHE:
+                    file.unlink()
+
+
 class Workspace:
     """Results in ``folder``, with ``manifest.json``: per file its inputs' fingerprint and its own hash.
 
     A result is up to date if its inputs are those it was made from and its bytes are those then written, so a
-    damaged or edited file is made again.
+    damaged or edited file is made again. Files that are made ``shared`` are taken from ``cache`` and added to it.
 
     Raises
     ------
@@ -60,7 +102,7 @@ class Workspace:
         It cannot be written: raised before the long work.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, cache: Cache | None = None) -> None:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder}: is a file, must be a folder")
         existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
@@ -68,7 +110,7 @@ class Workspace:
             raise InputError(f"{folder}: expected a path in folders, got the file {existing} instead of one")
         if not os.access(existing, os.W_OK):
             raise StrainfmuError(f"{folder}: cannot be written, no permission in {existing}")
-        self.folder = folder
+        self.folder, self.cache = folder, cache
         self._made_from: dict[str, str] = {}
 
     def path(self, name: str) -> Path:
@@ -103,25 +145,35 @@ class Workspace:
         inputs: Mapping[str, Any],
         make: Callable[[Path], object],
         given: Mapping[str, str] | None = None,
-    ) -> bool:
-        """Make ``name`` with ``make(path)`` unless it is up to date; return whether it was reused.
+        *,
+        shared: bool = False,
+    ) -> str:
+        """Make ``name`` with ``make(path)`` unless it is up to date; return from where it was reused, else "".
 
         ``make`` must write its file atomically. The manifest is written only after it; it keeps ``given``.
         """
-        made_from = fingerprint({"strainfmu_version": __version__, **inputs})
+        made_from = made_from_of(inputs)
         self._made_from[name] = made_from
         path = self.path(name)
         entry = self._manifest().get(name, {})
         if entry.get("made_from") == made_from and path.is_file() and entry.get("sha256") == _sha256(path):
-            return True
-        make(path)
+            return "up to date"
+        cache = self.cache if shared else None
+        file = cache.find(name, inputs) if cache else None
+        if file is not None:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            _link(file, path)
+        else:
+            make(path)
         entries = self._manifest()
         entries[name] = {"made_from": made_from, "sha256": _sha256(path)}
         if given:
             entries[name]["given"] = dict(given)
         text = json.dumps(entries, indent=1, sort_keys=True)
         write_bytes_atomically(self.path(MANIFEST), text.encode())
-        return False
+        if cache and file is None:
+            cache.add(path, inputs)
+        return f"from {file.parent}" if file else ""
 
     def _manifest(self) -> dict[str, dict[str, Any]]:
         """Return the manifest; one that cannot be read counts as empty, so that all is made again."""
@@ -130,6 +182,21 @@ class Workspace:
         except (OSError, ValueError):
             return {}
         return entries if isinstance(entries, dict) else {}
+
+
+def made_from_of(inputs: Mapping[str, Any]) -> str:
+    """Return the fingerprint of a file's inputs, and of the version that makes it."""
+    return fingerprint({"strainfmu_version": __version__, **inputs})
+
+
+def _link(source: Path, path: Path) -> None:
+    """Make ``path`` the file ``source``, at once: by a link, or by a copy where the file system has none."""
+    new = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        os.link(source, new)
+    except OSError:
+        shutil.copyfile(source, new)
+    new.replace(path)
 
 
 def _sha256(path: Path) -> str:

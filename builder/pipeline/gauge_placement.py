@@ -17,8 +17,8 @@ from builder.figures.drawing.canvas import save
 from builder.figures.placement import placement_figure
 from builder.inverse.problem import AnyStructure
 from builder.pipeline.load_test_proposal import flows_for_design
-from builder.pipeline.map_files import files_of_vehicle
-from builder.pipeline.stages import AnyProgress, fourier_structure, on_snapshots, reporter_of, solve_structure
+from builder.pipeline.map_files import cached_or_solved_structure, files_of_vehicle
+from builder.pipeline.stages import AnyProgress, fourier_structure, on_snapshots, reporter_of
 from builder.pipeline.used_files import MAP
 from builder.placement import design
 from builder.placement.candidates import CandidateGrid
@@ -113,7 +113,7 @@ def place(
     robust : keep every sigma within 1.3 times after the loss of any ``losses`` gauges.
     losses : gauges lost together that ``robust`` is about, 1 or 2.
     curves : figure of accuracy against the number of gauges (PNG).
-    snapshots : flows in flight (snapshots.h5). Default: local inclination.
+    snapshots : flows in flight (snapshots.h5). Default: flows of a build, else local inclination.
     progress : True for progress bars.
 
     Raises
@@ -195,7 +195,7 @@ def propose_gauges(
 ) -> ProposedGauges:
     """Return gauges for the vehicle of a file; ``keep`` is a layout file of gauges that are placed in any case.
 
-    Flows come from ``snapshots_path``, or else from local inclination.
+    Flows come from ``snapshots_path``, or else as :func:`flows_for_design` takes them.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def structure_of(vehicle: Vehicle, snapshots: Snapshots, reporter: Reporter) -> 
     """Return strain per pressure of the layouts that the map needs, at the nodes of ``snapshots``."""
     if vehicle.is_of_revolution:
         return fourier_structure(vehicle, used_layouts(vehicle), reporter)
-    return on_snapshots(solve_structure(vehicle, progress=reporter), snapshots, reporter)
+    return on_snapshots(cached_or_solved_structure(vehicle, reporter), snapshots, reporter)
 
 
 def left_out(vehicle: Vehicle) -> list[str]:

@@ -23,6 +23,7 @@ from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.load_plan import load_plan_figure
 from builder.figures.drawing.canvas import save
+from builder.pipeline.map_files import cached_snapshots
 from builder.pipeline.stages import AnyProgress, fourier_structure, reporter_of, take_snapshots
 from builder.reporting import Reporter
 from builder.structure.as_built.structure import as_built_structure, refuse_beyond_calibration
@@ -140,7 +141,7 @@ def loadtest(
     repeats : load cases that are applied again at the end.
     setup_time : time to set up a case or an attitude [s].
     reading_time : time to apply a load, wait until it stands and record it [s].
-    snapshots : flows in flight (snapshots.h5). Default: local inclination.
+    snapshots : flows in flight (snapshots.h5). Default: flows of a build, else local inclination.
     progress : True for progress bars.
 
     Raises
@@ -350,7 +351,8 @@ def remark(plan: LoadPlan, number: int) -> str:
 
 
 def flows_for_design(vehicle: Vehicle, path: str | Path | None, reporter: Reporter) -> Snapshots:
-    """Return the flows of a file, else of local inclination where the vehicle's own take long.
+    """Return flows of a file, else what another command left, else local inclination where the vehicle's
+    own take long.
 
     Raises
     ------
@@ -361,6 +363,9 @@ def flows_for_design(vehicle: Vehicle, path: str | Path | None, reporter: Report
         snapshots = load_snapshots(path)
         refuse_misfits(path, vehicle_misfits(snapshots, vehicle))
         return snapshots
+    if (file := cached_snapshots(vehicle)) is not None:
+        reporter.note(f"flows: snapshots from {file.parent}, reused")
+        return load_snapshots(file)
     if vehicle.aerodynamics.engine == "euler":
         reporter.note("flows: local inclination; --snapshots reads flows from a file")
         aerodynamics = vehicle.aerodynamics.model_copy(update={"engine": "newtonian"})

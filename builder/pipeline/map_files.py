@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from builder.campaign import snapshots as snapshots_file
 from builder.campaign.journal import Journal
-from builder.campaign.run import run_campaign
+from builder.campaign.run import Campaign, run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.problem import AnyStructure
@@ -36,15 +36,15 @@ from builder.pipeline.stages import (
     solved_true_structure,
 )
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
-from builder.reporting import Reporter
+from builder.reporting import Reporter, Silent
 from builder.reports.build_report import page as build_page
 from builder.reports.build_report.report import BuildReport, build_report
 from builder.reports.build_report.sections import blind_line, model_form_line
 from builder.reports.page.origin import input_files
 from builder.structure import structure_file
 from builder.structure.external.structure import external_inputs, external_structure
-from builder.structure.solid.case import structure_case
-from builder.structure.solid.solid_model import update_structure
+from builder.structure.solid.case import SolidCase, structure_case
+from builder.structure.solid.solid_model import solve_solid_structure, update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
 from builder.trial.world import World
 from builder.truth.independent_model import ENGINES_IN_WORDS
@@ -54,6 +54,7 @@ from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.doubtful_entries import doubtful_entries
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import unused_entries, used_layouts
+from builder.workspace import Cache
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.signal_names import TEMPERATURE
@@ -140,14 +141,24 @@ def make_snapshots(pipeline: Pipeline) -> None:
     holds = "surface pressure at every flight condition"
     if pipeline.take(SNAPSHOTS, holds):
         return
-    vehicle = pipeline.vehicle
-    campaign = snapshot_campaign(vehicle, pipeline.reporter)
-    surface = campaign.engine.surface
+    campaign = snapshot_campaign(pipeline.vehicle, pipeline.reporter)
 
     def write(path: Path) -> None:
         note_campaign(run_campaign(campaign, path, Scheduling(), pipeline.reporter), pipeline.reporter)
 
-    inputs = {
+    pipeline.make(SNAPSHOTS, holds, _snapshot_inputs(pipeline.vehicle, campaign), write, shared=True)
+
+
+def cached_snapshots(vehicle: Vehicle) -> Path | None:
+    """Return the snapshots of the vehicle file that another command left, None where there are none."""
+    campaign = snapshot_campaign(vehicle, Silent())
+    return Cache(vehicle.beside(".")).find(SNAPSHOTS, _snapshot_inputs(vehicle, campaign))
+
+
+def _snapshot_inputs(vehicle: Vehicle, campaign: Campaign) -> dict[str, Any]:
+    """Return what the snapshots depend on."""
+    surface = campaign.engine.surface
+    return {
         "schema_version": snapshots_file.SCHEMA_VERSION,
         "vehicle": vehicle.name,
         "engine": campaign.engine.inputs(),
@@ -158,7 +169,6 @@ def make_snapshots(pipeline: Pipeline) -> None:
         "internal_pressure": campaign.internal_pressure,
         "reference": asdict(campaign.reference),
     }
-    pipeline.make(SNAPSHOTS, holds, inputs, write)
 
 
 def _structural_inputs(vehicle: Vehicle) -> dict[str, Any]:
@@ -192,8 +202,21 @@ def _solid_structure(pipeline: Pipeline) -> None:
         size, solver = used["degrees_of_freedom"], used["solver"]
         pipeline.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
 
-    inputs = {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
-    pipeline.make(STRUCTURE, holds, inputs, write)
+    pipeline.make(STRUCTURE, holds, _solid_inputs(case), write, shared=True)
+
+
+def cached_or_solved_structure(vehicle: Vehicle, reporter: Reporter) -> Structure:
+    """Return the three-dimensional structure of the map's layouts, as another command left it, or solved."""
+    case = structure_case(vehicle, used_layouts(vehicle))
+    file = Cache(vehicle.beside(".")).find(STRUCTURE, _solid_inputs(case))
+    if file is None:
+        return solve_solid_structure(case, reporter)
+    reporter.note(f"{STRUCTURE}: from {file.parent}, reused")
+    return load_structure(file)
+
+
+def _solid_inputs(case: SolidCase) -> dict[str, Any]:
+    return {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
 
 
 def _external_structure(pipeline: Pipeline) -> None:
@@ -274,7 +297,7 @@ def _inverse_map(pipeline: Pipeline) -> None:
     if vehicle.structure.model == "solid":
         inputs["structure"] = pipeline.made_from(STRUCTURE)
     holds = "the inverse map: strain to loads, with covariance"
-    pipeline.make(MAP, holds, inputs, write, given=pipeline.given.as_text())
+    pipeline.make(MAP, holds, inputs, write, given=pipeline.given.as_text(), shared=True)
 
 
 def make_independent_flows(pipeline: Pipeline) -> None:
@@ -292,7 +315,7 @@ def make_independent_flows(pipeline: Pipeline) -> None:
             journal.remove()
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
-    pipeline.make(FLOWS, holds, inputs, write)
+    pipeline.make(FLOWS, holds, inputs, write, shared=True)
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:

@@ -78,11 +78,13 @@ class Pipeline:
         inputs: dict[str, Any],
         write: Callable[[Path], object],
         given: dict[str, str] | None = None,
+        *,
+        shared: bool = False,
     ) -> None:
-        """Make the file ``name`` with ``write(path)``, or reuse it and report that."""
-        if self.workspace.ensure(name, inputs, write, given):
+        """Make the file ``name`` with ``write(path)``, or reuse it, if ``shared`` any command's; report that."""
+        if where := self.workspace.ensure(name, inputs, write, given, shared=shared):
             self.reused.append(name)
-            self.reporter.note(f"{name}: up to date, reused")
+            self.reporter.note(f"{name}: {where}, reused")
         self.files[name] = holds
 
     def made_from(self, *names: str) -> list[str]:

@@ -43,4 +43,4 @@ def make_shape_flows(
         "conditions": [condition.as_row() for condition in conditions],
         "internal_pressure": campaign.internal_pressure.tolist(),
     }
-    pipeline.make(name, holds, inputs, write)
+    pipeline.make(name, holds, inputs, write, shared=True)

@@ -59,7 +59,7 @@ from builder.truth.revolution.flow_table import load_truth_flows, save_flow_tabl
 from builder.truth.revolution.strain import true_structure
 from builder.truth.shape import flying_structure
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.workspace import Workspace
+from builder.workspace import Cache, Workspace
 from strainfmu.errors import InputError
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
@@ -206,7 +206,7 @@ def prepared_map(
         vehicle = of_map(entry, inverse_map)
         refuse_vehicle(vehicle, trial)
         check_fit(vehicle, inverse_map, options.map_path)
-        pipeline = Pipeline(vehicle, Workspace(folder), reporter)
+        pipeline = Pipeline(vehicle, Workspace(folder, Cache(vehicle.beside("."))), reporter)
         pipeline.use(MAP, options.map_path, _content_of(options.map_path, inverse_map_file))
     for line in other_physics(vehicle):
         reporter.note(line)
@@ -424,7 +424,7 @@ def make_trial_flows(pipeline: Pipeline, vehicle: Vehicle, trial: TrialFile, opt
             journal.remove()
 
     inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **stress_flow_inputs(vehicle, square)}
-    pipeline.make(FLOWS, holds, inputs, write)
+    pipeline.make(FLOWS, holds, inputs, write, shared=True)
 
 
 def _content_of(path: Path, module: ModuleType) -> str:

@@ -18,7 +18,7 @@ from builder.structure import structure_file
 from builder.structure.structure_file import load_structure
 from builder.structure.structure_fit import on_solid_model, structure_line, structure_misfits
 from builder.vehicle.file import Vehicle
-from builder.workspace import Workspace, refuse_misfits
+from builder.workspace import Cache, Workspace, refuse_misfits
 from strainfmu.errors import InputError
 from strainfmu.files import content_hash_of, schema_of
 
@@ -37,7 +37,7 @@ def open_pipeline(vehicle: Vehicle, folder: Path, reporter: Reporter, given: Fil
         A file is damaged, of another kind, or does not fit the vehicle; or the map there was made from files
         given by options that are not given now.
     """
-    workspace = Workspace(folder)
+    workspace = Workspace(folder, Cache(vehicle.beside(".")))
     pipeline = Pipeline(vehicle, workspace, reporter, given)
     _refuse_lost_options(workspace, given)
     structure = _users_file(workspace, STRUCTURE, structure_file.SCHEMA, given.structure, given.rebuild)

@@ -15,12 +15,14 @@ from ogive import OGIVE, copied_ogive
 
 from builder.campaign.snapshot_fit import as_flown, option_misfits
 from builder.campaign.snapshots import load_snapshots, save_snapshots
-from builder.pipeline.map_files import make_map
+from builder.pipeline.load_test_proposal import flows_for_design
+from builder.pipeline.map_files import cached_snapshots, make_map
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
 from builder.vehicle.file import load_vehicle
+from builder.workspace import SHARED_VARIABLE
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 
@@ -337,3 +339,29 @@ def test_alarm_levels_are_of_the_snapshots_used(made: Path) -> None:
     condition[:, 1] = 1e-17 * np.arange(len(condition))
     axial = as_flown(vehicle, replace(euler, condition=condition))
     assert axial.conditions.angle_of_attack_deg == [0.0]
+
+
+def test_commands_in_other_folders_find_flows_and_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a build left is a stress test's, a proposal's and another build's; other entries make their own."""
+    monkeypatch.delenv(SHARED_VARIABLE)
+    vehicle = write_vehicle(tmp_path / "vehicle", ("[noise]", '[aerodynamics]\nengine = "newtonian"\n\n[noise]'))
+    build_map(vehicle, tmp_path / "first")
+    made_again: list[str] = []
+
+    class Said(Silent):
+        def note(self, line: str) -> None:
+            made_again.append(line)
+
+    pipeline, _ = open_pipeline(load_vehicle(vehicle), tmp_path / "second", Said(), FilesGiven())
+    make_map(pipeline)
+    shared = tmp_path / "vehicle" / ".strainfmu"
+    assert [line for line in made_again if "reused" in line] == [
+        f"{name}: from {shared}, reused" for name in ("snapshots.h5", "map.h5")
+    ]
+    for name in ("snapshots.h5", "map.h5"):
+        assert (tmp_path / "second" / name).read_bytes() == (tmp_path / "first" / name).read_bytes()
+    flows = flows_for_design(load_vehicle(vehicle), None, Said())
+    assert made_again[-1] == f"flows: snapshots from {shared}, reused"
+    assert np.array_equal(flows.pressure, load_snapshots(tmp_path / "first" / "snapshots.h5").pressure)
+    other = load_vehicle(vehicle, {"conditions.mach_number": [4.0, 4.5, 4.9]})
+    assert cached_snapshots(other) is None
