@@ -14,13 +14,18 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
+from math import ceil
 from pathlib import Path
+from time import process_time
 from typing import Any, NoReturn
 
 PATIENCE = 5.0
-"""How long the first look at a file may take [s], and a second more for each 20 MB of it."""
+"""Processor time that the first look at a file may take [s], and a second more for each 20 MB of it."""
 
 _PER_BYTE = 1.0 / 20e6
+
+_LONGEST_WAIT = 20.0
+"""Longest time in units of the processor time: a busy host is slow, and a child process may wait for ever."""
 
 MEMORY = 1 << 30
 """Memory that the first look may take in addition to the size of the file [bytes]."""
@@ -32,18 +37,20 @@ def reads_well(path: Path, read: Callable[[], object], patience: float = PATIENC
     Parameters
     ----------
     path : of the file that ``read`` reads; its size extends both limits.
-    patience : time for a small file [s].
+    patience : processor time for a small file [s].
     """
     if not hasattr(os, "fork"):
         return True
     size = path.stat().st_size
+    patience += _PER_BYTE * size
     ended, end = os.pipe()
     child = os.fork()
     if child == 0:
+        _limit_time(patience)
         _leave_after(read, MEMORY + 2 * size)
     os.close(end)
     try:
-        in_time, _, _ = select.select([ended], [], [], patience + _PER_BYTE * size)
+        in_time, _, _ = select.select([ended], [], [], _LONGEST_WAIT * patience)
         if not in_time:
             os.kill(child, signal.SIGKILL)
     finally:
@@ -62,7 +69,7 @@ def read_apart(path: Path, items: Callable[[], Iterable[Any]], patience: float =
     Parameters
     ----------
     path : of the file that is read; its size extends both limits.
-    patience : time for the next items of a small file [s].
+    patience : processor time for the next items of a small file [s].
 
     Raises
     ------
@@ -73,16 +80,17 @@ def read_apart(path: Path, items: Callable[[], Iterable[Any]], patience: float =
         yield from items()
         return
     size = path.stat().st_size
+    patience += _PER_BYTE * size
     source, target = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(source)
-        _leave_after(lambda: _write_items(items, target), MEMORY + 2 * size)
+        _leave_after(lambda: _write_items(items, target, patience), MEMORY + 2 * size)
     os.close(target)
     try:
         with os.fdopen(source, "rb") as stream:
             while True:
-                in_time, _, _ = select.select([source], [], [], patience + _PER_BYTE * size)
+                in_time, _, _ = select.select([source], [], [], _LONGEST_WAIT * patience)
                 batch = _next_batch(stream) if in_time else None
                 if batch is None:
                     raise ValueError("its reader did not reach the end")
@@ -94,12 +102,13 @@ def read_apart(path: Path, items: Callable[[], Iterable[Any]], patience: float =
         os.waitpid(child, 0)
 
 
-def _write_items(items: Callable[[], Iterable[Any]], target: int) -> None:
-    """Write all items to a pipe in batches, then an empty one."""
+def _write_items(items: Callable[[], Iterable[Any]], target: int, patience: float) -> None:
+    """Write all items to a pipe in batches, each within ``patience`` [s] of processor time, then an empty one."""
     iterator = iter(items())
     with os.fdopen(target, "wb") as stream:
         batch = None
         while batch is None or batch:
+            _limit_time(patience)
             batch = list(islice(iterator, _BATCH))
             content = pickle.dumps(batch)
             stream.write(len(content).to_bytes(8, "little") + content)
@@ -126,6 +135,16 @@ def _leave_after(read: Callable[[], object], memory: int) -> NoReturn:
         code = 0
     finally:
         os._exit(code)
+
+
+def _limit_time(additional: float) -> None:
+    """Have the system end this process once it has used ``additional`` processor time [s], in whole seconds."""
+    import resource  # POSIX alone
+
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    limit = ceil(process_time() + additional)
+    resource.setrlimit(resource.RLIMIT_CPU, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
 
 
 @contextmanager

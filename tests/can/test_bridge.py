@@ -18,7 +18,7 @@ from functools import partial
 import can
 import numpy as np
 import pytest
-from running_bridge import CYCLE, Running
+from running_bridge import CYCLE, PATIENCE, Running
 
 from strainfmu.can.bridge import ERRORS_PER_SECOND, HAND_OVER
 from strainfmu.can.frame import Frame, to_message
@@ -153,11 +153,13 @@ def test_a_malformed_datagram_is_counted_and_passed_over(multicast: Running) -> 
         for data in (b"", b"\xc1", b"no frame", b"\x81\xa3abc\x01", os.urandom(500), float_identifier):
             raw.sendto(data, (GROUP, multicast.port))
     multicast.send_until(Quality.VALID)
+    sent = multicast.bridge.summary().sent
+    multicast.send_while(partial(has_counted, multicast, FrameClass.OWN, sent))
     summary = multicast.end()
     assert summary.malformed == 6
     assert summary.reconnects == 0
-    # Own frames come back on this bus, and are known by their identifiers.
-    assert summary.sent - 5 <= summary.account.classes[FrameClass.OWN] <= summary.sent
+    # Own frames come back on this bus, and are known by their identifiers; the last ones may not have been read.
+    assert sent <= summary.account.classes[FrameClass.OWN] <= summary.sent
 
 
 def test_hundreds_of_malformed_datagrams_a_second_do_not_end_a_bus(multicast: Running) -> None:
@@ -319,8 +321,9 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
     classes = summary.account.classes
     assert summary.account.received == expected
     assert classes[FrameClass.UNKNOWN_IDENTIFIER] == sent
-    not_answered = classes[FrameClass.SKIPPED] + classes[FrameClass.OVERRUN]
-    assert len(answered) + not_answered / 4 >= virtual.cycle - first
+    # Strains that a sender who stood still sent behind its state are late: two frames of a cycle.
+    not_answered = (classes[FrameClass.SKIPPED] + classes[FrameClass.OVERRUN]) / 4 + classes[FrameClass.LATE] / 2
+    assert len(answered) + not_answered >= virtual.cycle - first
     assert classes[FrameClass.USED] > 0
     assert classes[FrameClass.CORRUPT] == classes[FrameClass.WRONG_FORMAT] == classes[FrameClass.REPEATED] == 0
     # Of a host that stands still the sender's clock goes on without its counter.
@@ -340,11 +343,11 @@ def test_the_receive_buffer_is_enlarged_and_drops_of_the_system_are_counted() ->
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             for _ in range(200):
                 sender.send(message)
-            received = 0
-            while bus.recv(0.05) is not None:
-                received += 1
-            assert kernel_drops(bus) == 200 - received
-            assert received < 200
+            received, end = 0, time.monotonic() + PATIENCE
+            while received + kernel_drops(bus) < 200:
+                received += bus.recv(0.05) is not None
+                assert time.monotonic() < end
+            assert kernel_drops(bus) == 200 - received > 0
 
 
 @pytest.mark.skipif(shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare and root")

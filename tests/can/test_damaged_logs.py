@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -183,6 +184,14 @@ def test_a_file_that_ends_its_reader_is_damaged(tmp_path: Path) -> None:
     assert not reads_well(path, lambda: [None for _ in iter(int, 1)], patience=0.3)
     assert not reads_well(path, lambda: bytearray(3 << 30))
     assert not reads_well(path, lambda: path.joinpath("none").read_bytes())
+
+
+def test_a_file_whose_reader_gets_no_processor_time_is_not_damaged(tmp_path: Path) -> None:
+    """As on a busy host; the limit is one of processor time."""
+    path = tmp_path / "file"
+    path.write_bytes(b"x")
+    assert reads_well(path, lambda: time.sleep(0.5), patience=0.1)
+    assert list(read_apart(path, lambda: [time.sleep(0.5)], patience=0.1)) == [None]
 
 
 def test_memory_is_limited_behind_a_first_look_too(tmp_path: Path) -> None:

@@ -64,7 +64,6 @@ def test_a_request_that_comes_byte_by_byte_is_ended(
     monitor: Monitor, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Each byte comes in time, the whole never does; others are answered meanwhile."""
-    monkeypatch.setattr(server, "REQUEST_TIME", 0.5)
     before, stopped = set(threading.enumerate()), threading.Event()
     with connected(monitor) as slow:
         slow.sendall(REQUEST)
@@ -80,6 +79,7 @@ def test_a_request_that_comes_byte_by_byte_is_ended(
         page.request("GET", "/")
         assert page.getresponse().status == 200
         page.close()
+        monkeypatch.setattr(server, "REQUEST_TIME", 0.3)
         assert is_ended(slow)
         stopped.set()
         dripping.join()
@@ -88,10 +88,10 @@ def test_a_request_that_comes_byte_by_byte_is_ended(
 
 
 def test_a_stream_outlives_the_time_of_a_request(monitor: Monitor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server, "REQUEST_TIME", 0.1)
     page = http.client.HTTPConnection(monitor.url.removeprefix("http://").rstrip("/"), timeout=PATIENCE)
     page.request("GET", "/events")
     stream, begin = page.getresponse(), time.monotonic()
+    monkeypatch.setattr(server, "REQUEST_TIME", 0.1)
     while time.monotonic() < begin + 0.5:
         assert stream.readline().startswith(b"data: ")
         assert stream.readline() == b"\n"

@@ -13,8 +13,11 @@ from pathlib import Path
 
 from strainfmu.cli.main import main
 
-LONGEST = 10.0
-"""Time [s] within which a damaged file ends."""
+LONGEST = 10
+"""Processor time [s] of each process within which a damaged file ends, however busy the host."""
+
+PATIENCE = 300.0
+"""Time [s] within which it ends if it waits for something."""
 
 LARGEST = 1 << 30
 """Memory [bytes] that a damaged file may need beyond what the program has."""
@@ -52,19 +55,21 @@ def limited_run(folder: Path, *arguments: object) -> Ended:
             found, status, usage = os.wait4(child, os.WNOHANG)
             if found:
                 used = usage
-            elif time.monotonic() - begin > LONGEST and not killed:
+            elif time.monotonic() - begin > PATIENCE and not killed:
                 os.kill(child, signal.SIGKILL)
                 killed = True
             else:
                 time.sleep(0.002)
         errors.seek(0)
         text = errors.read().decode(errors="replace")
-    code = None if killed else os.waitstatus_to_exitcode(status)
+    code = None if killed or os.WTERMSIG(status) == signal.SIGXCPU else os.waitstatus_to_exitcode(status)
     return Ended(code, text, time.monotonic() - begin, 1024 * max(used.ru_maxrss - before, 0))
 
 
 def _run(arguments: list[str], errors: int) -> None:
     """Run the command and end the process."""
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, 2 * LONGEST))
     os.dup2(errors, 2)
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, 1)

@@ -112,7 +112,7 @@ def test_fmpy_ends_by_itself(fmus: dict[Motion, Path], motion: Motion, capsys: p
         start_values=start,
         input=ramp,
         output=["C_N", "mach_number"],
-        timeout=30.0,
+        timeout=300.0,
     )
     assert 2 < len(result) < 200
     assert result["time"][-1] < 1.0
