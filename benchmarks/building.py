@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import radians
 
 from builder.aero.euler.bodies.solver import solve_flow
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.vehicle.file import IC3X, load_vehicle
 
 

@@ -21,13 +21,13 @@ from builder.pipeline.load_test_proposal import loadtest as loadtest
 from builder.pipeline.load_test_proposal import loadtest_template as loadtest_template
 from builder.pipeline.calibrate import calibrate as calibrate
 from builder.pipeline.equations import equations as equations
-from builder.pipeline.gauge_placement import place as place
-from builder.pipeline.gauge_placement import review as review
+from builder.pipeline.place_and_review import place as place
+from builder.pipeline.place_and_review import review as review
 from builder.pipeline.trials import run_trial as run_trial
 from builder.pipeline.trials import stress as stress
 from builder.pipeline.trials import compare as compare
 from builder.study import run_study as run_study
-from builder.reproduce.run import reproduce_paper as reproduce_paper
+from builder.reproduce.reproduction import reproduce_paper as reproduce_paper
 from builder.structure.loads.known_strain import known_strain as known_strain
 from builder.reports.mesh_study import bench_meshes as bench_meshes
 from builder.structure.solid.growth import bench_structure as bench_structure
@@ -73,18 +73,18 @@ from builder.structure.wall import Material as Material
 from builder.calibration.ground_test.candidate_cases import PlannedCase as PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors as LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file as read_test_file
-from builder.calibration.ground_test.readings import read_load_test as read_load_test
+from builder.calibration.ground_test.test_readings import read_load_test as read_load_test
 from builder.calibration.ground_test.simulated import simulate_ground_test as simulate_ground_test
 from builder.calibration.ground_test.simulated import write_ground_test as write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases as standard_load_cases
-from builder.structure.as_built.structure import as_built_structure as as_built_structure
-from builder.structure.as_built.vehicle import as_built_std as as_built_std
-from builder.structure.as_built.vehicle import draw_as_built as draw_as_built
+from builder.structure.as_built.as_built_structure import as_built_structure as as_built_structure
+from builder.structure.as_built.as_built_vehicle import as_built_std as as_built_std
+from builder.structure.as_built.as_built_vehicle import draw_as_built as draw_as_built
 
 # Reports
 from builder.reports.page.html import Page as Page
 from builder.reports.page.html import Paragraph as Paragraph
 from builder.reports.page.html import Section as Section
 from builder.reports.page.html import write_page as write_page
-from builder.reports.page.tables import Column as Column
-from builder.reports.page.tables import make_table as make_table
+from builder.reports.page.page_tables import Column as Column
+from builder.reports.page.page_tables import make_table as make_table

@@ -48,7 +48,7 @@ from builder.trial.world import World
 from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from builder.workspace import Cache, Workspace
 from strainfmu.errors import FaultsError, InputError, StrainfmuError
 from strainfmu.estimator.signal_names import TEMPERATURE

@@ -43,6 +43,11 @@ def test_measures_only_fall(measure: str) -> None:
         )
 
 
+def test_no_two_modules_of_builder_have_one_name() -> None:
+    names = [path.stem for path in (ROOT / "builder").rglob("*.py") if path.stem != "__init__"]
+    assert sorted(name for name in set(names) if names.count(name) > 1) == []
+
+
 def test_places_are_where_the_page_says() -> None:
     for row in rows("Places"):
         path, text = row.cells[0].strip("`"), row.cells[1].strip("`")

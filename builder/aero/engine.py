@@ -2,8 +2,8 @@
 
 Engines: :class:`builder.aero.engines.euler.EulerEngine` (the marching solver),
 :class:`builder.aero.engines.newtonian.NewtonianEngine` (any closed surface),
-:class:`builder.aero.cfd.table.TableEngine` (results of another solver, imported). A new engine implements these
-members; campaigns, the command line and reports need no change.
+:class:`builder.aero.cfd.results_table.TableEngine` (results of another solver, imported). A new engine implements
+these members; campaigns, the command line and reports need no change.
 """
 
 from __future__ import annotations

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from builder.campaign.campaign_run import CampaignResult
 from builder.campaign.failures import failed_conditions, failure_lines
-from builder.campaign.run import CampaignResult
 
 
 def campaign_notes(result: CampaignResult) -> list[str]:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from builder.aero.mapping.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.mapping.pressure_map import pressure_map
-from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.aero.engine import Engine
 from builder.aero.engines.registry import own_surface
-from builder.campaign.run import Campaign
+from builder.campaign.campaign_run import Campaign
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.profile_record import profile_record

@@ -30,7 +30,7 @@ from builder.inverse.noise.thermal import (
 )
 from builder.inverse.sensors.sensor_set import joined_errors, joined_terms, sensor_set
 from builder.inverse.solution import Problem
-from builder.structure.fourier.model import StructuralModel, structural_model_on
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.checks import ELEMENT_FRACTION

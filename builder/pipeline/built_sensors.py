@@ -10,7 +10,7 @@ import numpy as np
 from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.sensor_set import base_area, surface_rows
 from builder.inverse.sensors.structural import rows_on_surface
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.truth.revolution.strain import BuiltSensors, sensor_response
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

@@ -21,16 +21,16 @@ from builder.calibration.after_test.flown_after_test import allowed_flights
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
-from builder.calibration.estimate.faults import Fault, calibrate_with_faults
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.test_faults import Fault, calibrate_with_faults
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
-from builder.calibration.ground_test.readings import read_load_test
+from builder.calibration.ground_test.test_readings import read_load_test
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
@@ -40,9 +40,9 @@ from builder.pipeline.used_files import FLOWS, SNAPSHOTS
 from builder.reporting import Reporter
 from builder.reports.calibration_page.findings import CalibrationFindings
 from builder.reports.calibration_page.verdict import Verdict, verdict
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import slices
-from builder.structure.fourier.model import structural_model
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import slices
+from builder.structure.fourier.fourier_model import structural_model
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable, load_truth_flows
 from builder.truth.revolution.strain import TrueStructure

@@ -21,12 +21,12 @@ from builder.calibration.plan.load_plan import LoadPlan, PlanParts, load_plan
 from builder.calibration.plan.schedule import RunCase, Schedule, run_order, whole_time
 from builder.campaign.snapshot_fit import vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.figures.calibration.load_plan import load_plan_figure
+from builder.figures.calibration.load_plan_figure import load_plan_figure
 from builder.figures.drawing.canvas import save
 from builder.pipeline.map_files import cached_snapshots
 from builder.pipeline.stages import AnyProgress, fourier_structure, reporter_of, take_snapshots
 from builder.reporting import Reporter
-from builder.structure.as_built.structure import as_built_structure, refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import as_built_structure, refuse_beyond_calibration
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle, load_vehicle

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from builder.campaign import snapshots as snapshots_file
+from builder.campaign.campaign_run import Campaign, run_campaign
 from builder.campaign.journal import Journal
-from builder.campaign.run import Campaign, run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.problem import AnyStructure
@@ -37,12 +37,12 @@ from builder.pipeline.stages import (
 )
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
-from builder.reports.build_report import page as build_page
-from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.build_report.sections import blind_line, model_form_line
+from builder.reports.build_report import build_page
+from builder.reports.build_report.build_findings import BuildReport, build_report
+from builder.reports.build_report.build_sections import blind_line, model_form_line
 from builder.reports.page.origin import input_files
 from builder.structure import structure_file
-from builder.structure.external.structure import external_inputs, external_structure
+from builder.structure.external.external_structure import external_inputs, external_structure
 from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.solid_model import solve_solid_structure, update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure

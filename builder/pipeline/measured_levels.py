@@ -10,7 +10,7 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.pipeline.estimator_choice import as_chosen, compared_in_flights
 from builder.reporting import Reporter
-from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.structure.structure_file import Structure
 from builder.trial.conditions import conditions_in_ranges, drawn_altitudes_km
 from builder.trial.levels import (

@@ -15,9 +15,9 @@ from warnings import warn
 
 from builder.aero.engine import FlowKey
 from builder.aero.engines.registry import make_engine
+from builder.campaign.campaign_run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.failures import failed_conditions, missing_line
 from builder.campaign.notes import campaign_notes
-from builder.campaign.run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
@@ -27,7 +27,7 @@ from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.mesh_error import mesh_error_notes
 from builder.inverse.problem import AnyStructure, check_noise, check_other_loads, inverse_problem
 from builder.inverse.solution import Problem
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.estimator_choice import as_chosen, compared_on_left_out, linear_because
 from builder.pipeline.measured_levels import (
     alarm_levels_wanted,
@@ -36,8 +36,8 @@ from builder.pipeline.measured_levels import (
     with_shape_levels,
 )
 from builder.reporting import Reporter, Silent
-from builder.structure.external.structure import external_structure
-from builder.structure.fourier.model import (
+from builder.structure.external.external_structure import external_structure
+from builder.structure.fourier.fourier_model import (
     StructuralModel,
     structural_model,
     with_mesh_error,

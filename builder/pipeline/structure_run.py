@@ -11,8 +11,8 @@ from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.structure.external import influence_export, load_export
+from builder.structure.external.external_structure import external_structure
 from builder.structure.external.load_cases import load_cases
-from builder.structure.external.structure import external_structure
 from builder.structure.solid.case import solid_case, structure_case
 from builder.structure.solid.checks import mesh_error_line
 from builder.structure.solid.mesh_checks import report_text

@@ -37,8 +37,8 @@ from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
-from builder.structure.as_built.structure import refuse_beyond_calibration
-from builder.structure.fourier.model import place_layouts
+from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure

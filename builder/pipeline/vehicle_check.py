@@ -17,10 +17,10 @@ from builder.inverse.noise.recorder import reading_in_words
 from builder.inverse.problem import check_noise, check_other_loads
 from builder.pipeline.demonstration.demo import refuse_without_demo
 from builder.pipeline.demonstration.flown_shape import check_parameters, manoeuvre_warnings
-from builder.pipeline.gauge_placement import check_model
+from builder.pipeline.place_and_review import check_model
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Reporter
-from builder.structure.as_built.structure import refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
 from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution.flow_table import truth_engine, truth_keys, truth_knots

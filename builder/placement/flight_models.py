@@ -22,7 +22,7 @@ from builder.inverse.noise.hardware_errors import rms_ambient_pressure
 from builder.inverse.noise.leeward import leeward_fields
 from builder.inverse.problem import AnyStructure, gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import Problem, mode_choice, pressure_modes
-from builder.manifold.build import tables_and_errors
+from builder.manifold.nonlinear_build import tables_and_errors
 from builder.placement.candidate_strain import CandidateStrain
 from builder.placement.counted_sensors import CountedSensors
 from builder.placement.gaussian_model import GaussianModel

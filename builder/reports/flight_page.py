@@ -8,7 +8,7 @@ from pathlib import Path
 
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Picture, Section, picture, write_page
 from builder.reports.page.origin import input_files, origin_of
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import USABLE_STATES, HealthState
 from strainfmu.interface.enumerations import HEALTH_ITEMS

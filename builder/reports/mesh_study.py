@@ -21,7 +21,7 @@ from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.reporting import Progress, Reporter, Silent
-from builder.structure.fourier.model import StructuralModel, place_layouts
+from builder.structure.fourier.fourier_model import StructuralModel, place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator

@@ -8,7 +8,7 @@ from builder.placement.lost_gauge import LARGEST_RATIO
 from builder.placement.review import DETECTED, SPARE, Review
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section
 from builder.reports.page.origin import Origin
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from builder.reproduce.paper_readings import SHIPPED
 from builder.reproduce.parity import Found, found
 from builder.reproduce.published import PUBLISHED
-from builder.reproduce.readings import SHIPPED
 from builder.reproduce.setups import TITLES
 from builder.reproduce.strain_models import HEXAHEDRA, TETRAHEDRA
 from builder.reproduce.studies import Studies

@@ -10,8 +10,8 @@ import numpy as np
 from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import PUBLISHED_STRAIN, case_1_map, pod_of, study_case_1
 from builder.reproduce.case_2 import Case2Map, case_2_map, odd_part
+from builder.reproduce.paper_readings import READINGS, SHIPPED, Reading
 from builder.reproduce.protocol import EXAMPLES, MODES, NOISE_FREE_GAMMA, P1, SEED
-from builder.reproduce.readings import READINGS, SHIPPED, Reading
 from builder.reproduce.setups import INDEPENDENT, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel
 from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses

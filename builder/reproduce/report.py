@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from builder.figures.drawing.canvas import save
 from builder.reports.page.html import Block, Items, Page, Paragraph, Picture, Section, write_page
-from builder.reports.page.tables import Table, by_name, tables_json, write_csv
-from builder.reproduce import tables
+from builder.reports.page.page_tables import Table, by_name, tables_json, write_csv
+from builder.reproduce import paper_tables as tables
 from builder.reproduce.acceptance import verdicts
 from builder.reproduce.parity import parity_rows
 from builder.reproduce.protocol import Sizes

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from builder.figures.reproduction import case_1, case_2
+from builder.figures.reproduction import case_1_figures as case_1
+from builder.figures.reproduction import case_2_figures as case_2
 from builder.figures.reproduction.field_views import SIDES
 from builder.reproduce.protocol import DRAWN_MODES, EXAMPLES, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED

@@ -9,8 +9,8 @@ import numpy as np
 from builder.aero.loads.operator import coefficient_scales_at, coefficients_of, load_operator
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.reproduce.paper_readings import SHIPPED
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
-from builder.reproduce.readings import SHIPPED
 from builder.reproduce.strain_models import StrainModel
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray

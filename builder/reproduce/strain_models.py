@@ -21,9 +21,9 @@ from scipy.sparse import coo_array, csr_array
 
 from builder.campaign.snapshots import Snapshots
 from builder.reporting import Progress
+from builder.reproduce.paper_readings import ALL
 from builder.reproduce.protocol import Sizes
-from builder.reproduce.readings import ALL
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows

@@ -42,9 +42,9 @@ from builder.reproduce.measurements import (
     scatter_rows,
     span_row,
 )
+from builder.reproduce.paper_readings import READINGS, SHIPPED, SPANS, Reading
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FREE_GAMMA, P1, P2, PUBLISHED_GAMMA
 from builder.reproduce.published import PUBLISHED
-from builder.reproduce.readings import READINGS, SHIPPED, SPANS, Reading
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp
 from builder.reproduce.store import load_studies, save_studies
 from builder.reproduce.strain_models import FOURIER, HEXAHEDRA, RECOVERED, TETRAHEDRA, StrainModel

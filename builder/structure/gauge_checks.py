@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case

@@ -12,7 +12,7 @@ from builder.structure.fourier.meridian_mesh import MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout, checked_layout, read_layout
 from strainfmu.errors import InputError
 

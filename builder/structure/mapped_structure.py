@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from builder.aero.mapping.mapping_report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.mapping.pressure_map import pressure_map
-from builder.aero.mapping.report import MappingTolerances, check_mapping, mapping_report
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.structure.structure_file import Structure

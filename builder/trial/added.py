@@ -11,9 +11,9 @@ from pydantic import Field
 
 from builder.inverse.noise.inertia import UNLISTED, strain_by_inertia
 from builder.inverse.noise.thermal import thermal_structure
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.inertia_strain import inertia_strain
 from builder.structure.fourier.meridian_mesh import MeridianMasses
-from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
@@ -24,8 +24,8 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolutions
 from builder.vehicle.shape.geometry import surface_grid
 from builder.vehicle.structure.mass import Mass
-from builder.vehicle.structure.temperature import Temperature, TemperatureSensor
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.structure.temperature_entries import Temperature, TemperatureSensor
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import FloatArray
 
 PER_100K, CELSIUS = 1e-4, 273.15

@@ -35,7 +35,7 @@ from builder.trial.flows import Flow
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import TEMPERATURE
 

@@ -21,7 +21,7 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import AnyStructure
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from builder.truth.revolution.flow_table import FlowTable, flow_states
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Altitude, Section
+from builder.vehicle.toml.toml_sections import Altitude, Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError, InputError
 from strainfmu.flight_condition import FlightCondition

@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap

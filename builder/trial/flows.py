@@ -31,7 +31,7 @@ from builder.truth.revolution.flow_table import (
     truth_surface,
 )
 from builder.vehicle.file import Vehicle
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import FlowReachError
 from strainfmu.flight_condition import MACH_NUMBER, FlightCondition

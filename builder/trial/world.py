@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import KINDS
 from builder.trial.added import AddedStrain
 from builder.trial.bound import cramer_rao_bound

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import Noise

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.truth.shape import refuse_without_other_model
 from builder.vehicle.file import Vehicle
 

@@ -19,13 +19,13 @@ from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.aero.mapping.pressure_map import consistent_map
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.run import complete_flows, snapshots_of_flows
+from builder.campaign.campaign_run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.displaced import DisplacedGauges, refuse_others, ways_of
-from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.mapped_structure import mapped_operator
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import flying_mesh, second_mesh, structure_case

@@ -14,10 +14,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
-from builder.vehicle.conditions.entries import Conditions
+from builder.vehicle.conditions.condition_entries import Conditions
 from builder.vehicle.conditions.flight_conditions import condition_grid
-from builder.vehicle.gauges.entries import Gauges
-from builder.vehicle.gauges.recorder import Recorder
+from builder.vehicle.gauges.gauge_entries import Gauges
+from builder.vehicle.gauges.recorder_entries import Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
@@ -40,18 +40,18 @@ from builder.vehicle.notebook_view import (
     stations_in_use,
     vehicle_html,
 )
-from builder.vehicle.shape.entries import Reference, Shape
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt
 from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
+from builder.vehicle.shape.shape_entries import Reference, Shape
 from builder.vehicle.structure.mass import Mass
 from builder.vehicle.structure.material import MaterialEntry
 from builder.vehicle.structure.section import Structure
-from builder.vehicle.structure.temperature import Temperature
-from builder.vehicle.toml.faults import Faults
-from builder.vehicle.toml.limits import (
+from builder.vehicle.structure.temperature_entries import Temperature
+from builder.vehicle.toml.entry_faults import Faults
+from builder.vehicle.toml.entry_limits import (
     MAX_CONDITIONS,
     MAX_ELEMENTS,
     MAX_GAUGES,
@@ -60,7 +60,7 @@ from builder.vehicle.toml.limits import (
     one_line,
 )
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 

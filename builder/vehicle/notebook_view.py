@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.vehicle.gauges.entries import Gauges
+from builder.vehicle.gauges.gauge_entries import Gauges
 from builder.vehicle.gauges.layout import read_layout
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import BodyOfRevolution

@@ -14,8 +14,8 @@ from scipy.stats import chi2
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
-from builder.structure.fourier.model import structural_model, with_mesh_error
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.fourier.fourier_model import structural_model, with_mesh_error
 from builder.trial.compared import knowing
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.arrays import FloatArray

@@ -15,7 +15,7 @@ import pytest
 from bus_run import CYCLE, paced_bridge
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.pipeline.gauge_placement import structure_of
+from builder.pipeline.place_and_review import structure_of
 from builder.reporting import Silent
 from builder.structure.solid import case
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution

@@ -9,12 +9,12 @@ import pytest
 from as_built_case import LAYOUT, TITANIUM
 
 from builder.inverse.noise.gauge_derivatives import strain_derivatives
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built, parameter_names
 from builder.structure.as_built.derivatives import parameter_derivatives
 from builder.structure.as_built.response_tables import together
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built, parameter_names
 from builder.structure.as_built_kinds import KINDS
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.loads.applied import ApparentStrain, Load, PadForce, SurfacePressure, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
@@ -54,7 +54,7 @@ def test_harmonics_beyond_what_changes_need_leave_the_strain(
     """Of a wall that differs by 3 % everywhere, under a pad that needs all twelve harmonics."""
     changed = len(as_built.states.uneven[0].outer[0, 0])
     assert changed < len(as_built.states.nominal.outer)
-    monkeypatch.setattr("builder.structure.as_built.structure.changed_harmonic_of", max)
+    monkeypatch.setattr("builder.structure.as_built.as_built_structure.changed_harmonic_of", max)
     whole = as_built_structure(vehicle, LAYOUT, properties=TITANIUM, max_harmonic=12)
     assert len(whole.states.uneven[0].outer[0, 0]) > changed
     pad = PadForce(station=1.0, roll_angle=0.3, half_length=0.05, half_angle=np.pi / 6, force=(0.0, 0.0, -1500.0))

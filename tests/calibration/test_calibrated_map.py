@@ -8,8 +8,8 @@ import pytest
 from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_vehicle
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 
 

@@ -7,15 +7,15 @@ import pytest
 from drawn_tests import applied_by, blank_test, drawn_readings
 
 from builder.calibration.estimate.disagreement import unexplained
-from builder.calibration.estimate.faults import Fault, calibrate_with_faults, named_faults, too_many
+from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.vehicle import usable
+from builder.calibration.estimate.test_faults import Fault, calibrate_with_faults, named_faults, too_many
 from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.ground_rows import GAUGE_SPOILS, Spoil, case_spoils, with_another
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import Vehicle
 

@@ -12,16 +12,16 @@ from drawn_tests import blank_test, drawn_readings
 from builder.calibration.as_built.structure_of_test import joint_candidates, prior_of_test, structure_of_test
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
-from builder.calibration.estimate.faults import calibrate_with_faults
+from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.vehicle import usable
+from builder.calibration.estimate.test_faults import calibrate_with_faults
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.standard_cases import standard_load_cases
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import slices
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.loads.applied import Load, PadForce, PointForce, Weight
 from builder.structure.loads.fourier import MAX_HARMONIC, harmonics_of
 from builder.structure.loads.gauge_strain import gauge_strain

@@ -11,8 +11,8 @@ from as_built_case import strain_covariances
 from builder.calibration.after_test.calibrated_map import calibrated_vehicle
 from builder.calibration.after_test.flown_after_test import allowed_flights, strain_of_flows
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.trial.conditions import held_out_conditions
 from builder.trial.world import World
 from builder.truth import flights as truth_flights

@@ -21,7 +21,7 @@ from builder.calibration.score.ground_rows import (
 )
 from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
 from builder.campaign.snapshots import Snapshots
-from builder.structure.as_built.vehicle import Counts, exactly_built
+from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
 from builder.trial.cases import Case, GroundTest, GroundTests, Plan
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings

@@ -7,8 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, refuse_beyond_calibration
-from builder.structure.fourier.model import structural_model
+from builder.structure.as_built.as_built_structure import (
+    AsBuiltStructure,
+    as_built_structure,
+    refuse_beyond_calibration,
+)
+from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.loads.applied import Load, PadForce, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of

@@ -9,8 +9,8 @@ from ensembles import listed_ensemble
 
 from builder.calibration.after_test.left_by_test import COMMON, PATTERNS, LeftByTest, Remaining, left_by_test
 from builder.inverse.modes.ensemble import Ensemble
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 

@@ -7,10 +7,10 @@ import pytest
 from as_built_case import LAYOUT, TITANIUM
 
 from builder.inverse.noise.gauge_derivatives import strain_derivatives
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.wall_changes import CLAMP_LENGTH, ElasticClamp, solved
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.shell_mesh import yielding_clamp
 from builder.structure.fourier.strain_operator import strain_rows
 from builder.structure.loads.applied import Acceleration, Load, PadForce, SectionLoad, Weight

@@ -9,7 +9,7 @@ from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.plan.kind_sigmas import established, kind_sigmas, undetermined
 from builder.calibration.plan.load_plan import LoadPlan
 from builder.calibration.plan.schedule import Schedule, run_order, whole_time
-from builder.structure.as_built.vehicle import Counts, parameter_names
+from builder.structure.as_built.as_built_vehicle import Counts, parameter_names
 from builder.structure.loads.applied import PadPressure, Weight
 
 pytestmark = pytest.mark.fast

@@ -12,16 +12,16 @@ from drawn_tests import blank_test
 
 from builder.calibration.after_test.calibrated_map import remaining_after
 from builder.calibration.estimate.disagreement import unexplained
-from builder.calibration.estimate.faults import calibrate_with_faults, load_shifts
+from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.vehicle import Estimate, estimate, usable
+from builder.calibration.estimate.test_faults import calibrate_with_faults, load_shifts
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.pipeline.load_test_proposal import write_template
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import GAUGE_KINDS, AsBuilt, as_built_std, draw_as_built, slices
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, AsBuilt, as_built_std, draw_as_built, slices
 from builder.structure.loads.applied import PadForce
 from builder.vehicle.file import IC3X, Vehicle
 from strainfmu.errors import InputError

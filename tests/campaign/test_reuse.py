@@ -14,7 +14,7 @@ import pytest
 from campaign_case import THREADS, Undisturbed, campaign_of, run, stored_hash, undisturbed_campaign
 from ogive import OGIVE
 
-from builder.campaign.run import run_campaign
+from builder.campaign.campaign_run import run_campaign
 from builder.campaign.snapshots import Snapshots, load_flows, load_snapshots
 from builder.reporting import Progress, Silent
 from builder.vehicle.conditions.flight_conditions import condition_grid

@@ -15,7 +15,7 @@ from snippets import ROOT, pages
 
 from builder.aero.euler.scheme import fluxes
 from builder.campaign import snapshots
-from builder.reports.build_report import page as build_page
+from builder.reports.build_report import build_page
 from builder.structure import structure_file
 from builder.truth.revolution import flow_table
 from strainfmu.cosim.models import flight_model

@@ -11,7 +11,7 @@ from builder.inverse.modes.mode_choice import MIN_STRAIN_OVER_NOISE, mode_choice
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import ordered_modes, pressure_modes, solve
 from builder.inverse.solved_map import inverse_map_of
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
 

@@ -16,7 +16,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.cases.field import estimated_field
 from builder.inverse.noise.model import nuisance_modes
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError

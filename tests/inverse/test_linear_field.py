@@ -10,7 +10,7 @@ from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator

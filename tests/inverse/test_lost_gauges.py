@@ -17,7 +17,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout

@@ -11,9 +11,9 @@ from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import inverse_problem
-from builder.manifold.build import with_manifold
-from builder.structure.as_built.vehicle import exactly_built
-from builder.structure.fourier.model import StructuralModel
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.as_built.as_built_vehicle import exactly_built
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.conditions import held_out_conditions
 from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import TrueStructure, true_flights

@@ -15,8 +15,8 @@ from builder.inverse.noise.error_list import LEVEL
 from builder.inverse.noise.flow_models import FLOW_MODELS, newtonian_snapshots
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import with_flow_models
-from builder.manifold.build import with_manifold
-from builder.structure.fourier.model import StructuralModel
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate

@@ -14,8 +14,8 @@ from builder.aero.loads.sections import section_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.problem import inverse_problem
-from builder.manifold.build import with_manifold
-from builder.structure.fourier.model import StructuralModel
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimate import Estimate

@@ -17,8 +17,8 @@ from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import inverse_problem
 from builder.inverse.sensors.sensor_set import base_area
 from builder.inverse.solution import Problem
-from builder.manifold.build import manifold_map, with_manifold
-from builder.structure.fourier.model import StructuralModel
+from builder.manifold.nonlinear_build import manifold_map, with_manifold
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Sensors
 from strainfmu.arrays import FloatArray

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import IC3X, load_vehicle
 from builder.vehicle.gauges.sensor_entries import Sensors

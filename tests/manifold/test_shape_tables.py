@@ -24,9 +24,9 @@ from shape_case import (
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.problem import inverse_problem
-from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import process_on_surface, process_size
+from builder.manifold.nonlinear_build import with_manifold
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
 from strainfmu.estimator.alarm_limits import outside_score

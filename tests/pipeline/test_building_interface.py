@@ -15,9 +15,9 @@ from ogive import OGIVE
 import builder
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.structure_file import Structure
-from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import SCHEMA, SCHEMA_VERSION, load_inverse_map, save_inverse_map
 from strainfmu.files import content_hash_of

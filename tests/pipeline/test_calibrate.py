@@ -17,8 +17,8 @@ from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.campaign.snapshots import save_snapshots
 from builder.pipeline.calibrate import calibrate
 from builder.pipeline.stages import build_map, take_snapshots
-from builder.structure.as_built.structure import as_built_structure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import as_built_structure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import IC3X, load_vehicle
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError, StrainfmuError

@@ -14,8 +14,8 @@ from builder.inverse.modes.ensemble import ensemble_of
 from builder.pipeline.estimator_choice import FACTS, as_chosen, compared_in_flights, left_out
 from builder.pipeline.stages import map_from
 from builder.reporting import Silent
-from builder.reports.build_report.tables import estimator_choice
-from builder.structure.fourier.model import StructuralModel
+from builder.reports.build_report.build_tables import estimator_choice
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.levels import level_readings
 from builder.trial.readings import Readings
 from builder.trial.world import World

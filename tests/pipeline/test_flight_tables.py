@@ -16,8 +16,8 @@ from builder.inverse.build import snapshot_coefficients
 from builder.inverse.sensors.sensor_set import surface_rows
 from builder.inverse.sensors.structural import rows_on_surface
 from builder.pipeline.built_sensors import flown_sensors
-from builder.structure.as_built.vehicle import exactly_built
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.as_built.as_built_vehicle import exactly_built
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import FlowTable, pressure_harmonics, truth_engine, truth_keys
 from builder.truth.revolution.strain import TrueStructure, sensor_readings

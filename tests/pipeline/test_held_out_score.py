@@ -21,7 +21,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.pipeline.demonstration import held_out_score as held_out
 from builder.pipeline.demonstration.flight_trial import Flown
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from builder.truth.independent_model import FlownPhysics, flown_physics, other_physics

@@ -12,7 +12,7 @@ import pytest
 from ogive import OGIVE, copied_ogive
 from snippets import ROOT, snippets
 
-from builder.campaign import run as campaign
+from builder.campaign import campaign_run as campaign
 from builder.trial import conditions
 from builder.vehicle.file import load_vehicle
 from strainfmu.files import fingerprint

@@ -15,7 +15,7 @@ from builder.placement.curves import qr_sites
 from builder.placement.design import Aim, Study, aimed, place, placement_study
 from builder.placement.limits import Limits, Zone
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 
 pysensors = pytest.importorskip("pysensors", reason="needs python-sensors")

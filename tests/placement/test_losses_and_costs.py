@@ -14,7 +14,7 @@ from builder.placement.design import Aim, Study, aimed, pair_remarks, place, pla
 from builder.placement.limits import Limits
 from builder.placement.lost_gauge import LARGEST_RATIO, LostGauge, lost_gauges, pair_loss_ratios
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 

@@ -13,13 +13,13 @@ from changed_vehicle import write_changed
 
 from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots, save_snapshots
-from builder.figures.placement import placement_figure
+from builder.figures.placement_figures import placement_figure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import rolled_modes
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem
-from builder.manifold.build import with_manifold
-from builder.pipeline.gauge_placement import review_layout, write_layout
+from builder.manifold.nonlinear_build import with_manifold
+from builder.pipeline.place_and_review import review_layout, write_layout
 from builder.placement import curves, design, lost_gauge
 from builder.placement.candidates import CandidateGrid
 from builder.placement.curves import accuracy_curves, best_of_random, even_sites, qr_sites
@@ -31,10 +31,10 @@ from builder.reporting import Silent
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import origin_of
 from builder.reports.placement_page import placement_page
-from builder.structure.fourier.model import StructuralModel, structural_model_on
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.gauge_checks import check_gauges
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import GaugeLayout, read_layout
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
 from strainfmu.errors import InputError

@@ -10,7 +10,7 @@ import pytest
 from shape_case import flown, grid_conditions
 
 from builder.inverse.build import build_inverse_map
-from builder.pipeline.gauge_placement import check_model, left_out, propose_gauges, structure_of, write_layout
+from builder.pipeline.place_and_review import check_model, left_out, propose_gauges, structure_of, write_layout
 from builder.placement.candidates import CandidateGrid
 from builder.placement.design import Aim, Study, place, placement_study
 from builder.placement.limits import Limits
@@ -20,7 +20,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid import case
 from builder.structure.solid.swept_mesh import RESOLUTIONS, SweptResolution
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 

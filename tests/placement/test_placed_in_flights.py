@@ -8,7 +8,7 @@ import pytest
 from changed_vehicle import write_changed
 
 from builder.campaign.snapshots import load_snapshots
-from builder.pipeline.gauge_placement import structure_of, write_layout
+from builder.pipeline.place_and_review import structure_of, write_layout
 from builder.placement.candidates import CandidateGrid
 from builder.placement.design import Aim, place, placement_study
 from builder.placement.limits import Limits

@@ -9,10 +9,10 @@ from chromium import Browser
 from report_case import CASE_1, CASE_2, ReportCase, case_of, solved_vehicle
 
 from builder.campaign.snapshots import Snapshots
-from builder.reports.build_report.page import report_page
-from builder.reports.build_report.report import BuildReport, build_report
+from builder.reports.build_report.build_findings import BuildReport, build_report
+from builder.reports.build_report.build_page import report_page
 from builder.reports.page.html import Page, page_html
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 
 Parts = tuple[Vehicle, Snapshots, StructuralModel]

@@ -9,7 +9,7 @@ import numpy as np
 from ogive import OGIVE
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
@@ -17,7 +17,7 @@ from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve
 from builder.inverse.solved_map import inverse_map_of
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts

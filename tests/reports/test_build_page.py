@@ -17,20 +17,20 @@ from report_case import CASE_1, ReportCase, case_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
-from builder.figures.map.observability import unrolled_pressure
+from builder.figures.map.observability_figures import unrolled_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.model import nuisance_modes
+from builder.reports.build_report.build_findings import BuildReport, build_report
+from builder.reports.build_report.build_page import report_page, write_numbers
+from builder.reports.build_report.build_sections import blind_line, blindness_text
+from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import first_screen
-from builder.reports.build_report.page import report_page, write_numbers
-from builder.reports.build_report.report import BuildReport, build_report
-from builder.reports.build_report.sections import blind_line, blindness_text
-from builder.reports.build_report.tables import report_tables
 from builder.reports.findings.exclusions import exclusions
 from builder.reports.page.html import Page, Paragraph, Section, page_html, picture
 from builder.reports.page.origin import input_files
-from builder.reports.page.tables import Column, shown
-from builder.structure.fourier.model import StructuralModel
+from builder.reports.page.page_tables import Column, shown
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry

@@ -14,12 +14,12 @@ from page_checks import read_page
 from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.check_loads import check_loads
 from builder.calibration.estimate.cross_validation import cross_validation
-from builder.calibration.estimate.faults import calibrate_with_faults
+from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.vehicle import Estimate, estimate, usable
+from builder.calibration.estimate.test_faults import calibrate_with_faults
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadStep, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.plan.load_plan import PlanParts
@@ -28,13 +28,13 @@ from builder.figures.calibration.ground_test import influence_coefficients
 from builder.pipeline.calibration_report import write_report
 from builder.pipeline.stages import take_snapshots
 from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
-from builder.reports.calibration_page.page import calibration_page
-from builder.reports.calibration_page.tables import equations_table
+from builder.reports.calibration_page.test_page import calibration_page
+from builder.reports.calibration_page.test_tables import equations_table
 from builder.reports.calibration_page.verdict import verdict
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import Origin
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 
@@ -259,7 +259,7 @@ def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
     missing: str,
     said: str,
 ) -> None:
-    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.page"):
+    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.test_page"):
         monkeypatch.setattr(f"{module}.find_spec", lambda name: None if name == missing else find_spec(name))
     files, lines = write_report(findings(found, worth), tmp_path / "calibrated.h5")
     assert sorted(one.suffix for one in files) == [".csv", ".html", *([] if missing else [".pdf"])]

@@ -17,7 +17,7 @@ from rich.console import Console
 from scipy.stats import norm
 
 from builder.campaign.snapshots import Snapshots
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.cli.inspection.files import inspect_artefact
 from strainfmu.cli.inspection.inverse_map import detectable_bias, hessian_eigenvalues

@@ -20,10 +20,10 @@ from scipy.stats import norm
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_page import report_page, write_numbers
+from builder.reports.build_report.build_tables import report_tables
 from builder.reports.build_report.first_screen import first_screen
-from builder.reports.build_report.page import report_page, write_numbers
-from builder.reports.build_report.report import BuildReport
-from builder.reports.build_report.tables import report_tables
 from builder.reports.findings.envelope_states import ALL, FEW, envelope, estimated_at, strain_at
 from builder.reports.findings.estimator_in_use import HARDWARE, InUse, estimator_in_use, source_variances
 from builder.reports.findings.flight_accuracy import flight_accuracy

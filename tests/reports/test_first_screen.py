@@ -12,9 +12,9 @@ import pytest
 from chromium import PROGRAM, Browser
 from clipping import set_width, show
 
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_page import write_numbers
 from builder.reports.build_report.first_screen import UNMEASURED, WELL, first_screen
-from builder.reports.build_report.page import write_numbers
-from builder.reports.build_report.report import BuildReport
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 

@@ -14,7 +14,7 @@ from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import solve
 from builder.reports.findings.coefficient_sources import coefficient_sources
 from builder.reports.findings.gauge_value import gauge_value, loss_growth
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.reference.gain import load_covariance

@@ -24,7 +24,7 @@ from builder.reports.page.html import (
     picture,
     write_page,
 )
-from builder.reports.page.tables import (
+from builder.reports.page.page_tables import (
     Column,
     Table,
     by_name,

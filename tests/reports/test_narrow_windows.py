@@ -10,10 +10,10 @@ from chromium import PROGRAM, Browser
 from clipping import WIDTHS, clipped, show
 from synthetic_vehicle import SyntheticFiles
 
-from builder.reports.build_report.page import ROWS_ON_PAGE
-from builder.reports.build_report.tables import first_rows
+from builder.reports.build_report.build_page import ROWS_ON_PAGE
+from builder.reports.build_report.build_tables import first_rows
 from builder.reports.page.html import Files, Items, Page, Paragraph, Preformatted, Section, page_html, write_page
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.pages import ROWS_OPEN, table_html
 
 LONG = "a_name_without_a_blank_" * 12

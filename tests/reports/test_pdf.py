@@ -10,8 +10,8 @@ import pypdfium2
 import pytest
 
 from builder.reports.page.html import Cards, Items, Page, Paragraph, Picture, Preformatted, Section
+from builder.reports.page.page_tables import Column, make_table
 from builder.reports.page.pdf import A4, MARGIN, WIDTH, page_pdf
-from builder.reports.page.tables import Column, make_table
 
 pytestmark = pytest.mark.fast
 

@@ -15,8 +15,8 @@ from builder.inverse.noise.model import gauge_noise
 from builder.inverse.solution import Problem, solve
 from builder.reports.findings.prior_observability import PriorObservability, prior_observability
 from builder.reports.findings.symmetry_classes import mirror_operators, symmetric_part
-from builder.reports.page.tables import percent
-from builder.structure.fourier.model import StructuralModel
+from builder.reports.page.page_tables import percent
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry

@@ -19,9 +19,9 @@ from report_case import ReportCase
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
 from builder.figures.drawing.unrolled import roll_degrees
 from builder.figures.drawing.values import Place, ValuedFigure, column, digits, mark
-from builder.figures.map import gauges
-from builder.reports.build_report.report import BuildReport
-from builder.reports.build_report.tables import report_tables
+from builder.figures.map import gauge_figures as gauges
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_tables import report_tables
 from builder.reports.page.html import Page, Picture, Section, page_html
 from builder.reports.page.pointer import SCRIPT
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.reproduce.paper_readings import ALL, READINGS, SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, P1, P2, PAPER, QUICK, sized
-from builder.reproduce.readings import ALL, READINGS, SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.studies import left_out
-from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.wall import wall_of

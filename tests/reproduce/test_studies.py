@@ -9,8 +9,8 @@ from builder.aero.loads.operator import load_operator
 from builder.reproduce.case_1 import case_1_map, field_example, pod_of, study_case_1
 from builder.reproduce.case_2 import case_2_map, load_readings, odd_part, study_field, study_gamma
 from builder.reproduce.measurements import class_rows, crime_rows, hoop_rows, reading_rows, scatter_rows
+from builder.reproduce.paper_readings import SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.protocol import P1, QUICK, sized
-from builder.reproduce.readings import SHIPPED, gauges_of_45, with_all_gauges
 from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel, fourier_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.gauge_strain_terms import WallGauges
-from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.fourier.ring_gauges import PlacedGauges
 
 pytestmark = pytest.mark.fast

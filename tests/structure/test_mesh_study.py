@@ -15,7 +15,7 @@ from coarse_vehicle import with_paper_map
 from installed_gmsh import gmsh_or_skip
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.run import run_campaign, snapshots_of_flows
+from builder.campaign.campaign_run import run_campaign, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of_grid
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.structure.observability import (
     SYMMETRIES,
     SmoothResponse,

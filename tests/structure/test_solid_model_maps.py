@@ -16,7 +16,7 @@ from builder.pipeline.map_files import make_map
 from builder.pipeline.pipeline import FilesGiven
 from builder.pipeline.used_files import open_pipeline
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.structure.mapped_structure import MappedStructure, mapped_structure
 from builder.structure.structure_file import load_structure
 from builder.vehicle.file import load_vehicle

@@ -9,7 +9,7 @@ import pytest
 from small_ogive import FREE_FLIGHT, PRESSURE, small, solved
 
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.solid.checks import reference_pressures
 from builder.vehicle.file import load_vehicle
 

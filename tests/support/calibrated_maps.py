@@ -11,8 +11,8 @@ from builder.aero.engines.registry import make_engine
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.campaign.snapshots import Snapshots
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import as_built_std, draw_as_built
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

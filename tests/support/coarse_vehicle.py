@@ -18,7 +18,7 @@ from builder.aero.loads.operator import load_operator
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots, save_snapshots
 from builder.inverse.problem import gauge_noise_covariance
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.truth.revolution.flow_table import FlowTable, flow_table, truth_engine, truth_keys, truth_knots
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.conditions.flight_conditions import condition_grid

@@ -10,7 +10,7 @@ from shape_case import grid_conditions, grid_snapshots, shape_structure, shape_v
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 DEFLECTIONS = (-4.0, -2.0, 0.0, 2.0, 4.0)

@@ -10,7 +10,7 @@ from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.score.ground_rows import AppliedTest
-from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.as_built_structure import OF_MASS
 from strainfmu.arrays import FloatArray
 
 

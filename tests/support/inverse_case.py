@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.engine import Engine
-from builder.campaign.run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign

@@ -10,12 +10,12 @@ from scipy.spatial import cKDTree
 
 from builder.aero.engines.registry import make_engine
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.run import complete_flows, snapshots_of_flows
+from builder.campaign.campaign_run import complete_flows, snapshots_of_flows
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.reporting import Silent
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid

@@ -9,11 +9,11 @@ from trial_cases import other_world
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.stages import take_snapshots
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.trial import conditions
 from builder.trial.compared import knowing
 from builder.trial.flows import stress_flows

@@ -15,8 +15,8 @@ from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import inverse_problem
-from builder.manifold.build import with_manifold
-from builder.structure.fourier.model import StructuralModel
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial import other_estimators
 from builder.trial.cases import Built, Case, Plan
 from builder.trial.compared import (

@@ -13,11 +13,11 @@ from trial_cases import case_of, health_of, other_world
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
 from builder.pipeline.trial_run import TrialOptions, check_fit, of_map, run_trial, world_of
 from builder.reporting import Silent
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.trial.added import AtEnd, Heating, heated, standard_temperature
 from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
 from builder.trial.faults import Lost, NoSuchGaugesError, gauge_rows

@@ -19,8 +19,8 @@ from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
 from builder.pipeline.trial_run import shape_conditions
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.displaced import refuse_others
-from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.trial.cases import Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import FEWER_BEYOND, Where, conditions_in_ranges, edges_of, flown_conditions
 from builder.trial.flows import Flow, Spot
@@ -29,7 +29,7 @@ from builder.trial.score import MISSED, Row
 from builder.trial.world import World
 from builder.truth.flights import drawn
 from builder.truth.shape import ShapeFlights, at_conditions, on_nodes, refuse_without_other_model
-from builder.vehicle.conditions.entries import FlowParameter
+from builder.vehicle.conditions.condition_entries import FlowParameter
 from builder.vehicle.file import VEHICLES, load_vehicle
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import FlowReachError, InputError

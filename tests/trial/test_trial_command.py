@@ -17,8 +17,8 @@ from ogive import OGIVE, copied_ogive
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
+from builder.campaign.campaign_run import CampaignInterrupted
 from builder.campaign.journal import Journal
-from builder.campaign.run import CampaignInterrupted
 from builder.campaign.scheduling import Scheduling
 from builder.pipeline import trial_run
 from builder.pipeline.trial_run import CASES

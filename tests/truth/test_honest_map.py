@@ -14,9 +14,9 @@ from trial_cases import case_of, health_of, other_world
 
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.inverse.build import build_inverse_map
-from builder.manifold.build import with_manifold
+from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.stages import solve_structure
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.cases import Built, Case, Plan
 from builder.trial.conditions import Where
 from builder.trial.estimators import of_map

@@ -13,12 +13,12 @@ from ensembles import listed_ensemble
 
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.revolved import SHIFT
-from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built_kinds import IN_NOISE
+from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import structural_model
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
 from builder.structure.wall import wall_of

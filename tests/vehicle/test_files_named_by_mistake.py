@@ -25,8 +25,8 @@ from builder.structure.external.nastran.element_gauges import read_nastran_gauge
 from builder.structure.external.strain_table import read_strain_table
 from builder.vehicle.conditions.flight_conditions import read_conditions
 from builder.vehicle.file import load_vehicle
+from builder.vehicle.gauges.gauge_table import read_gauge_table
 from builder.vehicle.gauges.layout import read_layout
-from builder.vehicle.gauges.table import read_gauge_table
 from builder.vehicle.shape.profile_entries import read_profile
 from builder.vehicle.shape.sectioned_body import read_sections
 from strainfmu.cosim.models.trajectory import load_trajectory

@@ -12,7 +12,7 @@ from changed_vehicle import TEXT, write_changed
 from pydantic import BaseModel
 
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.toml.faults import _constraints, _models_in
+from builder.vehicle.toml.entry_faults import _constraints, _models_in
 from strainfmu.errors import FaultsError, InputError
 
 pytestmark = pytest.mark.fast

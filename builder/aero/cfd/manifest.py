@@ -20,7 +20,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from builder.aero.cfd.formats.text_numbers import read_file
 from builder.aero.cfd.units import METRES, PRESSURE_UNITS, QUANTITIES
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition

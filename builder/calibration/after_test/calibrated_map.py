@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining, left_by_test
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.ground_test.load_test import REPLACED
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
-from builder.manifold.build import with_manifold
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import GAUGE_KINDS, AsBuilt, slices
+from builder.manifold.nonlinear_build import with_manifold
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, AsBuilt, slices
 from builder.structure.as_built_kinds import AS_BUILT
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -16,13 +16,13 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import AsBuilt, slices
 from builder.structure.as_built.derivatives import (
     Key,
     of_gauges,
     uncertain_keys,
 )
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import AsBuilt, slices
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
 

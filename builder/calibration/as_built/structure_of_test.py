@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from builder.reporting import Progress
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, as_built_std
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built.wall_states import LOW
 from builder.structure.loads.fourier import MAX_HARMONIC

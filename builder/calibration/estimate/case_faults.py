@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel
-from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadCase
-from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import STANDARD_GRAVITY, PadForce, PointForce, Weight
 from strainfmu.arrays import BoolArray, FloatArray
 

@@ -24,7 +24,7 @@ from builder.calibration.estimate.cause import Cause, Where
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.ground_test.load_changes import change_by, hanging
-from builder.structure.as_built.vehicle import slices
+from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import PadForce, PointForce
 from strainfmu.arrays import BoolArray, FloatArray

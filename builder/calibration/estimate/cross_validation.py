@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.estimated_vehicle import Estimate
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.regression import LoadEquation, load_equation
-from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.load_changes import scaled
-from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import Load
 from builder.structure.loads.gauge_strain import load_resultant
 from builder.structure.loads.temperature import TemperatureField

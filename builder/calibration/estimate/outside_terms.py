@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc
 
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.vehicle import Estimate
 from builder.structure.as_built.derivatives import Key
 from strainfmu.arrays import FloatArray
 

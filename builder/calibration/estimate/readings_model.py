@@ -28,6 +28,8 @@ from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.load_steps import StepParts, step_parts
 from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
+from builder.structure.as_built.as_built_structure import OF_MASS, AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built.derivatives import (
     Key,
     derivative_keys,
@@ -35,8 +37,6 @@ from builder.structure.as_built.derivatives import (
     uncertain_keys,
 )
 from builder.structure.as_built.response_tables import LoadResponse, together
-from builder.structure.as_built.structure import OF_MASS, AsBuiltStructure
-from builder.structure.as_built.vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load, PadForce, PointForce, load_kind
 from strainfmu.arrays import BoolArray, FloatArray, IntArray

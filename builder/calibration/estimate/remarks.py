@@ -8,9 +8,9 @@ import numpy as np
 
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, least_of
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.readings_model import DIRECTIONS, PAD, ReadingsModel
-from builder.calibration.estimate.vehicle import Estimate
-from builder.structure.as_built.vehicle import slices
+from builder.structure.as_built.as_built_vehicle import slices
 from strainfmu.arrays import FloatArray
 
 NAMED = 3.0

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import FileName, Section
+from builder.vehicle.toml.toml_sections import FileName, Section
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.other_loads import BODY, SECTIONS

@@ -21,7 +21,7 @@ from builder.structure.loads.applied import (
     Weight,
 )
 from builder.structure.loads.temperature import TemperatureField, temperature_mode
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 
 NO_LOAD_CELL = ("weight", "acceleration", "temperature")
 """Kinds whose size no load cell or pressure sensor reads: the error common to all cases does not touch them."""

@@ -11,10 +11,10 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, AnyLoadEntry
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.structure.as_built_kinds import OF_LOADS
-from builder.vehicle.toml.faults import Faults
-from builder.vehicle.toml.limits import one_line
+from builder.vehicle.toml.entry_faults import Faults
+from builder.vehicle.toml.entry_limits import one_line
 from builder.vehicle.toml.reading import read_sections
-from builder.vehicle.toml.sections import FileName, Section
+from builder.vehicle.toml.toml_sections import FileName, Section
 
 
 def _rising(value: list[float]) -> list[float]:
@@ -196,7 +196,7 @@ class LoadTestFile(Section):
 
 def read_test_file(path: str | Path) -> LoadTestFile:
     """Read and check the file of a ground test; recordings are read by
-    :func:`~builder.calibration.ground_test.readings.read_load_test`.
+    :func:`~builder.calibration.ground_test.test_readings.read_load_test`.
 
     Raises
     ------

@@ -18,7 +18,7 @@ from builder.calibration.ground_test.load_changes import CellErrors, as_applied,
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL, entry_of
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import OF_LOADS
 from builder.structure.loads.applied import Load
 from builder.vehicle.gauges.layout import GaugeLayout

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.structure.as_built.vehicle import Counts, in_words, slices
+from builder.structure.as_built.as_built_vehicle import Counts, in_words, slices
 from builder.structure.as_built_kinds import KINDS
 from strainfmu.arrays import BoolArray, FloatArray
 

@@ -32,9 +32,9 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import as_built_std, slices
 from builder.structure.as_built.derivatives import of_gauges, uncertain_keys
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import as_built_std, slices
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

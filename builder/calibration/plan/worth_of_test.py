@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_equations import applied_loads
-from builder.calibration.estimate.vehicle import Estimate
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
     PlannedCase,
@@ -26,7 +26,7 @@ from builder.calibration.plan.load_plan import (
 )
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
-from builder.structure.as_built.vehicle import as_built_std
+from builder.structure.as_built.as_built_vehicle import as_built_std
 from builder.structure.loads.applied import Weight
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.other_loads import FIVE_LOADS

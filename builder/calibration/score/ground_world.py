@@ -28,9 +28,9 @@ from builder.calibration.plan.schedule import run_order
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
+from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.response_tables import together
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure, with_surface_of
-from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.loads.applied import NO_VECTOR, UNIT_VECTORS, Load, PadForce
 from builder.structure.loads.loaded_structure import LoadProperties

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.calibration.estimate.check_loads import CheckLoad
-from builder.calibration.estimate.faults import load_shifts
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.test_faults import load_shifts
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.figures.drawing.canvas import blank_figure
-from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.as_built_structure import OF_MASS
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, as_drawn
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.derivatives import Key, parameter_derivatives
 from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
-from builder.structure.as_built.vehicle import AsBuilt, Counts, as_drawn
 from builder.structure.as_built_kinds import BY_REGION, KINDS
-from builder.structure.fourier.model import StructuralModel, structural_model_on
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
 from builder.structure.solid.gauge_layouts import displaced_name
 from builder.vehicle.file import Vehicle

@@ -16,7 +16,7 @@ from builder.inverse.noise.gauge_derivatives import counts_of_layout, strain_der
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
 from builder.structure.as_built.derivatives import stated_keys
 from builder.structure.as_built_kinds import KINDS
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

@@ -12,9 +12,9 @@ from builder.aero.loads.operator import load_operator_on
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.inertia_strain import N_RIGID, bending_strain, inertia_strain, rigid_inertia
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
-from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.wall import FlightMasses, Wall, wall_of

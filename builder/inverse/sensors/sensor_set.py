@@ -14,7 +14,7 @@ from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rm
 from builder.inverse.noise.model import NoiseTerm, common_error, nuisance_modes
 from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.structural import structural_rows
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import AngularAccelerometers, InertialUnit, LoadCells, Ports, Sensors

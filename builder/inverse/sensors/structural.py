@@ -16,9 +16,9 @@ from builder.inverse.sensors.row import SensorRow
 from builder.structure.as_built.revolved import CLAMP, with_wall
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.model import StructuralModel
 from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator

@@ -19,9 +19,9 @@ from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
-from builder.calibration.ground_test.readings import read_load_test
 from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.test_readings import read_load_test
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.as_built import as_built_figure
 from builder.figures.drawing.canvas import save
@@ -39,9 +39,9 @@ from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.counts import counts_of
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flight_tables import plant_flight_model, plant_gauges
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table

@@ -48,9 +48,9 @@ from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, 
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
+from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
+from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
 from builder.structure.as_built.counts import counts_in_flight
-from builder.structure.as_built.structure import refuse_beyond_calibration
-from builder.structure.as_built.vehicle import AsBuilt, exactly_built
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES

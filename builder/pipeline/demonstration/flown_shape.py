@@ -25,7 +25,7 @@ from builder.figures.scene.scene import scene_of_snapshot
 from builder.pipeline.map_files import make_independent_flows
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import ANGLES

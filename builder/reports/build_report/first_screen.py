@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from builder.reports.build_report.report import BuildReport
-from builder.reports.page.tables import Column, percent, shown
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.page.page_tables import Column, percent, shown
 from builder.structure.observability import Symmetry
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from builder.reports.build_report.report import BuildReport
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.page.page_tables import Column, Table, make_table
 from builder.structure.observability import direction_names
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.map.sensors import shown_units

@@ -8,7 +8,7 @@ from builder.calibration.after_test.equations_map import FittedEquations
 from builder.calibration.ground_test.equations_file import AT_STATION, WHOLE
 from builder.reports.page.html import Cards, Items, Page, Paragraph, Section
 from builder.reports.page.origin import Origin
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
 from builder.reports.calibration_page.findings import CalibrationFindings
 from strainfmu.arrays import BoolArray

@@ -8,7 +8,7 @@ from math import degrees
 import numpy as np
 
 from builder.reports.findings.envelope_states import NAVIGATION, envelope, estimated_at
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.air_inputs import MACH_NUMBER, STATIC_PRESSURE

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Literal
 
 from builder.figures.drawing.canvas import settle
 from builder.figures.drawing.values import Place, ValuedFigure
+from builder.reports.page.page_tables import Table, is_number, shown
 from builder.reports.page.pointer import POINTER_STYLE, POLICY, SCRIPT, overlay
-from builder.reports.page.tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
 from strainfmu.pages import STYLE, table_html
 

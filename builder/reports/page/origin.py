@@ -10,7 +10,7 @@ from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
-from builder.reports.page.tables import Column, Table, make_table
+from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.errors import InputError
 from strainfmu.version import __version__
 

@@ -36,7 +36,7 @@ from builder.reports.page.html import (
     Preformatted,
     Section,
 )
-from builder.reports.page.tables import Table, is_number, shown
+from builder.reports.page.page_tables import Table, is_number, shown
 from strainfmu.files import write_bytes_atomically
 
 MARGIN = 0.7 * inch

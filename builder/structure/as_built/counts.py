@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from builder.structure.as_built.as_built_vehicle import Counts
 from builder.structure.as_built.gauge_strain_terms import rows_of
-from builder.structure.as_built.vehicle import Counts
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built_kinds import BY_REGION, KINDS
-from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray

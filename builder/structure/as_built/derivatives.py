@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from builder.structure.as_built.vehicle import AsBuilt, Counts
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE, KINDS
 from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray

@@ -11,8 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import gain_of, rows_of, turn_of
-from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE
 from builder.structure.solid.gauge_layouts import (
     AFT,

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.response_tables import (
     QUARTER,
     ResponseTable,
@@ -19,7 +20,6 @@ from builder.structure.as_built.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built.wall_harmonics import quarter_turns
 from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.strain_operator import operator_in_roll

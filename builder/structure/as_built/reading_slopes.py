@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.derivatives import Key
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of
 from builder.structure.as_built.response_tables import (
@@ -28,7 +29,6 @@ from builder.structure.as_built.response_tables import (
     side_phases,
     uneven_amplitudes,
 )
-from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.structure.as_built.vehicle import AsBuilt
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.wall_harmonics import SIDES, WAVES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 

@@ -1,9 +1,9 @@
 """A wall of revolution as built under pressure, solved for as few errors as a vehicle file states.
 
 The wall of the file, its thickness as a whole, the gauges' stations and the clamp have solutions of their own; all
-else follows from :mod:`builder.structure.as_built.structure`, which is solved where [noise] states such an error.
-Strain is a parabola in the thickness and a line along the meridian and in the compliance of the clamp. Roll and
-direction of the gauges are exact.
+else follows from :mod:`builder.structure.as_built.as_built_structure`, which is solved where [noise] states such
+an error. Strain is a parabola in the thickness and a line along the meridian and in the compliance of the clamp.
+Roll and direction of the gauges are exact.
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.gauge_strain_terms import BuiltGauges, WallGauges, operator_of, rows_of
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
-from builder.structure.as_built.structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.vehicle import AsBuilt, Counts
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built_kinds import BY_REGION, KINDS

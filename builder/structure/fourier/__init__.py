@@ -9,5 +9,5 @@ The data go one way:
 and :mod:`~builder.structure.fourier.surface_load` (nodal forces per station pressure)
 -> :mod:`~builder.structure.fourier.ring_gauges` (where each gauge is and which strain it reads)
 -> :mod:`~builder.structure.fourier.strain_operator` (Z_p: nodal surface pressure to gauge strain).
-:mod:`~builder.structure.fourier.model` does all of it for a vehicle file.
+:mod:`~builder.structure.fourier.fourier_model` does all of it for a vehicle file.
 """

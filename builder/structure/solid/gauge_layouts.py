@@ -22,9 +22,9 @@ from builder.structure.solid.gauge_rows import Gauges, gauges_at, joined_gauges
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeRow
+from builder.vehicle.gauges.gauge_table import TableGauge, read_gauge_table
 from builder.vehicle.gauges.layout import GaugeLayout
-from builder.vehicle.gauges.table import TableGauge, read_gauge_table
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -222,7 +222,7 @@ def check_table(vehicle: Vehicle, layout: str) -> None:
     Raises
     ------
     InputError
-        As :func:`builder.vehicle.gauges.table.read_gauge_table`.
+        As :func:`builder.vehicle.gauges.gauge_table.read_gauge_table`.
     """
     file = vehicle.gauges.layouts[layout].file
     if file is not None:

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import gain_of
-from builder.structure.as_built.structure import AsBuiltStructure
-from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import BuiltSensors, TrueStructure, loads_per_pressure

@@ -23,8 +23,8 @@ from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
+from builder.campaign.campaign_run import complete_flows
 from builder.campaign.journal import Journal
-from builder.campaign.run import complete_flows
 from builder.campaign.scheduling import Scheduling
 from builder.reporting import Reporter
 from builder.vehicle.file import Vehicle

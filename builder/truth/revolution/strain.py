@@ -15,13 +15,13 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficient_scales_at, load_operator
 from builder.reporting import Progress
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import gain_of
 from builder.structure.as_built.response_tables import ResponseTable
 from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
-from builder.structure.as_built.vehicle import AsBuilt
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built_kinds import IN_NOISE
-from builder.structure.fourier.model import place_layouts
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.wall import wall_of

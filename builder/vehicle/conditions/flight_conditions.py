@@ -8,7 +8,7 @@ from itertools import product
 from math import radians
 from pathlib import Path
 
-from builder.vehicle.toml.limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
+from builder.vehicle.toml.entry_limits import ALTITUDE_KM, MACH_NUMBER, MAX_CONDITIONS, STREAM_ANGLE_DEG
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import CONDITION_COLUMNS, FlightCondition
 from strainfmu.text_files import read_csv, shown_columns

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from builder.vehicle.toml.sections import Section, Station
+from builder.vehicle.toml.toml_sections import Section, Station
 
 Percent = Annotated[float, Field(ge=0.0, le=50.0)]
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
-from builder.vehicle.toml.limits import GAMMA, one_line
-from builder.vehicle.toml.sections import Altitude, FileName, Section
+from builder.vehicle.toml.entry_limits import GAMMA, one_line
+from builder.vehicle.toml.toml_sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.estimator.map.inverse_map import FORMS, PER_PRESSURE
 from strainfmu.estimator.regularisation import RULES

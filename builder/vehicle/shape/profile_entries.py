@@ -21,7 +21,7 @@ from pydantic import Field, model_validator
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from builder.vehicle.shape.geometry import Segment
-from builder.vehicle.toml.sections import FileName, HalfAngle, Section, Station
+from builder.vehicle.toml.toml_sections import FileName, HalfAngle, Section, Station
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.text_files import read_csv, shown_columns

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 
 Percent = Annotated[float, Field(ge=0.0, le=100.0)]
 LoadFactor = Annotated[float, Field(ge=0.01, le=1e3)]

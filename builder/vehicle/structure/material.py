@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 
 
 class MaterialEntry(Section):

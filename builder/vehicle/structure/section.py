@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.toml.limits import INTERNAL_PRESSURE_PA
-from builder.vehicle.toml.sections import FileName, Section, Station
+from builder.vehicle.toml.entry_limits import INTERNAL_PRESSURE_PA
+from builder.vehicle.toml.toml_sections import FileName, Section, Station
 
 Thickness = Field(ge=0.01, le=1e3)
 

@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from builder.vehicle.toml.faults import all_faults
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.entry_faults import all_faults
+from builder.vehicle.toml.toml_sections import Section
 from strainfmu.errors import FaultsError, InputError
 from strainfmu.text_files import read_toml
 

@@ -14,7 +14,7 @@ from strainfmu.cli.commands.printed import say, say_finished
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from builder.pipeline.gauge_placement import ProposedGauges
+    from builder.pipeline.place_and_review import ProposedGauges
 
 
 def place(*, output: Path, curves: Path | None, **options: Any) -> None:

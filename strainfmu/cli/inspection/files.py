@@ -99,7 +99,7 @@ def _inspect_snapshots(path: Path, folder: Path, console: Console) -> None:
     from builder.campaign import snapshots as snapshots_file
     from builder.campaign.failures import failed_conditions, failure_lines
     from builder.campaign.snapshots import load_snapshots
-    from builder.figures import snapshots as snapshot_figures
+    from builder.figures import snapshot_figures
     from builder.figures.drawing.canvas import save
 
     snapshots = load_snapshots(path)
@@ -143,7 +143,7 @@ def _flat(settings: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, s
 
 def _lines_of_conditions(snapshots: Snapshots) -> Iterator[str]:
     """Yield a table: each condition, its coefficients, and how sound its flow is; never narrowed to a terminal."""
-    from builder.figures.snapshots import in_plane_forces
+    from builder.figures.snapshot_figures import in_plane_forces
 
     yield "Conditions; angles [deg], H [km], coefficients [1] of fore-body pressure less internal, x_cp [m],"
     yield (

@@ -36,7 +36,7 @@ def inspect_structure(path: Path, folder: Path, console: Console) -> None:
     StrainfmuError
         A figure could not be written, or matplotlib is missing.
     """
-    from builder.figures import structure as structure_figures
+    from builder.figures import structure_figures
     from builder.figures.drawing.canvas import save
     from builder.structure.observability import smooth_response
     from builder.structure.structure_file import SCHEMA, SCHEMA_VERSION, load_structure

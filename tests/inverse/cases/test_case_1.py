@@ -16,7 +16,7 @@ from builder.inverse.cases.baselines import unweighted_gain
 from builder.inverse.problem import gauge_noise_covariance, inverse_problem
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError

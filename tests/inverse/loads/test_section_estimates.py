@@ -14,7 +14,7 @@ from builder.inverse.cases.observable_states import on_observable_states
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator

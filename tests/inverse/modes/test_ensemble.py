@@ -17,7 +17,7 @@ from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.inverse.modes.ensemble import ROLLS, Ensemble, ensemble_of, rolled_modes
-from builder.structure.fourier.model import StructuralModel, structural_model
+from builder.structure.fourier.fourier_model import StructuralModel, structural_model
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry, Noise
 from builder.vehicle.shape.geometry import SurfaceGrid

@@ -7,7 +7,7 @@ import pytest
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from strainfmu.errors import InputError
 from strainfmu.estimator.pressure_modes import area_weights, proper_orthogonal_decomposition
 

@@ -13,8 +13,8 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.noise.flows_between import BETWEEN, FlowsBetween, flows_between
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.problem import inverse_problem
-from builder.manifold.build import with_manifold
 from builder.manifold.condition_tables import condition_tables
+from builder.manifold.nonlinear_build import with_manifold
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.map.flight_tables import FlightTables, evaluate
 from strainfmu.estimator.reference.gain import load_covariance

@@ -27,7 +27,7 @@ from builder.inverse.noise.model import (
     truncated_modes,
 )
 from builder.inverse.problem import check_noise, gauge_noise_covariance, inverse_problem
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator

@@ -14,7 +14,7 @@ from builder.inverse.noise.gauge_derivatives import strain_derivatives
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import inverse_problem
 from builder.reporting import Silent
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_structure

@@ -17,7 +17,7 @@ from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem
 from builder.inverse.sensors.sensor_set import port_row
 from builder.inverse.solution import Problem
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import (
     AngularAccelerometers,

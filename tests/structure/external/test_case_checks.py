@@ -15,7 +15,7 @@ from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.external.load_cases import load_cases
 from builder.structure.external.strain_per_snapshot import check_cases
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError

@@ -18,11 +18,11 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.reporting import Silent
+from builder.structure.external.external_structure import external_structure
 from builder.structure.external.influence import check_equilibrium, lateral_lines, structure_of_influence, thinned
 from builder.structure.external.influence_export import export_influence
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
-from builder.structure.external.structure import external_structure
-from builder.structure.fourier.model import StructuralModel
+from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.solid.case import SolidCase, solid_case
 from builder.structure.solid.mesh_choice import MeshChoice

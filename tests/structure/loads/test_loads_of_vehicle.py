@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import builder
-from builder.structure.fourier.model import structural_model
+from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.loads.applied import PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.fourier import FourierStructure
 from builder.structure.loads.gauge_strain import gauge_strain, load_resultant

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.fourier.meridian_mesh import MeridianMesh
-from builder.structure.fourier.model import place_layouts
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.gauge_checks import check_gauges
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import read_layout
 from strainfmu.errors import InputError
 

@@ -36,7 +36,7 @@ from builder.aero.euler.scheme import march
 from builder.aero.euler.scheme.gas import GAMMA, total_enthalpy
 from builder.aero.euler.scheme.grid import Rays, Wall, find_wall, full_body_rays, half_body_rays, place_vertices
 from builder.aero.euler.scheme.reconstruction import Stream
-from builder.aero.euler.starts.relaxation import relax_cone
+from builder.aero.euler.starts.flow_relaxation import relax_cone
 from builder.aero.euler.starts.spherical_start import (
     TIP_GRID_LENGTH,
     Cap,
@@ -44,7 +44,7 @@ from builder.aero.euler.starts.spherical_start import (
     start_behind_cap,
     tip_grid,
 )
-from builder.vehicle.toml.limits import MACH_NUMBER
+from builder.vehicle.toml.entry_limits import MACH_NUMBER
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError
 

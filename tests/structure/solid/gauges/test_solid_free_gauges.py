@@ -16,7 +16,7 @@ from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
 from builder.structure.solid.swept_mesh import SweptMesh, SweptResolution, section_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry, Gauges
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, Gauges
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.errors import InputError
 

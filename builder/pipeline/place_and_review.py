@@ -14,7 +14,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import save
-from builder.figures.placement import placement_figure
+from builder.figures.placement_figures import placement_figure
 from builder.inverse.problem import AnyStructure
 from builder.pipeline.load_test_proposal import flows_for_design
 from builder.pipeline.map_files import cached_or_solved_structure, files_of_vehicle
@@ -33,9 +33,9 @@ from builder.reports.page.origin import input_files, origin_of
 from builder.reports.page.packages import without_packages
 from builder.reports.placement_page import placement_page
 from builder.structure.as_built_kinds import ALWAYS_DRAWN, IN_NOISE
-from builder.structure.fourier.model import refuse_beyond_fourier
+from builder.structure.fourier.fourier_model import refuse_beyond_fourier
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry
 from builder.vehicle.gauges.layout import CSV_COLUMNS, GaugeLayout, read_layout
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.errors import InputError

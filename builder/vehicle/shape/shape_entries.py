@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from builder.vehicle.shape.profile_entries import Piece
-from builder.vehicle.toml.sections import FileName, Section, Station
+from builder.vehicle.toml.toml_sections import FileName, Section, Station
 
 KINDS = ("profile", "sections", "surface")
 

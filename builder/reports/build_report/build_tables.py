@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.gauge_tables import gauges, sensors_table
-from builder.reports.build_report.report import BuildReport
 from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_scales
 from builder.reports.findings.flight_accuracy import flight_accuracy_table
-from builder.reports.page.tables import SCALES, Column, Table, by_name, make_table, records_table
+from builder.reports.page.page_tables import SCALES, Column, Table, by_name, make_table, records_table
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS

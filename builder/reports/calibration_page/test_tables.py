@@ -8,16 +8,16 @@ import numpy as np
 
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.cross_validation import LeftOut
-from builder.calibration.estimate.faults import load_shifts
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.estimate.vehicle import Estimate
+from builder.calibration.estimate.test_faults import load_shifts
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.calibration_page.findings import UsedCell
 from builder.reports.calibration_page.verdict import Criterion
-from builder.reports.page.tables import Column, Table, make_table
-from builder.structure.as_built.vehicle import in_words, slices
+from builder.reports.page.page_tables import Column, Table, make_table
+from builder.structure.as_built.as_built_vehicle import in_words, slices
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import FloatArray

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from builder.vehicle.toml.sections import Section, Station
+from builder.vehicle.toml.toml_sections import Section, Station
 
 Rise = Annotated[float, Field(ge=0.0, le=2000.0)]
 

@@ -13,7 +13,7 @@ from builder.figures.drawing.canvas import AT_BEST, COLOUR_MAP, THIS_MAP, blank_
 from builder.figures.drawing.colours import beyond, colour_ends
 from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.drawing.values import ENDS, Area, ValuedFigure, cell, column, digits
-from builder.figures.map.gauges import draw_gauges, gauge_areas, gauge_texts
+from builder.figures.map.gauge_figures import draw_gauges, gauge_areas, gauge_texts
 from builder.structure.observability import SYMMETRIES
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -13,8 +13,8 @@ import numpy as np
 from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.steps import minimum
+from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import gain_of
-from builder.structure.as_built.vehicle import AsBuilt
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 

@@ -12,7 +12,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.noise.model import NoiseFraction, NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Problem, Solution, solve, with_flow_models
-from builder.manifold.build import manifold_map
+from builder.manifold.nonlinear_build import manifold_map
 from builder.reports.findings.coefficient_sources import CoefficientSources, coefficient_sources
 from builder.reports.findings.estimator_in_use import InUse, estimator_in_use
 from builder.reports.findings.exclusions import exclusions

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from builder.vehicle.toml.faults import all_faults
-from builder.vehicle.toml.limits import (
+from builder.vehicle.toml.entry_faults import all_faults
+from builder.vehicle.toml.entry_limits import (
     ALTITUDE_KM,
     HALF_ANGLE_DEG,
     MACH_NUMBER,

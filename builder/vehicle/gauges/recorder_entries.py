@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from builder.vehicle.toml.sections import Section
+from builder.vehicle.toml.toml_sections import Section
 
 Strain = Annotated[float, Field(ge=0.0, le=1e5)]
 

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from builder.vehicle.toml.limits import ALTITUDE_KM, once_each
-from builder.vehicle.toml.sections import Altitude, FileName, MachNumber, Section, StreamAngle
+from builder.vehicle.toml.entry_limits import ALTITUDE_KM, once_each
+from builder.vehicle.toml.toml_sections import Altitude, FileName, MachNumber, Section, StreamAngle
 from strainfmu.flight_condition import ALTITUDE_COLUMN, CONDITION_COLUMNS
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
 
 GAUGES_PER_ROW = 9
 ALL = "all"

@@ -13,17 +13,17 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.registry import own_surface
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS
 from builder.aero.surface.mesh import mesh_of_grid
+from builder.campaign.campaign_run import run_campaign
 from builder.campaign.failures import refuse_missing
-from builder.campaign.run import run_campaign
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Progress, Reporter
 from builder.reproduce.acceptance import Verdict, verdicts
+from builder.reproduce.paper_readings import SHIPPED, SPANS, gauges_of_45, with_all_gauges
 from builder.reproduce.parity import ParityRow, parity_rows
 from builder.reproduce.protocol import HELD_OUT, P1, P2, PAPER, QUICK, TESTS, Sizes, sized
-from builder.reproduce.readings import SHIPPED, SPANS, gauges_of_45, with_all_gauges
 from builder.reproduce.report import write_report
 from builder.reproduce.setups import SetUp, make_setups, pressures
 from builder.reproduce.store import SCHEMA_VERSION as STUDIES_VERSION

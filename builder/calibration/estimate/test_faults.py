@@ -20,9 +20,9 @@ from scipy.special import chdtrc
 from builder.calibration.estimate.case_faults import MODEL, case_fault_after, case_faults
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
+from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.vehicle import Estimate, estimate, usable
-from builder.structure.as_built.structure import OF_MASS
+from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError

@@ -14,7 +14,7 @@ from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
-from builder.vehicle.gauges.entries import GaugeLayoutEntry, GaugeRow
+from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, GaugeRow
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from builder.vehicle.toml.limits import MAX_GAUGES
+from builder.vehicle.toml.entry_limits import MAX_GAUGES
 from strainfmu.errors import InputError
 from strainfmu.text_files import read_csv, shown_columns
 

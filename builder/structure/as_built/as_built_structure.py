@@ -22,6 +22,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from builder.reporting import Progress
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.counts import counts_of_wall
 from builder.structure.as_built.derivatives import Key, derivative_keys
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
@@ -34,7 +35,6 @@ from builder.structure.as_built.response_tables import (
     nominal_table,
     uneven_amplitudes,
 )
-from builder.structure.as_built.vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
 from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
@@ -46,14 +46,14 @@ from builder.structure.as_built.wall_states import (
     changed_harmonic_of,
     wall_states,
 )
-from builder.structure.fourier.inner_surface import inner_surface_points
-from builder.structure.fourier.model import (
+from builder.structure.fourier.fourier_model import (
     ERROR_HARMONICS,
     place_layouts,
     refuse_beyond_fourier,
     structural_model_on,
     with_mesh_error,
 )
+from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.surface_load import pressure_load

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.vehicle import Estimate
 from builder.figures.calibration import ground_test
-from builder.reports.calibration_page import tables
+from builder.reports.calibration_page import test_tables as tables
 from builder.reports.calibration_page.findings import CalibrationFindings
 from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section, picture
-from builder.reports.page.tables import Table
+from builder.reports.page.page_tables import Table
 from strainfmu.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.reports.build_report import sections
+from builder.reports.build_report import build_sections as sections
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_tables import first_rows, report_tables
 from builder.reports.build_report.first_screen import WELL, first_screen
-from builder.reports.build_report.report import BuildReport
-from builder.reports.build_report.tables import first_rows, report_tables
 from builder.reports.findings.coefficient_sources import CoefficientSources
 from builder.reports.page.html import Block, Cards, Files, Items, Page, Paragraph, Section, write_page
-from builder.reports.page.tables import Table, percent, tables_json, write_csv
+from builder.reports.page.page_tables import Table, percent, tables_json, write_csv
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.files import write_bytes_atomically
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.figures.map import gauges as gauge_figures
-from builder.figures.map import observability as observability_figures
+from builder.figures.map import gauge_figures, observability_figures
 from builder.figures.map import uncertainty as uncertainty_figures
-from builder.figures.map.flight_accuracy import AccuracyMap, accuracy_maps
+from builder.figures.map.flight_accuracy_figure import AccuracyMap, accuracy_maps
 from builder.figures.scene.scene import scene_of
 from builder.figures.scene.solid_view import solid_view
 from builder.inverse.modes.mode_choice import mode_choice_lines
-from builder.reports.build_report.report import BuildReport
-from builder.reports.build_report.tables import MICROSTRAIN_PER_KPA, main_class
+from builder.reports.build_report.build_findings import BuildReport
+from builder.reports.build_report.build_tables import MICROSTRAIN_PER_KPA, main_class
 from builder.reports.findings.envelope_states import NAVIGATION
 from builder.reports.findings.flight_accuracy import FlightAccuracy
 from builder.reports.page.html import Block, Items, Paragraph, Section, picture
-from builder.reports.page.tables import Table, percent
+from builder.reports.page.page_tables import Table, percent
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
