@@ -19,6 +19,12 @@ def float_or_array(values: FloatArray) -> Any:
     return values if values.ndim else float(values)
 
 
+def component(name: str, place: int, text: str) -> Any:
+    """Return the property that ``text`` describes: the last axis of the array ``name`` at ``place``, a float of one
+    sample, (k,) of k samples."""
+    return property(lambda self: float_or_array(getattr(self, name)[..., place]), doc=text)
+
+
 def is_covariance(matrix: FloatArray) -> bool:
     """Tell whether ``matrix`` (n, n) is symmetric and positive definite."""
     variance = np.diag(matrix)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from strainfmu.arrays import BoolArray, FloatArray, float_or_array
+from strainfmu.arrays import BoolArray, FloatArray, component
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 
 AIR_DATA_NAMES = (
@@ -30,40 +30,13 @@ class NamedAirData:
 
     value: FloatArray
 
-    @property
-    def angle_of_attack(self) -> Any:
-        """[rad]."""
-        return float_or_array(self.value[..., 0])
-
-    @property
-    def sideslip_angle(self) -> Any:
-        """[rad]."""
-        return float_or_array(self.value[..., 1])
-
-    @property
-    def total_incidence(self) -> Any:
-        """Angle between body axis and wind [rad]."""
-        return float_or_array(self.value[..., 2])
-
-    @property
-    def wind_roll_angle(self) -> Any:
-        """phi_T, angle of the leeward meridian from +z towards +y [rad]."""
-        return float_or_array(self.value[..., 3])
-
-    @property
-    def mach_number(self) -> Any:
-        """[1]."""
-        return float_or_array(self.value[..., 4])
-
-    @property
-    def static_pressure(self) -> Any:
-        """p_inf [Pa]."""
-        return float_or_array(self.value[..., 5])
-
-    @property
-    def dynamic_pressure(self) -> Any:
-        """q_inf [Pa]."""
-        return float_or_array(self.value[..., 6])
+    angle_of_attack = component("value", 0, "[rad].")
+    sideslip_angle = component("value", 1, "[rad].")
+    total_incidence = component("value", 2, "Angle between body axis and wind [rad].")
+    wind_roll_angle = component("value", 3, "phi_T, angle of the leeward meridian from +z towards +y [rad].")
+    mach_number = component("value", 4, "[1].")
+    static_pressure = component("value", 5, "p_inf [Pa].")
+    dynamic_pressure = component("value", 6, "q_inf [Pa].")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import BoolArray, FloatArray, IntArray, float_or_array
+from strainfmu.arrays import BoolArray, FloatArray, IntArray, component, float_or_array
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
-from strainfmu.estimator.estimates.load_estimate import GroupLoads, NamedLoads, SectionLoads, Sigma
+from strainfmu.estimator.estimates.axes import TurnedCoefficients, turned
 from strainfmu.estimator.estimates.pressure_field import PressureField
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
-from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, rows_of
-from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, VALID
+from strainfmu.estimator.notebook import html_table
+from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, names_of, rows_of
+from strainfmu.estimator.signal_names import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS, VALID
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
     from strainfmu.estimator.core import Core
-    from strainfmu.estimator.estimates.axes import TurnedCoefficients
     from strainfmu.estimator.map.validity import FlowParameters
 
 
@@ -42,18 +42,131 @@ class Source(Protocol):
     def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray: ...
 
 
+class NamedLoads:
+    """Loads and coefficients by name, a float of one sample and (k,) of k: the last axis of ``loads`` and
+    ``coefficients`` (.., 5), and of the other ones (.., m), the first of which is the rolling moment."""
+
+    loads: FloatArray
+    coefficients: FloatArray
+    other_loads: FloatArray
+    other_coefficients: FloatArray
+
+    axial_force = component("loads", 0, "F_x [N], positive aft, of the fore-body.")
+    normal_force = component("loads", 1, "F_z [N], positive up.")
+    side_force = component("loads", 2, "F_y [N], positive to starboard.")
+    pitching_moment = component("loads", 3, "Moment about y [N m], positive nose-up.")
+    yawing_moment = component("loads", 4, "Moment about z [N m], positive nose to starboard.")
+    C_A = component("coefficients", 0, "Coefficient of the axial force [1].")
+    C_N = component("coefficients", 1, "Coefficient of the normal force [1].")
+    C_Y = component("coefficients", 2, "Coefficient of the side force [1].")
+    M_P = component("coefficients", 3, "Coefficient of the pitching moment [1].")
+    M_Y = component("coefficients", 4, "Coefficient of the yawing moment [1].")
+    rolling_moment = component(
+        "other_loads",
+        0,
+        "Moment about x [N m], positive with starboard going down; known to be zero for a body of revolution.",
+    )
+    M_R = component("other_coefficients", 0, "Coefficient of the rolling moment [1], C_l of the literature.")
+
+
+@dataclass(frozen=True, eq=False)
+class Sigma(NamedLoads):
+    """Standard deviations by name: of the ``loads`` (.., 5) [N, N m], of the ``coefficients`` (.., 5) [1], and of
+    the other loads (.., m)."""
+
+    loads: FloatArray
+    coefficients: FloatArray
+    other_loads: FloatArray
+    other_coefficients: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class GroupLoads:
+    """One load at n places: the axial force of every section, for example.
+
+    Attributes
+    ----------
+    places : n texts, as in the descriptions of an FMU's outputs; one empty text of the whole body.
+    loads, std : (.., n) loads and their standard deviations [N, N m].
+    coefficients, coefficients_std : (.., n) loads over q_inf S, moments over q_inf S L, and standard deviations
+        [1].
+    """
+
+    places: tuple[str, ...]
+    loads: FloatArray
+    std: FloatArray
+    coefficients: FloatArray
+    coefficients_std: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class SectionLoads:
+    """Loads of n_s sections along the body, of the air on the part ahead of each of them.
+
+    Attributes
+    ----------
+    station : (n_s,) x of the sections [m].
+    loads : (.., n_s, 6) axial force, normal and side shear [N], pitch and yaw bending moment, torsion [N m].
+    std : (.., n_s, 6) their standard deviations.
+    """
+
+    station: FloatArray
+    loads: FloatArray
+    std: FloatArray
+
+    axial = component("loads", 0, "(.., n_s) axial force [N], positive aft.")
+    normal_shear = component("loads", 1, "(.., n_s) shear force along z [N], positive up.")
+    side_shear = component("loads", 2, "(.., n_s) shear force along y [N], positive to starboard.")
+    pitch_bending = component("loads", 3, "(.., n_s) bending moment about y [N m], positive nose-up.")
+    yaw_bending = component("loads", 4, "(.., n_s) bending moment about z [N m], positive nose to starboard.")
+    torsion = component("loads", 5, "(.., n_s) torsion moment about x [N m], positive with starboard going down.")
+
+
+class _Value(property):
+    """A value of an estimate, described by a text; ``read`` returns it of the estimate and the property's name."""
+
+    def __init__(self, text: str, read: Callable[[Any, str], Any]) -> None:
+        super().__init__(doc=text)
+        self._of = read
+
+    def __set_name__(self, owner: type[Any], name: str) -> None:
+        super().__init__(lambda estimate: self._of(estimate, name), doc=self.__doc__)
+
+
+def _output(text: str, kind: type[Any] | None = None) -> Any:
+    """Return an output, an array or a number of ``kind``."""
+    return _Value(
+        text, lambda estimate, name: estimate._field(name) if kind is None else estimate._number(name, kind)
+    )
+
+
+def _of_fit(text: str, kind: type[Any] | None = None, *, order: int = 0) -> Any:
+    """Return a value of the fit, as :func:`_output`; a matrix of ``order`` above 0."""
+
+    def read(estimate: Estimate, name: str) -> Any:
+        values = estimate._fit(name)
+        if order:
+            return values.reshape(*values.shape[:-1], order, order)
+        return values if kind is None else estimate._as(values[..., 0], kind)
+
+    return _Value(text, read)
+
+
+def _other(text: str) -> Any:
+    """Return a value of the loads behind the five, which the core of some maps does not have."""
+
+    def read(estimate: Estimate, name: str) -> Any:
+        values = estimate._field(name)
+        return values if values.shape[-1] else estimate._estimator.other_loads_of(estimate, name)
+
+    return _Value(text, read)
+
+
 class Estimate(NamedLoads):
     """Loads, coefficients, air data and health of one sample or of k samples.
 
     Of k samples every array has a first axis of length k more than below, ``len(estimate)`` is k and
     ``estimate[i]`` is the estimate of sample i. Of a gauge that is not ``valid``, no number depends on its strain.
-
-    Attributes
-    ----------
-    loads : (5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``; NaN where they cannot be known.
-    loads_std : (5,) their standard deviations.
-    coefficients : (5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.
-    coefficients_std : (5,) their standard deviations [1].
     """
 
     def __init__(
@@ -81,13 +194,9 @@ class Estimate(NamedLoads):
     def _fit(self, name: str) -> FloatArray:
         return np.asarray(self._fit_record[..., self._estimator.core.fit[name]])
 
-    def _number(self, name: str, kind: type[Any] = float) -> Any:
+    def _number(self, name: str, kind: type[Any]) -> Any:
         """Return a field of one number as a ``kind``, of k samples as (k,)."""
         return self._as(self._record[..., self._estimator.core.outputs[name].start], kind)
-
-    def _fit_number(self, name: str, kind: type[Any] = float) -> Any:
-        """Return a field of the fit of one number, as :meth:`_number`."""
-        return self._as(self._fit(name)[..., 0], kind)
 
     def _as(self, values: FloatArray, kind: type[Any]) -> Any:
         return values.astype(np.int64 if kind is int else kind, copy=False) if self.is_series else kind(values)
@@ -130,67 +239,27 @@ class Estimate(NamedLoads):
 
     # Loads and coefficients; names of each are those of NamedLoads.
 
-    @property
-    def loads(self) -> FloatArray:  # type: ignore[override]  # NamedLoads declares attributes
-        return self._field("loads")
-
-    @property
-    def loads_std(self) -> FloatArray:
-        return self._field("loads_std")
-
-    @property
-    def coefficients(self) -> FloatArray:  # type: ignore[override]
-        return self._field(COEFFICIENT_ARRAY)
-
-    @property
-    def coefficients_std(self) -> FloatArray:
-        return self._field("coefficients_std")
+    loads: FloatArray = _output(
+        "(5,) forces and moments [N, N, N, N m, N m], order of ``LOAD_NAMES``; NaN where they cannot be known."
+    )
+    loads_std: FloatArray = _output("(5,) their standard deviations.")
+    coefficients: FloatArray = _output("(5,) C_A, C_N, C_Y, M_P, M_Y [1]; NaN where they cannot be computed.")
+    coefficients_std: FloatArray = _output("(5,) their standard deviations [1].")
 
     @property
     def sigma(self) -> Sigma:
         """Standard deviations by name: ``estimate.sigma.C_N``."""
         return Sigma(self.loads_std, self.coefficients_std, self.other_loads_std, self.other_coefficients_std)
 
-    @property
-    def load_covariance(self) -> FloatArray:
-        """(5, 5) covariance of the loads [(N, N m)^2]."""
-        return self._matrix("load_covariance", 5)
+    load_covariance: FloatArray = _of_fit("(5, 5) covariance of the loads [(N, N m)^2].", order=5)
+    coefficient_covariance: FloatArray = _of_fit("(5, 5) covariance of the coefficients [1].", order=5)
 
-    @property
-    def coefficient_covariance(self) -> FloatArray:
-        """(5, 5) covariance of the coefficients [1]."""
-        return self._matrix("coefficient_covariance", 5)
+    # Loads behind the five; of a map without any the rolling moment is zero.
 
-    def _matrix(self, name: str, order: int) -> FloatArray:
-        values = self._fit(name)
-        return values.reshape(*values.shape[:-1], order, order)
-
-    # Loads behind the five; of a map without any the rolling moment is zero. NamedLoads has two of them as
-    # attributes, for which mypy accepts no property without a setter.
-
-    def _other(self, name: str) -> FloatArray:
-        values = self._field(name)
-        return values if values.shape[-1] else self._estimator.other_loads_of(self, name)
-
-    @property
-    def other_loads(self) -> FloatArray:  # type: ignore[override]
-        """(m,) loads behind the five [N, N m], in the order of :attr:`load_groups`."""
-        return self._other("other_loads")
-
-    @property
-    def other_loads_std(self) -> FloatArray:
-        """(m,) standard deviations of :attr:`other_loads`."""
-        return self._other("other_loads_std")
-
-    @property
-    def other_coefficients(self) -> FloatArray:  # type: ignore[override]
-        """(m,) :attr:`other_loads` over q S, moments over q S L [1]."""
-        return self._other("other_coefficients")
-
-    @property
-    def other_coefficients_std(self) -> FloatArray:
-        """(m,) standard deviations of :attr:`other_coefficients` [1]."""
-        return self._other("other_coefficients_std")
+    other_loads: FloatArray = _other("(m,) loads behind the five [N, N m], in the order of :attr:`load_groups`.")
+    other_loads_std: FloatArray = _other("(m,) standard deviations of :attr:`other_loads`.")
+    other_coefficients: FloatArray = _other("(m,) :attr:`other_loads` over q S, moments over q S L [1].")
+    other_coefficients_std: FloatArray = _other("(m,) standard deviations of :attr:`other_coefficients` [1].")
 
     @property
     def load_groups(self) -> tuple[LoadGroup, ...]:
@@ -228,10 +297,9 @@ class Estimate(NamedLoads):
         )
         return SectionLoads(stations, loads, std)
 
-    @property
-    def load_factor(self) -> FloatArray:
-        """(3,) axial, normal, side force over the weight of the vehicle; none where the map states no mass."""
-        return self._field("load_factor")
+    load_factor: FloatArray = _output(
+        "(3,) axial, normal, side force over the weight of the vehicle; none where the map states no mass."
+    )
 
     # Health, and what it rests on.
 
@@ -241,55 +309,35 @@ class Estimate(NamedLoads):
         state = self._number("health", int)
         return state if self.is_series else HealthState(state)
 
-    @property
-    def usable(self) -> Any:
-        """Whether loads may be used with their standard deviations: OK and DEGRADED; of k samples (k,)."""
-        return self._number("usable", bool)
-
-    @property
-    def chi_square(self) -> Any:
-        """Chi-square of the residual of the valid gauges and, of nonlinear maps, of the air data used [1]."""
-        return self._number("chi_square")
-
-    @property
-    def chi_square_limit(self) -> Any:
-        """Detection threshold of chi-square, times ``alarm_scale``; infinite where nothing checks the estimate."""
-        return self._number("chi_square_limit")
-
-    @property
-    def degrees_of_freedom(self) -> Any:
-        """Degrees of freedom of chi-square; 0 where nothing checks the estimate."""
-        return self._number("degrees_of_freedom", int)
-
-    @property
-    def iterations(self) -> Any:
-        """Gauss-Newton iterations of the nonlinear estimator in this sample; 0 of the linear one."""
-        return self._number("iterations", int)
-
-    @property
-    def envelope_score(self) -> Any:
-        """Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known."""
-        return self._number("envelope_score")
-
-    @property
-    def valid_gauges(self) -> Any:
-        """Number of sensors that were used."""
-        return self._number("valid_gauges", int)
+    usable = _output(
+        "Whether loads may be used with their standard deviations: OK and DEGRADED; of k samples (k,).", bool
+    )
+    chi_square = _output(
+        "Chi-square of the residual of the valid gauges and, of nonlinear maps, of the air data used [1].", float
+    )
+    chi_square_limit = _output(
+        "Detection threshold of chi-square, times ``alarm_scale``; infinite where nothing checks the estimate.",
+        float,
+    )
+    degrees_of_freedom = _output("Degrees of freedom of chi-square; 0 where nothing checks the estimate.", int)
+    iterations = _output(
+        "Gauss-Newton iterations of the nonlinear estimator in this sample; 0 of the linear one.", int
+    )
+    envelope_score = _output(
+        "Standard deviations by which the estimate leaves the envelope of the map; 0 inside, NaN if not known.",
+        float,
+    )
+    valid_gauges = _output("Number of sensors that were used.", int)
 
     @property
     def valid(self) -> BoolArray:
         """(n_d,) sensors that were used."""
         return np.asarray(self._fit(VALID) != 0.0)
 
-    @property
-    def standardised_residual(self) -> FloatArray:
-        """(n_d,) z, standard normal where a sensor fits the others; 0 where no other checks it."""
-        return self._fit("standardised_residual")
-
-    @property
-    def residual_limit(self) -> Any:
-        """Detection threshold of the largest \\|z\\|."""
-        return self._fit_number("residual_limit")
+    standardised_residual: FloatArray = _of_fit(
+        "(n_d,) z, standard normal where a sensor fits the others; 0 where no other checks it."
+    )
+    residual_limit = _of_fit("Detection threshold of the largest \\|z\\|.", float)
 
     @property
     def suspects(self) -> Any:
@@ -319,29 +367,20 @@ class Estimate(NamedLoads):
         """Number of :attr:`suspects`."""
         return self._number("suspects", int)
 
-    @property
-    def fits(self) -> Any:
-        """Whether strain and air data fit the map."""
-        return self._fit_number("fits", bool)
-
-    @property
-    def noise_left(self) -> Any:
-        """Part of the variance of noise that the filter leaves [1]; 1 of a sample by itself."""
-        return self._fit_number("noise_left")
-
-    @property
-    def parameter_score(self) -> FloatArray:
-        """(n_p,) fraction of its range by which each flow parameter leaves it; 0 inside or not known."""
-        return self._field("parameter_score")
+    fits = _of_fit("Whether strain and air data fit the map.", bool)
+    noise_left = _of_fit(
+        "Part of the variance of noise that the filter leaves [1]; 1 of a sample by itself.", float
+    )
+    parameter_score: FloatArray = _output(
+        "(n_p,) fraction of its range by which each flow parameter leaves it; 0 inside or not known."
+    )
 
     @property
     def outside_parameters(self) -> Any:
         """Names of the flow parameters that leave their range, for which health is OUTSIDE; of k samples (k,) of
         tuples."""
-        names, outside = self._estimator.parameters.names, self.parameter_score > PARAMETER_TOLERANCE
-        if not self.is_series:
-            return tuple(np.array(names, dtype=object)[outside])
-        return _tuples([tuple(np.array(names)[row]) if row.any() else () for row in outside])
+        outside, score = self._estimator.parameters.outside, self.parameter_score
+        return _tuples([outside(row) for row in score]) if self.is_series else outside(score)
 
     # Air data and flight state, of nonlinear maps.
 
@@ -362,10 +401,9 @@ class Estimate(NamedLoads):
         """
         return np.asarray(self._field("air_data_used") != 0.0)
 
-    @property
-    def air_data_residual(self) -> FloatArray:
-        """(3,) standardised difference of each air-data input from all else; 0 if not given, NaN if linear."""
-        return self._fit("air_data_residual")
+    air_data_residual: FloatArray = _of_fit(
+        "(3,) standardised difference of each air-data input from all else; 0 if not given, NaN if linear."
+    )
 
     @property
     def is_linear(self) -> Any:
@@ -377,20 +415,11 @@ class Estimate(NamedLoads):
             return np.ones(len(self), dtype=bool) if self.is_series else True
         return self._number("is_linear", bool)
 
-    @property
-    def state(self) -> FloatArray:
-        """(4,) flight state (M, u, w, ln p_inf); NaN of linear maps."""
-        return self._fit("state")
-
-    @property
-    def state_covariance(self) -> FloatArray:
-        """(4, 4) covariance of :attr:`state`; NaN of linear maps."""
-        return self._matrix("state_covariance", 4)
-
-    @property
-    def discrepancy_chi_square(self) -> Any:
-        """Chi-square of the discrepancy modes in the residual; NaN of linear maps."""
-        return self._fit_number("discrepancy_chi_square")
+    state: FloatArray = _of_fit("(4,) flight state (M, u, w, ln p_inf); NaN of linear maps.")
+    state_covariance: FloatArray = _of_fit("(4, 4) covariance of :attr:`state`; NaN of linear maps.", order=4)
+    discrepancy_chi_square = _of_fit(
+        "Chi-square of the discrepancy modes in the residual; NaN of linear maps.", float
+    )
 
     # What is made of an estimate.
 
@@ -416,33 +445,108 @@ class Estimate(NamedLoads):
         Angles of the wind [rad], one or one of each sample; ``angle_std`` [rad], the standard deviation of either,
         adds to the variances to first order.
         """
-        from strainfmu.estimator.estimates.axes import in_wind_axes
-
-        return in_wind_axes(self, angle_of_attack, sideslip_angle, angle_std)
+        stds = angle_std, angle_std
+        return turned(self.coefficients, self.coefficient_covariance, (angle_of_attack, sideslip_angle), stds)
 
     def in_stability_axes(self, angle_of_attack: ArrayLike, angle_std: ArrayLike = 0.0) -> TurnedCoefficients:
         """Return drag, side force and lift coefficient in stability axes, the wind axes without sideslip."""
-        from strainfmu.estimator.estimates.axes import in_stability_axes
-
-        return in_stability_axes(self, angle_of_attack, angle_std)
+        return turned(self.coefficients, self.coefficient_covariance, (angle_of_attack, 0.0), (angle_std, 0.0))
 
     def to_frame(self) -> DataFrame:
         """Return one row a sample: coefficients, loads, their standard deviations and health. Needs pandas."""
-        from strainfmu.estimator.estimates.estimate_views import dataframe_of
+        from pandas import DataFrame
 
-        return dataframe_of(self)
+        stated = [group for group in self.load_groups if group.load.coefficient]
+        rows = [np.arange(group.first, group.first + group.size) for group in stated]
+        of_stated = np.concatenate(rows)
+        coefficients = tuple(name for group in stated for name in group.numbered(group.load.coefficient))
+        of_others = self.other_coefficients[..., of_stated], self.other_coefficients_std[..., of_stated]
+        columns: dict[str, Any] = {}
+        for names, values, std in (
+            (COEFFICIENT_NAMES, self.coefficients, self.coefficients_std),
+            (LOAD_NAMES, self.loads, self.loads_std),
+            (coefficients, *of_others),
+            (names_of(self.load_groups), self.other_loads, self.other_loads_std),
+        ):
+            columns |= dict(zip(names, np.atleast_2d(values).T, strict=True))
+            columns |= {f"sigma.{name}": row for name, row in zip(names, np.atleast_2d(std).T, strict=True)}
+        columns["chi_square"] = np.atleast_1d(self.chi_square)
+        columns["health"] = [HealthState(int(state)).name for state in np.atleast_1d(self.health)]
+        columns["usable"] = np.atleast_1d(self.usable)
+        columns["valid_gauges"] = np.atleast_1d(np.sum(self.valid, axis=-1))
+        return DataFrame(columns)
 
     to_dataframe = to_frame
 
     def __repr__(self) -> str:
-        from strainfmu.estimator.estimates.estimate_views import estimate_text, estimates_text
-
-        return estimates_text(self) if self.is_series else estimate_text(self)
+        """Return each load with sigma, of one sample with its coefficient, of k samples its range."""
+        loads = [*zip(self.loads.T, self.loads_std.T, LOAD_UNITS, strict=True)]
+        if self.is_series:
+            count = len(self)
+            lines = [f"Estimate of {count} sample{'' if count == 1 else 's'}"]
+            if count:
+                lines[0] += f": health {self._health_counts()}"
+                lines += [f"  {name} {_range(*each)}" for name, each in zip(LOAD_NAMES, loads, strict=True)]
+            return "\n".join(lines)
+        limit, used = self._limit_and_used()
+        coefficients = zip(self.coefficients, self.coefficients_std, COEFFICIENT_NAMES, strict=True)
+        return "\n".join(
+            [
+                f"Estimate: health {self.health.name}, {limit}, {used}; value +- sigma:",
+                *(
+                    f"  {name} {_value(*load)}, {symbol} {_value(value, std, '')}"
+                    for name, load, (value, std, symbol) in zip(LOAD_NAMES, loads, coefficients, strict=True)
+                ),
+            ]
+        )
 
     def _repr_html_(self) -> str:
-        from strainfmu.estimator.estimates.estimate_views import estimate_html, estimates_html
+        """Return coefficients, and of one sample loads, with 3 sigma."""
+        if self.is_series:
+            rows = list[tuple[str, ...]]()
+            for name, values, std in zip(
+                COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, strict=True
+            ):
+                known, numbers = np.isfinite(values), ()
+                if known.any():
+                    numbers = np.min(values[known]), np.max(values[known]), 3.0 * np.median(std[known])
+                rows.append((name, *(f"{number:.4g}" for number in numbers)))
+            title = f"{len(self)} load estimates: {self._health_counts()}"
+            return html_table(title, ("", "minimum", "maximum", "median 3 sigma"), rows)
+        limit, used = self._limit_and_used()
+        names = (*COEFFICIENT_NAMES, *(name.replace("_", " ") for name in LOAD_NAMES))
+        values = np.append(self.coefficients, self.loads), np.append(self.coefficients_std, self.loads_std)
+        units = (*["1"] * len(COEFFICIENT_NAMES), *LOAD_UNITS)
+        return html_table(
+            f"Load estimate: {self.health.name}; {limit}; {used}",
+            ("", "value", "3 sigma", "unit"),
+            [
+                (name, f"{value:.5g}", f"{3.0 * std:.2g}", unit)
+                for name, value, std, unit in zip(names, *values, units, strict=True)
+            ],
+        )
 
-        return estimates_html(self) if self.is_series else estimate_html(self)
+    def _health_counts(self) -> str:
+        """Return how many samples are of each state of health, as text."""
+        counts = zip(*np.unique(self.health, return_counts=True), strict=True)
+        return ", ".join(f"{count} {HealthState(int(state)).name}" for state, count in counts)
+
+    def _limit_and_used(self) -> tuple[str, str]:
+        """Return chi-square with its limit, and the gauges in use."""
+        limit = f"chi-square {self.chi_square:.4g}, limit {self.chi_square_limit:.4g}"
+        return limit, f"{int(np.sum(self.valid))} of {len(self.valid)} gauges"
+
+
+def _value(value: float, std: float, unit: str) -> str:
+    return f"{value:.5g} +- {std:.2g} {unit}".rstrip() if np.isfinite(value) else "not known"
+
+
+def _range(values: FloatArray, std: FloatArray, unit: str) -> str:
+    known = np.isfinite(values)
+    if not known.any():
+        return "not known"
+    low, high, sigma = values[known].min(), values[known].max(), np.median(std[known])
+    return f"{low:.5g} to {high:.5g} {unit}, median sigma {sigma:.2g} {unit}"
 
 
 def _tuples(rows: list[tuple[Any, ...]]) -> Any:

@@ -7,7 +7,6 @@ import pytest
 from scaled_maps import NOMINAL, whole_scaled_map
 
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.axes import in_stability_axes, in_wind_axes
 from strainfmu.estimator.estimator import Estimator
 
 pytestmark = pytest.mark.fast
@@ -23,7 +22,7 @@ def estimates() -> Estimate:
 
 
 def test_lift_and_drag_by_the_book(estimates: Estimate) -> None:
-    wind, stability = in_wind_axes(estimates, A, B), in_stability_axes(estimates, A)
+    wind, stability = estimates.in_wind_axes(A, B), estimates.in_stability_axes(A)
     ca, cn, cy = estimates.C_A, estimates.C_N, estimates.C_Y
     np.testing.assert_allclose(stability.C_L, cn * np.cos(A) - ca * np.sin(A), rtol=1e-13)
     np.testing.assert_allclose(stability.C_D, ca * np.cos(A) + cn * np.sin(A), rtol=1e-13)
@@ -35,17 +34,17 @@ def test_lift_and_drag_by_the_book(estimates: Estimate) -> None:
 
 
 def test_without_angles_body_axes_are_kept(estimates: Estimate) -> None:
-    found = in_wind_axes(estimates, 0.0, 0.0)
+    found = estimates.in_wind_axes(0.0, 0.0)
     np.testing.assert_allclose(found.values, estimates.coefficients[:, [0, 2, 1]], rtol=1e-14)
     np.testing.assert_allclose(found.std, estimates.coefficients_std[:, [0, 2, 1]], rtol=1e-12)
     one = estimates[1]
-    np.testing.assert_allclose(in_wind_axes(one, 0.0, 0.0).std, found.std[1], rtol=1e-13)
+    np.testing.assert_allclose(one.in_wind_axes(0.0, 0.0).std, found.std[1], rtol=1e-13)
 
 
 def test_deviations_are_those_of_draws(estimates: Estimate) -> None:
     """40,000 draws of coefficients and angles: to 2 %."""
     rng, one, std = np.random.default_rng(1), estimates[0], 0.004
-    found = in_wind_axes(one, A[0], B[0], std)
+    found = one.in_wind_axes(A[0], B[0], std)
     root = np.linalg.cholesky(one.coefficient_covariance)
     n = 40_000
     c = one.coefficients + rng.standard_normal((n, 5)) @ root.T
