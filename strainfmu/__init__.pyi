@@ -21,7 +21,7 @@ from strainfmu.estimator.air_inputs import QSource as QSource
 from strainfmu.estimator.health import HealthState as HealthState
 
 # Zero offsets
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros as GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros as GaugeZeros
 from strainfmu.estimator.zeros.tare import KnownStrain as KnownStrain
 from strainfmu.estimator.zeros.tare import Tare as Tare
 from strainfmu.estimator.zeros.tare import TareLimits as TareLimits

@@ -20,8 +20,10 @@ def float_or_array(values: FloatArray) -> Any:
 
 
 def component(name: str, place: int, text: str) -> Any:
-    """Return the property that ``text`` describes: the last axis of the array ``name`` at ``place``, a float of one
-    sample, (k,) of k samples."""
+    """Return the property that ``text`` describes: ``place`` of the last axis of the array ``name``.
+
+    It is a float of one sample, (k,) of k samples.
+    """
     return property(lambda self: float_or_array(getattr(self, name)[..., place]), doc=text)
 
 

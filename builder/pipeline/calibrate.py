@@ -51,9 +51,9 @@ from builder.workspace import refuse_misfits
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.signal_names import ZERO
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 ZEROS = "_zeros.toml"
 """End of the name of the file of zeros next to the map."""

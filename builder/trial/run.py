@@ -26,8 +26,8 @@ from builder.trial.world import World
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import fingerprint, write_bytes_atomically
 
 VERSION = 8

@@ -22,9 +22,9 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, INERTIAL_NAMES, QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.map.inverse_map import has_other_outputs, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.estimator.zeros.tare_edge import EdgeTare
 from strainfmu.fmu.python.stop_time import stop_fault

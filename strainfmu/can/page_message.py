@@ -16,13 +16,13 @@ from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.estimator.map.nonlinear_map import FlightField
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import LoadGroup, column_of
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, TEMPERATURE
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS
 from strainfmu.interface.health_names import VALID_GAUGES as GAUGES_USED

@@ -31,8 +31,8 @@ from strainfmu.cosim.estimators.step import (
     sensor_names_of,
 )
 from strainfmu.errors import InputError
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.other_loads import LoadGroup
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 from strainfmu.interface.input_names import OTHER_AIR_DATA
 

@@ -20,7 +20,7 @@ from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits
 from strainfmu.estimator.zeros.tare_verdict import loads_fault, refusal, refused_text, taken_text
 

@@ -14,7 +14,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray, component, float_o
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
 from strainfmu.estimator.estimates.axes import TurnedCoefficients, turned
-from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.estimates.pressure import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, names_of, rows_of
@@ -507,9 +507,9 @@ class Estimate(NamedLoads):
             for name, values, std in zip(
                 COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, strict=True
             ):
-                known, numbers = np.isfinite(values), ()
+                known, numbers = np.isfinite(values), np.zeros(0)
                 if known.any():
-                    numbers = np.min(values[known]), np.max(values[known]), 3.0 * np.median(std[known])
+                    numbers = np.array([values[known].min(), values[known].max(), 3.0 * np.median(std[known])])
                 rows.append((name, *(f"{number:.4g}" for number in numbers)))
             title = f"{len(self)} load estimates: {self._health_counts()}"
             return html_table(title, ("", "minimum", "maximum", "median 3 sigma"), rows)

@@ -32,7 +32,8 @@ from strainfmu.estimator.arguments import (
 )
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.estimates.pressure import PressureField
+from strainfmu.estimator.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.off_deadline import absolute_loads, surface_pressure
@@ -55,7 +56,6 @@ from strainfmu.estimator.signal_names import (
     LOAD_NAMES,
     STRAIN,
 )
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import judged_tare
 

@@ -14,9 +14,14 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, INERTIAL_NAMES, STD, VIBRATION
 from strainfmu.estimator.core import Layout
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.flight_pressure import flight_pressure
-from strainfmu.estimator.estimates.linear_field import linear_pressure
-from strainfmu.estimator.estimates.pressure_field import PressureField, no_field, unknown_field
+from strainfmu.estimator.estimates.pressure import (
+    PressureField,
+    flight_pressure,
+    linear_pressure,
+    no_field,
+    unknown_field,
+)
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, ShapeField, field_with_known, with_known
@@ -25,10 +30,9 @@ from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of
 from strainfmu.estimator.reference.linear import LOADS
 from strainfmu.estimator.reference.linear import estimate as linear_estimate
-from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
+from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import EstimatorSettings
 from strainfmu.estimator.signal_names import TEMPERATURE, THRUST
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 Sample = Mapping[str, FloatArray]
 """Values of one sample by the names of a record."""
@@ -123,13 +127,12 @@ def _without_motion(
     if known.any() or np.isfinite(ratio):
         modes = with_vibration(inverse_map.thermal_and_inertia, inverse_map.inertia, float(ratio))
         of_sensors = amplitudes(modes, theta, known[0])
-        amplitude, remaining = of_sensors.mean, of_sensors.covariance
-    of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
+        amplitude, remaining = of_sensors.mean, of_sensors.covariance[0]
     thrust = sample[THRUST] if sample[THRUST].size else np.zeros(1)
-    rows = rows_of(inverse_map, readings[None], thrust, of_zeros, amplitude)[0]
+    rows = rows_of(inverse_map, readings[None], thrust, zeros, amplitude)[0]
     tables, of_map = inverse_map.manifold, inverse_map.gauge_covariance
     about_tables = of_map if tables is None else tables.gauge_covariance
-    noise, of_tables = (row_noise(inverse_map, each, of_zeros, remaining) for each in (of_map, about_tables))
+    noise, of_tables = (row_noise(inverse_map, each, zeros, remaining) for each in (of_map, about_tables))
     return with_gauge_covariance(inverse_map, noise, of_tables), rows
 
 
@@ -156,9 +159,8 @@ def absolute_loads(
     )
     stated, pressure_std = (record[:, places[name].start] for name in (DYNAMIC_PRESSURE, DYNAMIC_PRESSURE + STD))
     valid = np.atleast_2d(estimate.valid) & solved[:, None]
-    of_zeros = Zeros(value=zeros.value, std=zeros.std, common_std=zeros.common_std)
-    rows = rows_of(inverse_map, record[:, : inverse_map.n_gauges], thrust, of_zeros)
-    noise = row_noise(inverse_map, inverse_map.gauge_covariance, of_zeros)
+    rows = rows_of(inverse_map, record[:, : inverse_map.n_gauges], thrust, zeros)
+    noise = row_noise(inverse_map, inverse_map.gauge_covariance, zeros)
     known &= np.isfinite(stated)
     q = np.where(known, stated, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)

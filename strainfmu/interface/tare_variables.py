@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.signal_names import TARE as TARE
-from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
-from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
 from strainfmu.interface.fmi_variables import Variable
 from strainfmu.interface.health_names import VALID_GAUGES
 

@@ -18,7 +18,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure_field import no_field
+from strainfmu.estimator.estimates.pressure import no_field
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.files import GuardedFile, whole_file, writing
 

@@ -25,7 +25,7 @@ from strainfmu.can.tare import TareEnd
 from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.files import write_bytes_atomically
 
 NAMES = [f"G{i}" for i in range(N_GAUGES)]

@@ -20,9 +20,9 @@ from scaled_maps import NOMINAL, whole_scaled_map
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import Core, library_file
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of, save_inverse_map
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
 

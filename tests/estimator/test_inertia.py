@@ -150,7 +150,7 @@ def test_temperature_and_inertia_are_joint() -> None:
     joint = with_inertia(held.thermal, held.inertia)
     assert joint.n_sensors == held.thermal.n_sensors + len(PRIOR)
     known = np.arange(joint.n_sensors) >= held.thermal.n_sensors
-    left = amplitudes(joint, np.full((1, joint.n_sensors), REFERENCE), known).covariance
+    left = amplitudes(joint, np.full((1, joint.n_sensors), REFERENCE), known).covariance[0]
     n, k = held.thermal.n_modes, len(PRIOR)
     np.testing.assert_allclose(np.diag(left)[:n], held.thermal.prior_std**2)
     np.testing.assert_allclose(np.diag(left)[n : n + k], 1.0 / (PRIOR**-2 + ERRORS**-2))

@@ -12,9 +12,9 @@ from scaled_maps import NOMINAL, whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import no_zeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import no_zeros
 
 pytestmark = pytest.mark.fast
 

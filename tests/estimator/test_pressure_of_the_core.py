@@ -16,11 +16,11 @@ from other_load_maps import with_own_further
 from random_map import map_of, random_model
 from thermal_maps import with_temperature
 
-from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.estimates.pressure import PressureField
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
 NODES = [0, 7, 19]

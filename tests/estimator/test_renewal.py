@@ -17,9 +17,9 @@ from thermal_maps import REFERENCE, with_temperature
 from strainfmu.errors import InputError
 from strainfmu.estimator.core import Core, Series
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
 

@@ -10,7 +10,7 @@ from inputs import PART, Inputs, Results
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 
 
 def estimator_for(estimator: Estimator, inputs: Inputs) -> Estimator:

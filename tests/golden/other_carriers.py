@@ -14,8 +14,8 @@ from recorded_case import write_csv
 
 from strainfmu.cosim.estimators.source import FmuStep, MapStep, open_step
 from strainfmu.cosim.estimators.step import other_inputs
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 from strainfmu.interface.parameter_variables import PREFIX, STD_PREFIX
 from strainfmu.recorded.run import estimate_file

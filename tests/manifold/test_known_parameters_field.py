@@ -14,8 +14,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.flight_pressure import table_pressure
-from strainfmu.estimator.estimates.pressure_field import PressureField
+from strainfmu.estimator.estimates.pressure import PressureField, table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, ShapeField, field_with_known

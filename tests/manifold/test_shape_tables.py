@@ -31,7 +31,7 @@ from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
 from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.flight_pressure import table_pressure
+from strainfmu.estimator.estimates.pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flight_tables import FlightTables, evaluate

@@ -16,8 +16,8 @@ from strainfmu.can.setup import make_bridge
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
 
 pytestmark = pytest.mark.fast

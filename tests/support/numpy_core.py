@@ -25,6 +25,7 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
 from strainfmu.estimator.map.sensors import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
@@ -42,7 +43,7 @@ from strainfmu.estimator.map.validity import (
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
 from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std
-from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
+from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import (
     OF_ALARMS,
     OF_AREA,
@@ -64,7 +65,6 @@ from strainfmu.estimator.signal_names import (
     ZERO_COMMON_STD,
     ZERO_STD,
 )
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import TareFault
 from strainfmu.estimator.zeros.tare_edge import TareState
 
@@ -205,11 +205,11 @@ class NumpyCore:
         of = {name: inputs[:, place] for name, place in self.inputs.items()}
         readings = inputs[:, :n]
         if of[THRUST].shape[1]:
-            readings = without_thrust(held, readings, of[THRUST][:, 0])
+            readings = held.sensors.without_thrust(readings, of[THRUST][:, 0])
         flow = self._flow(of)
         used = self._used(readings, mask, flow)
         found = self._nothing(k, used)
-        zeros = Zeros(
+        zeros = GaugeZeros(
             value=self._setting(ZERO),
             std=self._setting(ZERO_STD),
             common_std=float(self._setting(ZERO_COMMON_STD)[0]),
@@ -225,7 +225,7 @@ class NumpyCore:
             if known.any() or one[-2]:
                 modes = with_vibration(held.thermal_and_inertia, held.inertia, float(ratio[at[0]]))
                 of_sensors = amplitudes(modes, theta[at], known)
-                amplitude, left = of_sensors.mean, of_sensors.covariance
+                amplitude, left = of_sensors.mean, of_sensors.covariance[0]
             rows = rows_of(held, readings[at], np.zeros(len(at)), zeros, amplitude)
             noise = row_noise(held, held.gauge_covariance, zeros, left)
             self._fill(found, at, rows, one[:n] != 0.0, noise=noise, flow=flow)

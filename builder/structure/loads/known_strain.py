@@ -17,8 +17,8 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import KnownStrain
 
 _HARMONICS = 2

@@ -257,7 +257,7 @@ def _temperature(thermal: ThermalMap) -> Iterator[Table]:
     table = _table("Temperature: thermal strain left in the gauges, rms", ("known",), "strain [um/m]")
     at_rest, strain = np.full((1, thermal.n_sensors), thermal.reference_temperature), thermal.linear_strain
     for name, known in (("no sensor", False), ("all sensors", True)):
-        remaining = amplitudes(thermal, at_rest, np.full(thermal.n_sensors, known)).covariance
+        remaining = amplitudes(thermal, at_rest, np.full(thermal.n_sensors, known)).covariance[0]
         variance = max(float(np.mean(np.sum((strain @ remaining) * strain, axis=1))), 0.0)
         table.add_row(name, f"{MICRO * np.sqrt(variance):.3g}")
     yield table

@@ -33,9 +33,9 @@ from strainfmu.cosim.estimators.step import OTHER_LOAD_OUTPUTS, PARAMETERS, Step
 from strainfmu.cosim.systems.instance import Instance, SignalBlock, read_description, safe_temporary_parent, unzip
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.air_inputs import ANGLE_ERROR, DYNAMIC_PRESSURE, MEASURED_ANGLES, STATIC_PRESSURE, STD
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.estimator.signal_names import TEMPERATURE as TEMPERATURE
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.contents import stated_contents
 from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, STD_PREFIX
 from strainfmu.interface.parameter_variables import PREFIX as PARAMETER_PREFIX

@@ -18,10 +18,10 @@ from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ALTITUDE, MACH_NUMBER
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.map.inverse_map import InverseMap, groups_of_outputs, load_inverse_map
 from strainfmu.estimator.other_loads import SIGMA, output_units
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.input_names import OTHER_AIR_DATA, given_flow, given_thrust, other_air_data
 from strainfmu.interface.other_load_variables import other_load_values

@@ -9,7 +9,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 
 LEAST_SAMPLES = 64
 """Readings that a window must hold: four of each of 16 stretches."""

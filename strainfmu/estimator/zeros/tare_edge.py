@@ -12,8 +12,8 @@ from typing import Protocol
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareFault, TareLimits, limits_record
 from strainfmu.estimator.zeros.tare_verdict import (
     judged_tare,

@@ -10,9 +10,9 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import LEAST_PART, LEAST_SAMPLES, LOUD, Tare, TareFault, TareLimits
 
 

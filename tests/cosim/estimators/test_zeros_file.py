@@ -9,7 +9,7 @@ import pytest
 
 from strainfmu.cosim.estimators.zeros_file import load_known_strain, load_zeros, write_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 
 pytestmark = pytest.mark.fast
 

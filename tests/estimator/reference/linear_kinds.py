@@ -14,12 +14,12 @@ from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import LARGEST_RISE, ThermalMap
 from strainfmu.estimator.reference import linear
-from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of, without_thrust
+from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 MASKS = 5
 """Sets of sensors in use that samples of a kind have, at most, beside those of broken ones."""
@@ -32,7 +32,7 @@ def in_use(
 
     ``sensor_range`` is the largest strain [m/m]; the map has the ranges of auxiliary sensors.
     """
-    sensors, found = inverse_map.sensors, without_thrust(inverse_map, readings, thrust)
+    sensors, found = inverse_map.sensors, inverse_map.sensors.without_thrust(readings, thrust)
     largest = np.where(sensors.is_strain, sensor_range, sensors.largest)
     return np.asarray(valid & (np.abs(found) <= largest))
 
@@ -102,7 +102,7 @@ class Samples:
     pressure_std: np.ndarray
     temperature: np.ndarray | None
     thrust: np.ndarray
-    zeros: Zeros | None
+    zeros: GaugeZeros | None
 
 
 def drawn(inverse_map: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
@@ -120,7 +120,7 @@ def drawn(inverse_map: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
     if kind.has_zeros:
         std = m.noise_std[: m.n_strain_gauges]
         value = 20.0 * std * random.standard_normal(len(std))
-        zeros = Zeros(value=value, std=std * random.uniform(0.5, 1.5, len(std)), common_std=0.5 * std.min())
+        zeros = GaugeZeros(value=value, std=std * random.uniform(0.5, 1.5, len(std)), common_std=0.5 * std.min())
         rows[:, : len(std)] += value
     readings = rows
     if m.has_auxiliary_sensors:
@@ -177,7 +177,7 @@ def by_reference(inverse_map: InverseMap, samples: Samples) -> Iterator[tuple[np
         amplitude = left = None
         if samples.temperature is not None:
             found = amplitudes(thermal, samples.temperature[at], one[n:])
-            amplitude, left = found.mean, found.covariance
+            amplitude, left = found.mean, found.covariance[0]
         model, _ = linear.models(inverse_map)
         rows = rows_of(inverse_map, samples.readings[at], samples.thrust[at], samples.zeros, amplitude)
         noise = row_noise(inverse_map, model.noise, samples.zeros, left)

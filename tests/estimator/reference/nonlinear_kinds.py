@@ -16,13 +16,13 @@ from shape_case import shape_map
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import with_known
 from strainfmu.estimator.reference.air import AirInputs, air_inputs
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample
-from strainfmu.estimator.reference.readings import Zeros, amplitudes, row_noise, rows_of
+from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 
 AIR = ("mach_number", "static_pressure", "dynamic_pressure")
 COLD_NOISE = 2e-7
@@ -63,7 +63,7 @@ class Samples:
     air: np.ndarray
     air_std: np.ndarray
     altitude: np.ndarray
-    zeros: Zeros | None = None
+    zeros: GaugeZeros | None = None
     temperature: np.ndarray | None = None
     thrust: np.ndarray | None = None
     parameter: np.ndarray | None = None
@@ -120,7 +120,9 @@ def drawn(m: InverseMap, kind: Kind, n: int, seed: int) -> Samples:
     if kind.has_zeros:
         own = m.noise_std[: m.n_strain_gauges]
         offsets = 20.0 * own * random.standard_normal(len(own))
-        more["zeros"] = Zeros(value=offsets, std=own * random.uniform(0.5, 1.5, len(own)), common_std=own.min())
+        more["zeros"] = GaugeZeros(
+            value=offsets, std=own * random.uniform(0.5, 1.5, len(own)), common_std=own.min()
+        )
         rows[:, : len(own)] += offsets
     if m.has_auxiliary_sensors:
         more["thrust"] = random.choice([0.0, 300.0], n)
@@ -199,7 +201,7 @@ class ByReference:
         if s.temperature is not None and m.has_temperature:
             known = known_sensors(m.thermal, s.temperature[one])[0]
             found = amplitudes(m.thermal, s.temperature[one], known)
-            amplitude, left = found.mean, found.covariance
+            amplitude, left = found.mean, found.covariance[0]
         rows = rows_of(m, s.readings[one], self._thrust[one], s.zeros, amplitude)[0]
         sample = Sample(rows=np.where(self._used[k], rows, 0.0), used=self._used[k], air=self.air(k))
         parameter = s.parameter is not None and s.parameter_std is not None

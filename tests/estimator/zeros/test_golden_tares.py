@@ -9,7 +9,7 @@ import pytest
 from tare_windows import HELD, TareWindow, tare_window
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import LARGEST_ZERO
+from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.zeros.tare_edge import EdgeTare
 from strainfmu.estimator.zeros.tare_verdict import refusal, taken_text
 

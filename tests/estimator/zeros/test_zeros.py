@@ -13,8 +13,8 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
 

@@ -17,9 +17,9 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.signal_names import ZERO
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.recorded.run import estimate_file
 

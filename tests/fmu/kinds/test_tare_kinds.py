@@ -15,8 +15,8 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare import KnownStrain
 from strainfmu.estimator.zeros.tare_edge import TareState
 from strainfmu.fmu.export import export_estimator

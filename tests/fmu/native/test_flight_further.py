@@ -16,9 +16,9 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
 from strainfmu.estimator.resource.map_file import map_arrays
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.interface.estimator_variables import output_values
 
 pytestmark = pytest.mark.fast

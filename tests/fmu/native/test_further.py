@@ -14,7 +14,7 @@ from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
+from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.interface.other_load_variables import other_load_values
 
 pytestmark = pytest.mark.fast

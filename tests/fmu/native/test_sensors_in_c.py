@@ -15,10 +15,10 @@ from sensor_maps import ROWS, with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare_edge import TareState
 
 pytestmark = pytest.mark.fast

@@ -16,8 +16,8 @@ from native_case import NativeCase
 from raw_fmu import ERROR, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_resource
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros
 from strainfmu.estimator.zeros.tare_edge import TareState
 
 pytestmark = pytest.mark.fast

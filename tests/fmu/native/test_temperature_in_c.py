@@ -14,9 +14,9 @@ from scaled_maps import whole_scaled_map
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import ThermalMap
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
 

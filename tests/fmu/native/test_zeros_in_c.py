@@ -13,8 +13,8 @@ from native_case import NativeCase
 from raw_fmu import ERROR, N_OUTPUTS, OK, VALUES, Fmu2, Fmu3, first_zero, write_resource
 
 from strainfmu.estimator.estimator import Estimator
+from strainfmu.estimator.gauge_zeros import GaugeZeros, no_zeros
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.zeros.gauge_zeros import GaugeZeros, no_zeros
 
 pytestmark = pytest.mark.fast
 

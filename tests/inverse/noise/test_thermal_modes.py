@@ -88,7 +88,7 @@ def test_modes_are_a_term_of_the_noise_that_sensors_lessen(thermal: ThermalMap, 
     np.testing.assert_allclose(held.isothermal_covariance, 1e-14 * np.eye(54) + np.diag(scatter**2), rtol=1e-12)
     strain = held.linear_strain
     at_rest = np.full((1, 2), held.reference_temperature)
-    left = (amplitudes(held, at_rest, np.full(2, known)).covariance for known in (False, True))
+    left = (amplitudes(held, at_rest, np.full(2, known)).covariance[0] for known in (False, True))
     none, both = (held.isothermal_covariance + strain @ one @ strain.T for one in left)
     whole = sum(term.strain @ term.strain.T for term in (own, *terms))
     np.testing.assert_allclose(none, whole, rtol=1e-10, atol=1e-22)

@@ -7,16 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
-
-if TYPE_CHECKING:
-    from strainfmu.estimator.map.inverse_map import InverseMap
 
 LARGEST_ZERO = 0.05
 """Largest zero and largest standard deviation of one [m/m]: the strain that foil gauges stand."""

@@ -1,7 +1,11 @@
-"""The pressure on the surface at an estimated flight state, corrected by the residual of strain.
+"""The pressure on the surface of one sample with its standard deviation, off the deadline.
 
-With C the covariance with strain of pressure off the tables that the gain may correct: p = p(x) + C S^-1 r, as the
-loads. The variance of a node with the derivative J_p by the state is
+**Linear.** At the pressure ratio s = q_inf / q_nominal the states follow from (d - d_0) / s + d_0 - m = A q + e
+with cov e = Gamma_g / s^2 + N N' and what errors in proportion to strain add at the strain. The pressure is
+s (p_mean + V q), and the field that no state holds adds its standard deviation.
+
+**Nonlinear.** With C the covariance with strain of pressure off the tables that the gain may correct:
+p = p(x) + C S^-1 r, as the loads. The variance of a node with the derivative J_p by the state is
 
     (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C'.
 """
@@ -13,48 +17,130 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.estimates.pressure_field import PressureField, unknown_field
-from strainfmu.estimator.map import flight_tables
-from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, U, W
+from strainfmu.errors import InputError
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
+from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import FlightField, ManifoldMap, ShapeField
 from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.air import lognormal_std
+from strainfmu.estimator.reference.linear import excess_covariance
 from strainfmu.estimator.reference.nonlinear import strain_covariance
+
+MIN_OF_EXCESS = 0.25
+"""Least variance of a node relative to that at the mean strain: the linear model of the errors could give less."""
 
 MIN_LEFT = 0.05
 """Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TablePressure:
-    """Pressure of the tables at one state.
+class PressureField:
+    """Pressure at the n_p nodes of a map, ``point`` and ``triangle`` of the map.
 
     Attributes
     ----------
-    value : (n_p,) [Pa].
-    jacobian : (n_p, 4) by M, u, w and ln p_inf.
+    pressure : (n_p,) [Pa]; NaN where the estimate holds no loads.
+    std : (n_p,) standard deviation of each node [Pa].
+    is_net : whether ``pressure`` is p - p_inf, as of a linear map whose internal pressure is the ambient one.
     """
 
-    value: FloatArray
-    jacobian: FloatArray
+    pressure: FloatArray
+    std: FloatArray
+    is_net: bool
 
 
-def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state: FloatArray) -> TablePressure:
-    """Return the pressure of the tables at ``state`` (4,)."""
+def unknown_field(n_nodes: int, is_net: bool) -> PressureField:
+    """Return the pressure of a sample without an estimate: NaN at all ``n_nodes``."""
+    return PressureField(pressure=np.full(n_nodes, np.nan), std=np.full(n_nodes, np.nan), is_net=is_net)
+
+
+def no_field() -> InputError:
+    """Return the error of a map without a pressure field."""
+    return InputError("inverse map: holds no pressure field, expected one built with keep_field = true in [map]")
+
+
+def linear_pressure(
+    inverse_map: InverseMap,
+    strain: FloatArray,
+    valid: BoolArray,
+    dynamic_pressure: float,
+    dynamic_pressure_std: float,
+    with_std: bool = True,
+) -> PressureField:
+    """Return the pressure of one sample of ``strain`` (n_d,) [m/m] by the linear map from the ``valid`` gauges.
+
+    q_inf and its standard deviation [Pa] are NaN where not known. ``with_std`` false leaves the standard deviation
+    of the pressure NaN.
+
+    Raises
+    ------
+    InputError
+        The map holds no pressure field.
+    """
+    if not inverse_map.has_field:
+        raise no_field()
+    scaled, is_net = inverse_map.follows_pressure, inverse_map.field_is_net
+    ratio = dynamic_pressure / inverse_map.nominal_dynamic_pressure if scaled else 1.0
+    few = inverse_map.case == 1 and np.count_nonzero(valid) < inverse_map.n_states
+    if not ratio > 0.0 or few or not valid.any():
+        return unknown_field(len(inverse_map.field_mean), is_net)
+    data, of_all = strain - inverse_map.mean_strain, inverse_map.noise_covariance
+    if scaled:
+        error, fixed = inverse_map.error_strain, inverse_map.fixed_strain
+        data = (strain - fixed) / ratio + fixed - inverse_map.mean_strain
+        of_all = inverse_map.gauge_covariance / ratio**2 + error @ error.T
+    noise, operator = of_all[np.ix_(valid, valid)], inverse_map.state_operator[valid]
+    weighted = np.linalg.solve(noise, operator).T
+    precision = weighted @ operator + inverse_map.regularisation * np.eye(operator.shape[1])
+    gain = np.linalg.solve(precision, weighted)
+    state = gain @ data[valid]
+    mean, modes = inverse_map.field_mean.astype(float), inverse_map.field_modes.astype(float)
+    pressure = ratio * (mean + modes @ state)
+    if not with_std:
+        return replace(unknown_field(len(mean), is_net), pressure=pressure)
+    covariance = gain @ noise @ gain.T
+    if inverse_map.case == 2:  # the prior
+        unresolved = np.eye(len(gain)) - gain @ operator
+        covariance = covariance + unresolved @ unresolved.T
+    variance = np.einsum("pq,qr,pr->p", modes, covariance, modes, optimize=True)
+    excess = gain @ _excess(inverse_map, state, valid) @ gain.T
+    variance = np.maximum(
+        variance + np.einsum("pq,qr,pr->p", modes, excess, modes, optimize=True), MIN_OF_EXCESS * variance
+    )
+    # The strain of the field that no state holds is in Case 1 part of the states' error: the sum bounds both.
+    std, rest = np.sqrt(variance), inverse_map.field_std.astype(float)
+    std = ratio * (std + rest if inverse_map.case == 1 else np.hypot(std, rest))
+    if scaled:
+        by_ratio = mean + modes @ (gain @ (inverse_map.fixed_strain - inverse_map.mean_strain)[valid])
+        std = np.hypot(std, by_ratio * dynamic_pressure_std / inverse_map.nominal_dynamic_pressure)
+    return PressureField(pressure=pressure, std=std, is_net=is_net)
+
+
+def _excess(inverse_map: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
+    """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
+    mean = inverse_map.load_of_mean - inverse_map.fixed_load
+    loads = mean[FIVE_LOADS] + inverse_map.load_per_state[FIVE_LOADS] @ state
+    coefficients = loads / (inverse_map.nominal_dynamic_pressure * inverse_map.references[FIVE_LOADS])
+    return excess_covariance(inverse_map, coefficients[None])[0][np.ix_(valid, valid)]
+
+
+def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state: FloatArray) -> Response:
+    """Return the pressure (n_p,) [Pa] of the tables at ``state`` (4,), and its derivatives (n_p, 4)."""
     return (
         _of_shape(manifold, field, state) if isinstance(field, ShapeField) else _of_rings(manifold, field, state)
     )
 
 
-def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> TablePressure:
+def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Response:
     tables = field.tables(manifold.tables)
-    value, jacobian = (field.modes @ each[0] for each in flight_tables.evaluate(tables, state[None]))
+    value, jacobian = (field.modes @ each[0] for each in evaluate(tables, state[None]))
     pressure = float(np.exp(state[LOG_PRESSURE]))
     jacobian[:, LOG_PRESSURE] += pressure
-    return TablePressure(value=value + pressure, jacobian=jacobian)
+    return Response(value + pressure, jacobian)
 
 
-def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> TablePressure:
+def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> Response:
     u, w = float(state[U]), float(state[W])
     incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
     at_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
@@ -80,7 +166,7 @@ def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> T
         axis=1,
     )
     pressure = float(np.exp(state[LOG_PRESSURE]))
-    return TablePressure(value=pressure * value, jacobian=pressure * jacobian)
+    return Response(pressure * value, pressure * jacobian)
 
 
 def flight_pressure(
@@ -104,7 +190,7 @@ def flight_pressure(
     with_std : false leaves the standard deviation NaN.
     """
     table, n_d = table_pressure(manifold, field, state), len(strain)
-    value, by_state_of_rows = (each[0] for each in flight_tables.evaluate(tables.tables, state[None]))
+    value, by_state_of_rows = (each[0] for each in evaluate(tables.tables, state[None]))
     covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
     factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
     residual = np.where(used, strain - value[:n_d], 0.0)
