@@ -21,8 +21,15 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, KnownStrain, TareLimits
-from strainfmu.estimator.zeros.tare_verdict import loads_fault, refusal, refused_text, taken_text
+from strainfmu.estimator.zeros.tare import (
+    LEAST_SAMPLES,
+    KnownStrain,
+    TareLimits,
+    loads_fault,
+    refusal,
+    refused_text,
+    taken_text,
+)
 
 MOST_CYCLES = 100_000
 """Longest window [cycles]."""

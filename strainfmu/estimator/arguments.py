@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import QSource
-from strainfmu.estimator.signal_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.signal_names import STRAIN
 
 
@@ -78,20 +77,6 @@ def is_series(strain: ArrayLike) -> bool:
     return (strain if type(strain) is np.ndarray else real_numbers(STRAIN, strain)).ndim == 2
 
 
-def strain_of_one(strain: ArrayLike, n_gauges: int) -> FloatArray:
-    """Return ``strain`` (n_d,) of one sample [m/m].
-
-    Raises
-    ------
-    InputError
-        It has another shape, or holds something else than real numbers.
-    """
-    d = real_numbers(STRAIN, strain)
-    if d.shape != (n_gauges,):
-        raise InputError(f"strain: expected {n_gauges} values, got {d.shape}")
-    return d
-
-
 def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
     """Return ``strain`` of k samples (k, n_d), or of one (n_d,), as (k, n_d) [m/m].
 
@@ -101,11 +86,11 @@ def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
         It has another shape, or holds something else than real numbers.
     """
     d = real_numbers(STRAIN, strain)
-    if d.ndim != 2:
-        return strain_of_one(d, n_gauges)[None, :]
-    if d.shape[1] != n_gauges:
-        raise InputError(f"strain: expected (k, {n_gauges}) values, got {d.shape}")
-    return d
+    if d.ndim not in (1, 2) or d.shape[-1] != n_gauges:
+        raise InputError(
+            f"strain: expected {f'(k, {n_gauges})' if d.ndim == 2 else n_gauges} values, got {d.shape}"
+        )
+    return np.atleast_2d(d)
 
 
 def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) -> BoolArray:

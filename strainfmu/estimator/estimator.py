@@ -56,8 +56,7 @@ from strainfmu.estimator.signal_names import (
     LOAD_NAMES,
     STRAIN,
 )
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, limits_record
-from strainfmu.estimator.zeros.tare_verdict import judged_tare
+from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, judged_tare, limits_record
 
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK

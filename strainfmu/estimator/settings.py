@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from strainfmu.errors import InputError
@@ -21,48 +21,14 @@ class SettingInput:
     note: str = ""
 
 
-SETTING_INPUTS = (
-    SettingInput(
-        name="sensor_range",
-        label="Sensor range",
-        unit="1",
-        shown="um/m",
-        text="Largest |strain| of a working gauge; one beyond it is left out",
-        note="[m/m] largest |strain| of a gauge that works",
-    ),
-    SettingInput(
-        name="alarm_scale",
-        label="Alarm scale",
-        unit="1",
-        text="Factor on the limit of chi-square, and on the square of the limit of one gauge",
-        note="[1] factor on the detection thresholds",
-    ),
-    SettingInput(
-        name="reference_area",
-        label="Reference area",
-        unit="m2",
-        text="Area S that coefficients are referred to",
-        note="[m2]",
-    ),
-    SettingInput(
-        name="reference_length",
-        label="Reference length",
-        unit="m",
-        text="Length L that moment coefficients are referred to besides",
-        note="[m]",
-    ),
-    SettingInput(
-        name="moment_station",
-        label="Moment station",
-        unit="m",
-        text="Station x of the moment point, aft from the nose tip",
-        note="[m] x of the point that moments refer to",
-    ),
+SETTING_NAMES = OF_READINGS, OF_ALARMS, OF_AREA, OF_LENGTH, OF_STATION = (
+    "sensor_range",
+    "alarm_scale",
+    "reference_area",
+    "reference_length",
+    "moment_station",
 )
-"""Fields of :class:`EstimatorSettings`, in their order in a record of the core."""
-
-SETTING_NAMES = tuple(setting.name for setting in SETTING_INPUTS)
-OF_READINGS, OF_ALARMS, OF_AREA, OF_LENGTH, OF_STATION = SETTING_NAMES
+"""In their order in a record of the core."""
 
 SENSOR_RANGE = 0.05
 """|strain| [m/m] that foil gauges bear, 5 %: what reads more is broken. Amplifiers often end far earlier."""
@@ -74,31 +40,41 @@ SMALLEST_SETTING, LARGEST_SETTING = 1e-9, 1e9
 """Bounds on every setting, in its unit: beyond what any vehicle has, and no product with loads overflows."""
 
 
+def _setting(label: str, unit: str, text: str, note: str, shown: str | None = None, default: Any = MISSING) -> Any:
+    about = {"label": label, "unit": unit, "text": text, "note": note, "shown": shown}
+    return field(default=default, metadata=about)
+
+
 @dataclass(frozen=True)
 class EstimatorSettings:
-    """Settings of an estimator.
+    """Settings of an estimator."""
 
-    Attributes
-    ----------
-    reference_area : S [m2] that coefficients are referred to.
-    reference_length : L [m] that moment coefficients are also referred to.
-    moment_station : x [m] of the moment point on the axis, aft from the nose tip.
-    sensor_range : largest |strain| of a working gauge [m/m].
-    alarm_scale : factor on the detection threshold of chi-square, and on the square of the one of |z| [1]. 4
-        allows twice the noise in every gauge.
-    """
-
-    reference_area: float
-    reference_length: float
-    moment_station: float
-    sensor_range: float = SENSOR_RANGE
-    alarm_scale: float = 1.0
+    # fmt: off
+    reference_area: float = _setting("Reference area", "m2", "Area S that coefficients are referred to", "[m2]")
+    reference_length: float = _setting("Reference length", "m",
+        "Length L that moment coefficients are referred to besides", "[m]")
+    moment_station: float = _setting("Moment station", "m",
+        "Station x of the moment point, aft from the nose tip", "[m] x of the point that moments refer to")
+    sensor_range: float = _setting("Sensor range", "1",
+        "Largest |strain| of a working gauge; one beyond it is left out",
+        "[m/m] largest |strain| of a gauge that works", shown="um/m", default=SENSOR_RANGE)
+    alarm_scale: float = _setting("Alarm scale", "1",
+        "Factor on the limit of chi-square, and on the square of the limit of one gauge",
+        "[1] factor on the detection thresholds", default=1.0)
+    # fmt: on
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            fault = setting_fault(entry.name, getattr(self, entry.name))
+        for name in SETTING_NAMES:
+            fault = setting_fault(name, getattr(self, name))
             if fault:
                 raise InputError(fault)
+
+
+_ABOUT = {item.name: item.metadata for item in fields(EstimatorSettings)}
+SETTING_INPUTS = tuple(SettingInput(name=name, **_ABOUT[name]) for name in SETTING_NAMES)
+EstimatorSettings.__doc__ = "Settings of an estimator.\n\n    Attributes\n    ----------\n" + "".join(
+    f"    {name} : {about['text']} [{about['unit']}].\n" for name, about in _ABOUT.items()
+)
 
 
 def setting_fault(name: str, value: float) -> str:

@@ -20,8 +20,8 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.air_inputs import FLOW_INPUTS as FLOW_INPUTS
 from strainfmu.estimator.air_inputs import LAST_INPUTS as LAST_INPUTS
 from strainfmu.estimator.air_inputs import NAVIGATION_INPUTS as NAVIGATION_INPUTS
-from strainfmu.estimator.arguments import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.settings import SETTING_NAMES
+from strainfmu.estimator.signal_names import NOT_KNOWN as NOT_KNOWN
 from strainfmu.estimator.signal_names import THRUST
 from strainfmu.flight_condition import with_unit
 

@@ -24,7 +24,7 @@ from strainfmu.estimator.air_inputs import (
     VIBRATION,
 )
 from strainfmu.estimator.alarm_limits import outlier_threshold
-from strainfmu.estimator.core import Layout, NoCoreError, Outcome, Series
+from strainfmu.estimator.core import Layout, NoCoreError, Series
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
@@ -65,8 +65,6 @@ from strainfmu.estimator.signal_names import (
     ZERO_COMMON_STD,
     ZERO_STD,
 )
-from strainfmu.estimator.zeros.tare import TareFault
-from strainfmu.estimator.zeros.tare_edge import TareState
 
 RANGE_DEVIATIONS = 3.0
 """Stated standard deviations by which M may leave its range in addition, and of q_inf behind the next entry."""
@@ -402,39 +400,6 @@ class NumpyCore:
     def state(self, state: bytes) -> None:
         if state:
             raise InputError(f"state: {len(state)} bytes found, must be 0: it is of the compiled core")
-
-    def tare(self, limits: FloatArray, strain: FloatArray, dynamic_pressure: FloatArray) -> Outcome:
-        """Raise NoCoreError."""
-        raise NoCoreError("tare: needs the compiled estimator, which this machine does not have")
-
-    def tare_step(
-        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
-    ) -> tuple[bool, Outcome]:
-        """Refuse the tare."""
-        return False, _no_tare(TareState.REFUSED, TareFault.NO_CORE, is_up)
-
-    def tare_drop(self) -> Outcome:
-        """Return that there is no tare."""
-        return _no_tare()
-
-    @property
-    def tare_state(self) -> bytes:
-        """Nothing is remembered."""
-        return b""
-
-    def restore_tare(self, state: bytes) -> Outcome:
-        """Return that there is no tare."""
-        if state:
-            raise InputError(f"tare: {len(state)} bytes found, must be 0: it is of the compiled core")
-        return _no_tare()
-
-
-def _no_tare(
-    state: TareState = TareState.IDLE, faults: TareFault = TareFault.NONE, is_up: bool = False
-) -> Outcome:
-    """Return what is said of a tare by steps that finds nothing."""
-    numbers = {"state": int(state), "faults": int(faults), "is_up": int(is_up), "has_zeros": 0}
-    return {name: np.array([float(value)]) for name, value in numbers.items()}
 
 
 def _layout(sizes: dict[str, int], begin: int = 0) -> Layout:

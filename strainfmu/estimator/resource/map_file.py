@@ -26,7 +26,6 @@ from strainfmu.estimator import policies
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold, outside_score, shape_limit
-from strainfmu.estimator.arguments import NOT_KNOWN
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
 from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
@@ -56,7 +55,7 @@ from strainfmu.estimator.settings import (
     SMALLEST_SETTING,
     default_settings,
 )
-from strainfmu.estimator.signal_names import TARE
+from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
 from strainfmu.estimator.zeros import tare
 from strainfmu.estimator.zeros.load_patterns import load_odds, load_patterns
 

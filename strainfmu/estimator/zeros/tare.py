@@ -1,15 +1,26 @@
-"""Inputs, limits and results of a tare, which the compiled core computes (``fmus/native/estimator/zeros``)."""
+"""Tares of the strain gauges: inputs, limits, results, and what is said of them.
+
+The compiled core computes them (``fmus/native/estimator/zeros``): of a window, or by the edges of a flag, as an
+FMU takes it. While the flag is up readings are averaged, then judged as a window is; besides, the dynamic pressure
+must be known in every step. The bus, FMUs and recordings say the same of a tare.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import IntFlag
+from enum import IntEnum, IntFlag
+from math import isnan
+from typing import Protocol
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.gauge_zeros import GaugeZeros
+from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
 
 LEAST_SAMPLES = 64
 """Readings that a window must hold: four of each of 16 stretches."""
@@ -31,7 +42,7 @@ LOUD = 10.0
 
 
 class TareFault(IntFlag):
-    """Why zeros are not to be used: bits of ``strainload.h``, and the last one where there is no core."""
+    """Why zeros are not to be used: bits of ``strainload.h``."""
 
     NONE = 0
     NO_PRESSURE = 1
@@ -42,7 +53,15 @@ class TareFault(IntFlag):
     TOO_LARGE = 32
     LIKE_LOAD = 64
     FEW_GAUGES = 128
-    NO_CORE = 256
+
+
+class TareState(IntEnum):
+    """What has become of the last tare."""
+
+    IDLE = 0
+    AVERAGING = 1
+    DONE = 2
+    REFUSED = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,3 +146,202 @@ def limits_record(limits: TareLimits, known: KnownStrain | None, n_gauges: int) 
         if values.shape != (n_gauges,):
             raise InputError(f"known strain: expected ({n_gauges},) values, got {values.shape}")
     return np.concatenate([[limits.dynamic_pressure, limits.zero, limits.drift], loads.value, loads.std])
+
+
+def judged_tare(inverse_map: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
+    """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values.
+
+    Raises
+    ------
+    InputError
+        The window holds too few readings.
+    """
+    reasons, samples = TareFault(int(outcome["faults"][0])), int(outcome["samples"][0])
+    if TareFault.SHORT in reasons:
+        raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {samples}")
+    return Tare(
+        zeros=zeros_of(outcome),
+        samples=samples,
+        memory=float(outcome["memory"][0]),
+        gauges=int(outcome["gauges"][0]),
+        rms=float(outcome["rms"][0]),
+        largest_std=float(outcome["largest_std"][0]),
+        reasons=reasons,
+        faults=_faults(inverse_map, reasons, outcome, limits),
+        notes=_notes(inverse_map, outcome),
+    )
+
+
+def zeros_of(outcome: Mapping[str, FloatArray]) -> GaugeZeros:
+    """Return the zeros in ``outcome``."""
+    return GaugeZeros(value=outcome[ZERO], std=outcome[ZERO_STD], common_std=float(outcome[ZERO_COMMON_STD][0]))
+
+
+def loads_fault(dynamic_pressure: float, limits: TareLimits, where: str = "") -> str:
+    """Return why loads are not known at ``dynamic_pressure`` [Pa], NaN where it is not stated; "" if they are.
+
+    ``where`` says where it should be, as " on the bus".
+    """
+    if isnan(dynamic_pressure):
+        return f"loads are not known: no dynamic pressure{where}"
+    if abs(dynamic_pressure) > limits.dynamic_pressure:
+        return (
+            f"loads are not known: dynamic pressure is {dynamic_pressure:.4g} Pa, expected at most "
+            f"{limits.dynamic_pressure:g} Pa"
+        )
+    return ""
+
+
+def refusal(tare: Tare) -> str:
+    """Return why the zeros of a window are not to be used; "" if they are."""
+    if tare.faults:
+        return "; ".join(tare.faults)
+    if TareFault.FEW_GAUGES in tare.reasons:
+        return f"{tare.gauges} of {len(tare.zeros.value)} gauges read"
+    return ""
+
+
+def refused_text(why: str) -> str:
+    """Return the line of a tare that is refused."""
+    return f"tare refused: {why}; zeros as before"
+
+
+def taken_text(tare: Tare, unit: str) -> str:
+    """Return the line of zeros that are taken; ``unit`` says what their window counts, as "cycles"."""
+    return (
+        f"tare taken: {tare.gauges} zeros from {tare.samples} {unit}, rms {1e6 * tare.rms:.4g} um/m, standard "
+        f"deviations up to {1e6 * tare.largest_std:.2g} um/m each and {1e6 * tare.zeros.common_std:.2g} um/m in "
+        "common"
+    )
+
+
+def _faults(
+    inverse_map: InverseMap, reasons: TareFault, outcome: Mapping[str, FloatArray], limits: TareLimits
+) -> tuple[str, ...]:
+    of = {name: float(values[0]) for name, values in outcome.items() if len(values) == 1}
+
+    def gauge(kind: str) -> str:
+        return inverse_map.gauge_names[int(of[f"{kind}_gauge"]) - 1]
+
+    noise = inverse_map.noise_std[int(of["moving_gauge"]) - 1]
+    lines = {
+        TareFault.PRESSURE: f"loads are not known: dynamic pressure reaches {of[DYNAMIC_PRESSURE]:.4g} Pa, "
+        f"expected at most {limits.dynamic_pressure:g} Pa",
+        TareFault.DRIFTS: f"readings drift: gauge '{gauge('drifting')}' by {1e6 * of['drift']:.3g} um/m over the "
+        f"window, expected at most {1e6 * limits.drift:g} um/m",
+        TareFault.MOVES: f"readings move: gauge '{gauge('moving')}' by {1e6 * of['moving_scatter']:.3g} um/m rms, "
+        f"expected at most {LOUD:g} times its noise of {1e6 * noise:.3g} um/m",
+        TareFault.TOO_LARGE: f"no plausible zero: gauge '{gauge('largest')}' reads {1e6 * of['largest']:.4g} "
+        f"um/m, expected at most {1e6 * limits.zero:g} um/m",
+        TareFault.LIKE_LOAD: f"readings look like load: {1e6 * of['along']:.3g} um/m of them lie along the "
+        f"strain of flights, expected at most {1e6 * of['along_limit']:.3g} um/m of random zeros",
+    }
+    return tuple(line for fault, line in lines.items() if fault in reasons)
+
+
+def _notes(inverse_map: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    reads, scatter = outcome["reads"] != 0.0, outcome["scatter"]
+    silent = [inverse_map.gauge_names[i] for i in np.flatnonzero(~reads)]
+    seldom = f"reads in less than {100 * LEAST_PART:g} % of the window: no zero, not to be used"
+    notes = [f"gauge '{name}': {seldom}" for name in silent]
+    still = [inverse_map.gauge_names[i] for i in np.flatnonzero(reads & (scatter == 0.0))]
+    notes += [f"gauge '{name}': every reading is the same: is it alive?" for name in still]
+    lost, samples = int(outcome["samples_without"][0]), int(outcome["samples"][0])
+    if lost == samples:
+        notes.append("dynamic pressure is not recorded: that air does not load the vehicle is taken on trust")
+    elif lost:
+        notes.append(
+            f"dynamic pressure has no value in {lost} of {samples} samples: that air does not load "
+            "the vehicle then is taken on trust"
+        )
+    return tuple(notes)
+
+
+class StepCore(Protocol):
+    """What :class:`EdgeTare` needs of a core."""
+
+    def tare_step(
+        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
+    ) -> tuple[bool, Mapping[str, FloatArray]]: ...
+
+    def tare_drop(self) -> Mapping[str, FloatArray]: ...
+
+    @property
+    def tare_state(self) -> bytes: ...
+
+    def restore_tare(self, state: bytes) -> Mapping[str, FloatArray]: ...
+
+
+class EdgeTare:
+    """Takes the tare of the strain gauges of ``held`` by ``core``, which takes no other tare by steps.
+
+    ``known`` is the strain of the loads that act meanwhile.
+
+    Attributes
+    ----------
+    state : of the last tare.
+    is_up : the flag at the last step.
+    zeros : that a tare has set; None if none has.
+    text : the last outcome, one line; "" if there was none since :attr:`text` was emptied.
+    """
+
+    def __init__(self, core: StepCore, inverse_map: InverseMap, known: KnownStrain | None = None) -> None:
+        self._core, self._map, self._limits = core, inverse_map, TareLimits()
+        self._record = limits_record(self._limits, known, inverse_map.n_strain_gauges)
+        self.state, self.is_up = TareState.IDLE, False
+        self.zeros: GaugeZeros | None = None
+        self.text = ""
+
+    def step(self, is_up: bool, strain: FloatArray, dynamic_pressure: float) -> bool:
+        """Take a step in; return whether there are other zeros now.
+
+        Parameters
+        ----------
+        is_up : the flag.
+        strain : (n_d,) readings [m/m], NaN for gauges not in use.
+        dynamic_pressure : q_inf [Pa], NaN if unknown.
+        """
+        may_end = self.state == TareState.AVERAGING or (is_up and not self.is_up)
+        changed, outcome = self._core.tare_step(self._record, is_up, strain, dynamic_pressure)
+        self._take(outcome)
+        if changed:
+            self.zeros = zeros_of(outcome)
+        if may_end and self.state in (TareState.DONE, TareState.REFUSED):
+            self.text = self._ended(outcome)
+        return changed
+
+    def drop(self) -> None:
+        """Forget the zeros: others are given."""
+        self._take(self._core.tare_drop())
+        self.zeros = None
+
+    def saved(self) -> bytes:
+        """Return all of it, for :meth:`restore`."""
+        return self._core.tare_state
+
+    def restore(self, saved: bytes) -> None:
+        """Go on from what :meth:`saved` gave.
+
+        Raises
+        ------
+        InputError
+            It cannot be; then nothing has changed.
+        """
+        outcome = self._core.restore_tare(saved)
+        self._take(outcome)
+        self.zeros, self.text = zeros_of(outcome) if outcome["has_zeros"][0] else None, ""
+
+    def _take(self, outcome: Mapping[str, FloatArray]) -> None:
+        self.state, self.is_up = TareState(int(outcome["state"][0])), bool(outcome["is_up"][0])
+
+    def _ended(self, outcome: Mapping[str, FloatArray]) -> str:
+        """Return what is said of the tare that has ended."""
+        reasons = TareFault(int(outcome["faults"][0]))
+        if reasons & (TareFault.NO_PRESSURE | TareFault.PRESSURE):
+            return refused_text(loads_fault(float(outcome[DYNAMIC_PRESSURE][0]), self._limits))
+        if TareFault.SHORT in reasons:
+            return refused_text(
+                f"window: expected at least {LEAST_SAMPLES} steps, got {int(outcome['samples'][0])}"
+            )
+        tare = judged_tare(self._map, outcome, self._limits)
+        return refused_text(refusal(tare)) if reasons else taken_text(tare, "steps")

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy_core import NumpyCore
 from random_map import map_of, random_model
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.core import NoCoreError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.tare import TareLimits, limits_record
-from strainfmu.estimator.zeros.tare_edge import EdgeTare, TareState
+from strainfmu.estimator.zeros.tare import EdgeTare, TareLimits, TareState, limits_record
 
 pytestmark = pytest.mark.fast
 
@@ -120,21 +117,3 @@ def test_what_is_saved_goes_on() -> None:
             other.restore(wrong)
         assert other.state == TareState.DONE
         assert other.saved() == good
-
-
-def test_without_a_compiled_core_it_is_refused_in_one_line() -> None:
-    core = NumpyCore(HELD, ESTIMATOR.core.resource)
-    one = EdgeTare(core, HELD)
-    assert not one.step(True, readings(1)[0], 0.0)
-    assert one.state == TareState.REFUSED
-    assert one.text == (
-        "tare refused: it needs the compiled estimator, which this machine does not have; zeros as before"
-    )
-    one.text = ""
-    assert not one.step(True, readings(1)[0], 0.0)
-    assert one.text == ""
-    one.restore(one.saved())
-    one.drop()
-    assert (one.state, one.zeros) == (TareState.IDLE, None)
-    with pytest.raises(NoCoreError, match=r"^tare: needs the compiled estimator, "):
-        core.tare(np.zeros(3 + 2 * N_D), readings(64), np.zeros(64))
