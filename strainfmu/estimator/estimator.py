@@ -382,7 +382,7 @@ class Estimator:
             if not self._records.write_plain(core.sample, strain, air, more):
                 core.sample[:] = self._records.samples(strain, None, air, more).filled(slice(None))[0]
             record, inputs = core.step(time, how, with_fit, mask, start)
-        return Estimate(record, self, inputs, mask, None if with_fit else self._fit_of_one)
+        return Estimate(record, self, inputs, mask, None if with_fit else self._with_fit)
 
     def _each(self, samples: Samples, *, with_fit: bool) -> FloatArray:
         """Return the records of samples by themselves, in pieces on all processors."""
@@ -409,14 +409,12 @@ class Estimator:
                 list(pool.map(run, range(n_pieces)))
         return record
 
-    def _fit_of_one(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
-        """Return the record (n,) of one sample by itself with its fit, of a linear map."""
-        return self._with_fit(inputs[None], None if mask is None else mask[None])[0]
-
     def _with_fit(self, inputs: FloatArray, mask: BoolArray | None) -> FloatArray:
-        """Return the records of samples by themselves with their fit, of a linear map."""
+        """Return the records of samples by themselves with their fit, or the record of one, of a linear map."""
+        masks = None if mask is None else np.atleast_2d(mask)
+        samples = Samples(strain=None, columns=(), mask=masks, inputs=np.atleast_2d(inputs))
         with self._lock:
-            return self._each(Samples(strain=None, columns=(), mask=mask, inputs=inputs), with_fit=True)
+            return self._each(samples, with_fit=True).reshape(*inputs.shape[:-1], -1)
 
     def tare(
         self,

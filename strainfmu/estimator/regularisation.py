@@ -105,7 +105,10 @@ def select_gamma(rule: Rule, data: DataSpectrum) -> float:
     if rule == "corrected_discrepancy":
         return _root(rule, lambda gamma: data.residual(gamma) - data.n_gauges + data.degrees_of_freedom(gamma))
     if rule == "gcv":
-        return _minimum(rule, lambda gamma: _gcv(data, gamma))
+        return _minimum(
+            rule,
+            lambda gamma: data.residual(gamma) / (data.n_gauges - data.degrees_of_freedom(gamma)) ** 2,
+        )
     if rule == "evidence":
         return _minimum(rule, lambda gamma: -log_evidence(data, gamma))
     raise InputError(f"map.gamma: '{rule}' found, must be a positive number or one of {', '.join(RULES)}")
@@ -152,10 +155,6 @@ def l_curve(data: DataSpectrum, gamma: FloatArray) -> LCurve:
         curvature=curvature,
         corner=float(gamma[int(np.argmax(curvature))]),
     )
-
-
-def _gcv(data: DataSpectrum, gamma: float) -> float:
-    return data.residual(gamma) / (data.n_gauges - data.degrees_of_freedom(gamma)) ** 2
 
 
 def _grid() -> FloatArray:

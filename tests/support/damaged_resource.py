@@ -11,8 +11,24 @@ import numpy as np
 from raw_fmu import GUID, Fmu2
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.container import pack, unpack
+from strainfmu.estimator.resource import container
+from strainfmu.estimator.resource.container import CHECKED_FROM, pack
 from strainfmu.estimator.resource.map_file import native_resource
+
+
+def unpack(content: bytes) -> dict[str, np.ndarray]:
+    """The arrays of a container by name."""
+    table, entry = container._TABLE, container._ENTRY
+    arrays = dict[str, np.ndarray]()
+    (count,) = table.unpack_from(content, CHECKED_FROM)
+    for k in range(count):
+        name, kind, rank, *lengths, position = entry.unpack_from(
+            content, CHECKED_FROM + table.size + k * entry.size
+        )
+        shape = tuple(lengths[:rank])
+        values = np.frombuffer(content, container._KINDS[kind], int(np.prod(shape)), position)
+        arrays[name.rstrip(b"\0").decode()] = values.reshape(shape)
+    return arrays
 
 
 @lru_cache(maxsize=8)

@@ -68,15 +68,15 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     """Return the response at ``state`` (k, 4) real or complex."""
     mach, u, w, log_pressure = state.T
     incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
-    wind = _harmonics(u, w, incidence, tables.response.shape[3])
-    sums = _sums(tables, mach, incidence, wind)
+    at_wind = _harmonics(u, w, incidence, tables.response.shape[3])
+    sums, by_mach, by_incidence, by_u, by_w = _sums(tables, mach, incidence, at_wind)
     pressure = np.exp(log_pressure)[:, None]
-    value = pressure * sums.value
+    value = pressure * sums
     jacobian = np.stack(
         [
-            pressure * sums.by_mach,
-            pressure * ((u / incidence)[:, None] * sums.by_incidence + sums.by_u),
-            pressure * ((w / incidence)[:, None] * sums.by_incidence + sums.by_w),
+            pressure * by_mach,
+            pressure * ((u / incidence)[:, None] * by_incidence + by_u),
+            pressure * ((w / incidence)[:, None] * by_incidence + by_w),
             value,
         ],
         axis=2,
@@ -84,24 +84,18 @@ def evaluate(tables: FlightTables, state: FloatArray) -> Response:
     return Response(value + tables.fixed_response, jacobian)
 
 
-class _Sums(NamedTuple):
-    """Sums over harmonics and phases (k, n_d + n_f), and their derivatives (for u, w: by the roll angle)."""
-
-    value: FloatArray
-    by_mach: FloatArray
-    by_incidence: FloatArray
-    by_u: FloatArray
-    by_w: FloatArray
-
-
-def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _Harmonics) -> _Sums:
+def _sums(
+    tables: FlightTables, mach: FloatArray, incidence: FloatArray, at_wind: tuple[FloatArray, ...]
+) -> FloatArray:
+    """Return (5, k, n_d + n_f) sums over harmonics, their derivatives by M and a_T, and by u and w at one a_T."""
+    wind, by_u, by_w = at_wind
     of_mach, of_incidence = local_basis(tables.mach_knots, mach), local_basis(tables.incidence_knots, incidence)
     factors = (
-        (of_mach.value, of_incidence.value, wind.value),
-        (of_mach.derivative, of_incidence.value, wind.value),
-        (of_mach.value, of_incidence.derivative, wind.value),
-        (of_mach.value, of_incidence.value, wind.by_u),
-        (of_mach.value, of_incidence.value, wind.by_w),
+        (of_mach.value, of_incidence.value, wind),
+        (of_mach.derivative, of_incidence.value, wind),
+        (of_mach.value, of_incidence.derivative, wind),
+        (of_mach.value, of_incidence.value, by_u),
+        (of_mach.value, of_incidence.value, by_w),
     )
     n = tables.response.shape[2]
     sums = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
@@ -116,18 +110,11 @@ def _sums(tables: FlightTables, mach: FloatArray, incidence: FloatArray, wind: _
             for first, second, third in factors
         ]
         sums[:, rows] = np.reshape(np.reshape(weight, (-1, len(local))) @ local, (len(factors), len(rows), n))
-    return _Sums(*sums)
+    return sums
 
 
-class _Harmonics(NamedTuple):
-    """cos and sin of m phi_T (k, n_m, 2), and their derivatives by u and w [1/rad]."""
-
-    value: FloatArray
-    by_u: FloatArray
-    by_w: FloatArray
-
-
-def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) -> _Harmonics:
+def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) -> tuple[FloatArray, ...]:
+    """Return cos and sin of m phi_T (k, n_m, 2), and their derivatives by u and w [1/rad]."""
     cosine, sine = u / incidence, w / incidence
     cube = incidence**3
     d_cosine = (incidence * incidence - u * u) / cube, -u * w / cube
@@ -145,4 +132,4 @@ def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) ->
     for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
         dc, ds = dc[:, None], ds[:, None]
         by[:, 1:, 0], by[:, 1:, 1] = order * (c * dc - s * ds), order * (s * dc + c * ds)
-    return _Harmonics(value, by_u, by_w)
+    return value, by_u, by_w

@@ -232,13 +232,6 @@ def field_with_known(shape_field: ShapeField, powers: Powers, value: FloatArray,
     )
 
 
-class Crossflow(NamedTuple):
-    """Middle and half width (2,) of the ranges of u and w [rad]."""
-
-    middle: FloatArray
-    half: FloatArray
-
-
 class StatePrior(NamedTuple):
     """Mean and standard deviation (4,) of the flight state where nothing is known."""
 
@@ -384,12 +377,12 @@ class ManifoldMap:
         )
 
     @cached_property
-    def crossflow(self) -> Crossflow:
-        """Middle and half width of the ranges of u and w."""
+    def crossflow(self) -> tuple[FloatArray, FloatArray]:
+        """Middle and half width (2,) of the ranges of u and w [rad]."""
         if self.crossflow_range is None:
-            return Crossflow(np.zeros(2), np.full(2, self.incidence_limit))
+            return np.zeros(2), np.full(2, self.incidence_limit)
         low, high = self.crossflow_range.T
-        return Crossflow(0.5 * (low + high), 0.5 * (high - low))
+        return 0.5 * (low + high), 0.5 * (high - low)
 
     @cached_property
     def state_prior(self) -> StatePrior:

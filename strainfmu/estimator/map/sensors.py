@@ -216,11 +216,6 @@ def no_temperature(gauge_covariance: FloatArray) -> ThermalMap:
     return empty(ThermalMap, isothermal_covariance=gauge_covariance)
 
 
-def known_sensors(thermal: ThermalMap, temperature: FloatArray) -> BoolArray:
-    """Return (k, n_t) which of ``temperature`` [K] are readings: above 0 and plausible."""
-    return np.asarray((temperature > 0.0) & (np.abs(temperature - thermal.reference_temperature) <= LARGEST_RISE))
-
-
 CHANNELS = ("f_x", "f_y", "f_z", "dw_y/dt", "dw_z/dt", "P_xx", "P_yy", "P_zz", "P_xy", "P_xz", "P_yz")
 """Names of the amplitudes for people; units m/s2, rad/s2, rad2/s2."""
 
@@ -310,11 +305,6 @@ def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:
     return np.stack([*force, *turn, *products], axis=1)
 
 
-def known_channels(channels: FloatArray) -> BoolArray:
-    """Return (m, k) which of ``channels`` (m, k) are measured: finite and plausible."""
-    return np.asarray(np.abs(channels) <= LARGEST_CHANNEL)
-
-
 def with_inertia(thermal: ThermalMap, inertia: InertiaMap | None) -> ThermalMap:
     """Return ``thermal`` with the modes of ``inertia`` behind its own, and the channels behind its sensors.
 
@@ -349,12 +339,13 @@ def readings_of_modes(
 
     ``temperature`` is (m, n_t) [K], ``inertial`` holds (m,) of each inertial input.
     """
-    known = known_sensors(thermal, temperature)
+    rise = temperature - thermal.reference_temperature
+    known = (temperature > 0.0) & (np.abs(rise) <= LARGEST_RISE)
     if inertia is None:
         return temperature, known
     channels = channels_of(inertial)
     read = np.hstack([temperature, thermal.reference_temperature + channels])
-    return read, np.hstack([known, known_channels(channels)])
+    return read, np.hstack([known, np.abs(channels) <= LARGEST_CHANNEL])
 
 
 def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatArray:

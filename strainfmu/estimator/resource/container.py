@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.errors import InputError
-
 MAGIC = b"SFMUMAP\0"
 FORMAT_VERSION = 8
 CHECKED_FROM = 32
@@ -68,30 +66,6 @@ def sealed(content: bytes) -> bytes:
     checked = content[CHECKED_FROM:]
     header = _HEADER.pack(MAGIC, FORMAT_VERSION, _BYTE_ORDER_MARK, len(content), zlib.crc32(checked), 0)
     return header + checked
-
-
-def unpack(content: bytes) -> dict[str, np.ndarray]:
-    """Return the arrays of a container by name.
-
-    Raises
-    ------
-    InputError
-        The content is no container of this version, or it is damaged.
-    """
-    if len(content) < CHECKED_FROM + _TABLE.size or content != sealed(content):
-        raise InputError(
-            f"map.bin: expected format version {FORMAT_VERSION}, found another version or a damaged file:"
-            " export the FMU again"
-        )
-    found = dict[str, np.ndarray]()
-    (count,) = _TABLE.unpack_from(content, CHECKED_FROM)
-    for k in range(count):
-        place = CHECKED_FROM + _TABLE.size + k * _ENTRY.size
-        name, kind, rank, *lengths, position = _ENTRY.unpack_from(content, place)
-        shape = tuple(lengths[:rank])
-        values = np.frombuffer(content, _KINDS[kind], int(np.prod(shape)), position)
-        found[name.rstrip(b"\0").decode()] = values.reshape(shape)
-    return found
 
 
 def texts(lines: list[str], width: int) -> np.ndarray:

@@ -8,16 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from damaged_resource import arrays_of, changed
+from damaged_resource import arrays_of, changed, unpack
 from flight_fmu import whole_map
 from other_load_maps import with_further_tables
 from random_map import random_map
 from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
-from strainfmu.errors import InputError
 from strainfmu.estimator.core import library
-from strainfmu.estimator.resource.container import pack, sealed, unpack
+from strainfmu.estimator.resource.container import pack, sealed
 
 pytestmark = pytest.mark.fast
 
@@ -179,11 +178,3 @@ def test_values_of_others_do_no_harm(arrays: Mapping[str, np.ndarray]) -> None:
 def test_names_that_no_array_has(name: str) -> None:
     with pytest.raises(ValueError, match="name of an array"):
         pack({name: 1.0})
-
-
-@pytest.mark.parametrize("place", [0, 8, 24, 60, -1])
-def test_the_reader_refuses_damage(content: bytes, place: int) -> None:
-    damaged = bytearray(content)
-    damaged[place] ^= 1
-    with pytest.raises(InputError, match="export the FMU again"):
-        unpack(bytes(damaged))
