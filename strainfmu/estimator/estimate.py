@@ -126,11 +126,11 @@ class _Value(property):
     """A value of an estimate, described by a text; ``read`` returns it of the estimate and the property's name."""
 
     def __init__(self, text: str, read: Callable[[Any, str], Any]) -> None:
-        super().__init__(doc=text)
-        self._of = read
+        self._text, self._of = text, read
 
     def __set_name__(self, owner: type[Any], name: str) -> None:
-        super().__init__(lambda estimate: self._of(estimate, name), doc=self.__doc__)
+        super().__init__(lambda estimate: self._of(estimate, name))
+        self.__doc__ = self._text  # a subclass has its own text otherwise
 
 
 def _output(text: str, kind: type[Any] | None = None) -> Any:

@@ -165,6 +165,13 @@ def test_dataframe_has_a_row_a_sample() -> None:
     assert one["health"].tolist() == table["health"].tolist()[3:4]
 
 
+def test_each_value_has_a_description_of_its_own() -> None:
+    described = {name: value.__doc__ for name, value in vars(Estimate).items() if isinstance(value, property)}
+    texts = list(described.values())
+    assert described["chi_square_limit"].startswith("Detection threshold of chi-square")
+    assert [name for name, text in described.items() if not text or texts.count(text) > 1] == []
+
+
 def test_notebooks_show_tables() -> None:
     """Every text is escaped, and no number is missing."""
     from dataclasses import replace
