@@ -94,10 +94,7 @@ def test_calibrate_a_map(ogive_demo: Path, tmp_path: Path) -> None:
     prior = builder.as_built_std(vehicle.calibration, structure.counts)
     built = builder.draw_as_built(prior.changed(zero=np.full(structure.n_gauges, 5e-5)), RANDOM)
     errors = builder.LoadErrors()
-    cases = [builder.PlannedCase(name="no load", loads=())]
-    for name, known in builder.standard_load_cases(8, vehicle.body().length, errors):
-        loads = tuple(one.load for one in known if not isinstance(one.load, builder.Weight))
-        cases += [builder.PlannedCase(name=name, loads=loads)] if loads else []  # the vehicle file has no density
+    cases = builder.standard_load_cases(8, vehicle.body().length, weighs=False)  # the vehicle file has no density
     noise = np.full(structure.n_gauges, 0.3e-6)
     test = builder.simulate_ground_test(structure, built, cases, errors, noise, random=RANDOM)
     (tmp_path / "rig").mkdir()

@@ -19,7 +19,7 @@ from builder.calibration.estimate.test_faults import calibrate_with_faults
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
-from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.standard_cases import pads
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.loads.applied import Load, PadForce, PointForce, Weight
@@ -95,14 +95,11 @@ def test_a_test_needs_the_harmonics_of_its_loads(model: ReadingsModel) -> None:
 
 
 def test_harmonics_beyond_what_a_pad_needs_leave_its_strain(vehicle: Vehicle) -> None:
-    pads = [
-        one.load for _, loads in standard_load_cases(10, 3.6, LoadErrors()) for one in loads if one.on_load_cell
-    ]
     few, many = (
         fourier_structure_of(vehicle, vehicle.gauges.layout, properties=TITANIUM, max_harmonic=count)
-        for count in (harmonics_of(pads[0]), MAX_HARMONIC)
+        for count in (harmonics_of(pads(1, 3.6)[0]), MAX_HARMONIC)
     )
-    for pad in pads:
+    for pad in pads(10, 3.6):
         strain, exact = (gauge_strain(one, [pad]) for one in (few, many))
         assert np.abs(strain - exact).max() < 2e-4 * np.abs(exact).max()
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases
@@ -61,10 +60,7 @@ def test_a_ground_test_calibrates_a_map(tmp_path: Path) -> None:
     random = np.random.default_rng(3)
     std = as_built_std(vehicle.calibration, structure.counts)
     built, errors = draw_as_built(std, random), LoadErrors(common=0.002)
-    cases = [
-        PlannedCase(name=name, loads=tuple(one.load for one in loads))
-        for name, loads in standard_load_cases(10, vehicle.body().length, errors)
-    ]
+    cases = standard_load_cases(10, vehicle.body().length)
     test = simulate_ground_test(
         structure,
         built,

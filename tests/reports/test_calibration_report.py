@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn_tests import blank_test
 from page_checks import read_page
 
 from builder.calibration.after_test.calibrated_map import calibrated_structure
@@ -20,8 +21,7 @@ from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.test_faults import calibrate_with_faults
-from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadStep, LoadTest
-from builder.calibration.ground_test.standard_cases import standard_load_cases
+from builder.calibration.ground_test.load_test import LoadErrors, LoadStep, LoadTest
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
 from builder.figures.calibration.ground_test import influence_coefficients
@@ -48,10 +48,7 @@ def readings(vehicle: Vehicle, as_built: AsBuiltStructure) -> tuple[ReadingsMode
     """A test of ten pads, two of them check loads, and its readings where the first of these is so much larger."""
     n_d, random = as_built.n_gauges, np.random.default_rng(11)
     cases = tuple(
-        LoadCase(
-            name=name, loads=loads, reading=np.zeros(n_d), reading_std=np.full(n_d, NOISE), check=name in CHECKS
-        )
-        for name, loads in standard_load_cases(10, 3.6, ERRORS)
+        replace(case, check=case.name in CHECKS) for case in blank_test(as_built.gauges.names, ERRORS, NOISE).cases
     )
     prior = as_built_std(vehicle.calibration, as_built.counts)
     model = ReadingsModel(as_built, LoadTest(gauge_names=as_built.gauges.names, cases=cases, errors=ERRORS), prior)

@@ -8,6 +8,7 @@ import numpy as np
 
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.ground_test.load_test import LoadCase, LoadErrors, LoadTest
+from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.score.ground_rows import AppliedTest
 from builder.structure.as_built.as_built_structure import OF_MASS
@@ -18,8 +19,8 @@ def blank_test(gauges: Sequence[str], errors: LoadErrors, std: float, count: int
     """Return a test of ``count`` pads and four attitudes without readings, whose noise is ``std`` [m/m]."""
     zero = np.zeros(len(gauges))
     cases = tuple(
-        LoadCase(name=name, loads=loads, reading=zero, reading_std=zero + std)
-        for name, loads in standard_load_cases(count, 3.6, errors)
+        LoadCase(name=case.name, loads=known_loads(case, errors), reading=zero, reading_std=zero + std)
+        for case in standard_load_cases(count, 3.6)
     )
     return LoadTest(gauge_names=tuple(gauges), cases=cases, errors=errors)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors
+from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.structure.loads.applied import Load, PadForce, Weight
 
 STATIONS = (0.14, 0.28, 0.43, 0.67, 0.86)
@@ -48,19 +48,12 @@ def weights() -> list[Weight]:
     return [Weight(up_roll_angle=float(np.deg2rad(roll))) for roll in ROLL_ANGLES[:4]]
 
 
-def standard_load_cases(count: int, length: float, errors: LoadErrors) -> list[tuple[str, tuple[KnownLoad, ...]]]:
-    """Return names and loads of ``count`` pads and of own weight in four attitudes.
-
-    The vehicle's weight acts in every case; what a load cell reads is the pad's force.
-    """
-    upright = KnownLoad(load=Weight(), std=0.0, on_load_cell=False)
-    found: list[tuple[str, tuple[KnownLoad, ...]]] = []
-    for number, pad in enumerate(pads(count, length), start=1):
-        found.append((f"pad {number}", (_known(pad, errors), upright)))
-    for number, weight in enumerate(weights(), start=1):
-        found.append((f"attitude {number}", (KnownLoad(load=weight, std=0.0, on_load_cell=False),)))
-    return found
-
-
-def _known(load: Load, errors: LoadErrors) -> KnownLoad:
-    return KnownLoad(load=load, std=errors.load)
+def standard_load_cases(count: int, length: float, weighs: bool = True) -> list[PlannedCase]:
+    """Return ``count`` pads, the vehicle upright, and own weight in four attitudes; where the vehicle ``weighs``
+    nothing, no load and the pads."""
+    upright = (Weight(),) if weighs else ()
+    named: list[tuple[str, tuple[Load, ...]]]
+    named = [(f"pad {number}", (pad, *upright)) for number, pad in enumerate(pads(count, length), start=1)]
+    of_weight = [(f"attitude {number}", (weight,)) for number, weight in enumerate(weights(), start=1)]
+    named = [*named, *of_weight] if weighs else [("no load", ()), *named]
+    return [PlannedCase(name=name, loads=loads) for name, loads in named]

@@ -246,8 +246,7 @@ class GroundWorld:
         between and at the end; or at even distances, and own weight in four attitudes."""
         vehicle, structure = self.vehicle, self.structure
         if not self.options.proposed:
-            standard = standard_load_cases(pads, vehicle.body().length, LoadErrors())
-            return [PlannedCase(name=name, loads=tuple(one.load for one in loads)) for name, loads in standard]
+            return standard_load_cases(pads, vehicle.body().length)
         parts = PlanParts(vehicle=vehicle, snapshots=self.snapshots, structure=self.mapped, as_built=structure)
         plan = load_plan(parts, pads, LoadLimits(directions=("out",)), errors, samples=1, noise=noise)
         return [step.case for step in run_order(plan)]

@@ -249,8 +249,7 @@ def strain_at_roll(even: FloatArray, parts: Parts, roll: FloatArray) -> FloatArr
 
 def _at_roll(amplitude: FloatArray, cosine: FloatArray, sine: FloatArray) -> FloatArray:
     """Return strain (.., n_d, 3) of amplitudes (2, .., n_m, n_d, 3) where the harmonics are (n_m, n_d)."""
-    c, s = cosine[..., None], sine[..., None]
     first, second = amplitude
-    normal = (first[..., :2] * c + second[..., :2] * s).sum(axis=-3)
-    shear = (first[..., 2:] * s - second[..., 2:] * c).sum(axis=-3)
-    return np.concatenate([normal, shear], axis=-1)
+    strain = first * np.stack([cosine, cosine, sine], axis=-1)
+    strain += second * np.stack([sine, sine, -cosine], axis=-1)
+    return np.asarray(strain.sum(axis=-3))
