@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
 from builder.figures.drawing.colours import beyond, colour_ends
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 
 MAX_LINES = 6
 """Total incidences drawn in one panel, at most."""
+PARTS = 40
+"""Parts of the length over which a running load is a mean."""
 MIN_INCIDENCE = np.deg2rad(0.05)
 """Below it [rad] normal force is too small to have a centre."""
 
@@ -133,30 +136,63 @@ def centre_line(snapshots: Snapshots, index: int, from_leeward: float) -> list[t
 
 
 def force_curves(snapshots: Snapshots) -> Figure:
-    """Draw C_N and C_A in the plane of incidence, and the centre of pressure, against a_T; one line per M."""
-    figure = blank_figure(7.5, 9.0)
-    axes = figure.subplots(3, 1, sharex=True)
-    curves = in_plane_forces(snapshots)
+    """Draw the forces in the plane of incidence: C_N with its slope, C_A and the centre of pressure against a_T;
+    C_A against M; and the normal force along the body at the largest a_T of each M."""
+    figure = blank_figure(12.0, 9.0)
+    axes = figure.subplots(3, 2)
+    curves = normal, axial, _ = in_plane_forces(snapshots)
     for mach in np.unique(snapshots.condition[:, 0]):
         index = _one_per_incidence(snapshots, mach, limit=None)
         angle = np.degrees(snapshots.total_incidence[index])
-        for axis, values in zip(axes, curves, strict=True):
+        for axis, values in zip(axes[:, 0], curves, strict=True):
             axis.plot(angle, values[index], "o-", markersize=3, linewidth=1.0, label=f"M {mach:g}")
-    for axis, label in zip(
-        axes,
-        (
-            "normal force $C_N$ [1]",
-            "axial force $C_A$, fore-body [1]",
-            "centre of pressure\n$x_{cp}$ from the nose tip [m]",
-        ),
-        strict=True,
-    ):
-        axis.set_ylabel(label)
+        inclined = np.flatnonzero(angle > np.degrees(MIN_INCIDENCE))
+        if len(inclined):
+            slope = normal[index[inclined[0]]] / angle[inclined[0]]
+            axes[0, 0].get_lines()[-1].set_label(
+                f"M {mach:g}, {slope:.3g} per deg at {angle[inclined[0]]:.3g} deg"
+            )
+        axes[1, 1].plot(*running_load(snapshots, int(index[-1])), label=f"M {mach:g}, {angle[-1]:.3g} deg")
+    rounded = np.round(snapshots.total_incidence, 6)
+    for incidence in _spread(np.unique(rounded), MAX_LINES):
+        here = np.flatnonzero(rounded == incidence)
+        mach, first = np.unique(snapshots.condition[here, 0], return_index=True)
+        axes[0, 1].plot(
+            mach, axial[here[first]], "o-", markersize=3, label=f"$a_T$ {np.degrees(incidence):.3g} deg"
+        )
+    labels = (
+        ("total incidence $a_T$ [deg]", "normal force $C_N$ [1]"),
+        ("Mach number [1]", "axial force $C_A$, fore-body [1]"),
+        ("total incidence $a_T$ [deg]", "axial force $C_A$, fore-body [1]"),
+        ("station x from the nose tip [m]", "running load $dC_N/dx$ [1/m]"),
+        ("total incidence $a_T$ [deg]", "centre of pressure\n$x_{cp}$ from the nose tip [m]"),
+    )
+    axes[2, 1].set_axis_off()
+    for axis, (across, up) in zip(axes.flat, labels, strict=False):
+        axis.set_xlabel(across)
+        axis.set_ylabel(up)
         axis.grid(alpha=0.3)
-    axes[0].legend(fontsize=8)
-    axes[-1].set_xlabel("total incidence $a_T$ [deg]")
+    for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
+        axis.legend(fontsize=8)
     figure.suptitle(f"Forces in the plane of incidence: {snapshots.vehicle}, engine {snapshots.engine}")
     return figure
+
+
+def running_load(snapshots: Snapshots, index: int) -> tuple[FloatArray, FloatArray]:
+    """Return stations [m] and dC_N/dx [1/m] towards leeward of one snapshot, means over 40 parts of the length."""
+    condition = snapshots.conditions()[index]
+    reference = snapshots.reference_quantities
+    loads = load_operator_on(snapshots.grid or snapshots.surface, reference.moment_station)
+    wind = condition.leeward_roll_angle
+    per_pressure = np.cos(wind) * loads[1] + np.sin(wind) * loads[2]
+    net = snapshots.pressure[index] - snapshots.internal_pressure[index]
+    station, number = np.unique(snapshots.point[:, 0], return_inverse=True)
+    of_station = np.bincount(number, weights=per_pressure * net)
+    ahead = np.cumsum(of_station) - 0.5 * of_station
+    ahead[[0, -1]] = 0.0, of_station.sum()
+    edge = np.linspace(station[0], station[-1], PARTS + 1)
+    scale = coefficient_scale(condition.dynamic_pressure, reference)[1]
+    return 0.5 * (edge[1:] + edge[:-1]), scale * np.diff(np.interp(edge, station, ahead)) / np.diff(edge)
 
 
 def in_plane_forces(snapshots: Snapshots) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -69,6 +69,10 @@ def test_centre_of_pressure_of_a_cone(free_surface: bool, tolerance: float) -> N
     # Integral of Cp cos(roll) over the lateral surface, over the base area: half the amplitude over tan(theta).
     expected = 0.5 * 0.65 * snapshots.total_incidence / np.tan(HALF_ANGLE)
     np.testing.assert_allclose(normal, expected, rtol=tolerance, atol=1e-12)
+    station, running = snapshot_figures.running_load(snapshots, len(snapshots.condition) - 1)
+    width = LENGTH / len(station)
+    assert running.sum() * width == pytest.approx(normal[-1], rel=1e-9)
+    np.testing.assert_allclose(running, 2.0 * station / LENGTH**2 * normal[-1], atol=0.05 * running.max())
 
 
 @pytest.mark.fast

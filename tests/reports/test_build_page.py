@@ -49,6 +49,7 @@ SECTIONS = [
     "value-of-each-gauge",
     "cost-of-a-lost-gauge",
     "weight-of-the-prior",
+    "aerodynamics",
     "noise-terms",
     "validity-range",
     "errors-not-included",
@@ -62,7 +63,7 @@ def test_sections_of_the_page_in_order(report: BuildReport, html: str) -> None:
     expected = [name for name in SECTIONS if report.gamma or name != "weight-of-the-prior"]
     assert sections == expected
     assert "nan" not in page.text.lower().replace("nano", "").split()
-    assert len(page.alternatives) == (10 if report.gamma else 8)
+    assert len(page.alternatives) == (12 if report.gamma else 10)
     assert blind_line(report) in page.text
 
 

@@ -47,6 +47,7 @@ class BuildReport:
     ----------
     vehicle, layout, engine, structural_model : names.
     inverse_map : the map of the report.
+    snapshots : the flows that it was built from.
     surface : its pressure nodes.
     singular_values : of Z_p over smooth pressures [1/Pa], falling.
     smooth_degree, smooth_harmonics : of those pressures.
@@ -68,6 +69,7 @@ class BuildReport:
     engine: str
     structural_model: str
     inverse_map: InverseMap
+    snapshots: Snapshots
     surface: SurfaceMesh
     singular_values: FloatArray
     smooth_degree: int
@@ -126,6 +128,7 @@ def build_report(
         engine=snapshots.engine,
         structural_model=structure.description,
         inverse_map=inverse_map,
+        snapshots=snapshots,
         surface=surface,
         singular_values=response.singular_values(),
         smooth_degree=int(response.degree.max()),

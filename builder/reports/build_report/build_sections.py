@@ -9,6 +9,7 @@ from builder.figures.map import uncertainty as uncertainty_figures
 from builder.figures.map.flight_accuracy_figure import AccuracyMap, accuracy_maps
 from builder.figures.scene.scene import scene_of
 from builder.figures.scene.solid_view import solid_view
+from builder.figures.snapshot_figures import force_curves, surface_maps
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.reports.build_report.build_findings import BuildReport
 from builder.reports.build_report.build_tables import MICROSTRAIN_PER_KPA, main_class
@@ -28,6 +29,8 @@ AIR_DATA_SHOWN = (
     (DYNAMIC_PRESSURE, "q_inf [kPa]", 1e-3),
 )
 """Air data of the maps over the envelope: name, label, factor to its unit."""
+OF_LINEAR = (COEFFICIENT_ARRAY, "sources", "source_sigmas", "sigmas_without", "correlations")
+"""Tables on the loads of the linear map, on the page where that is the estimator in use."""
 
 
 def blind_line(report: BuildReport) -> str:
@@ -109,20 +112,7 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "standard deviation of the pressure.",
                 "svg",
             ),
-            picture(
-                observability_figures.modes(
-                    of_variance=report.observability.mode_fraction,
-                    removed=report.observability.mode_removed,
-                    removed_at_best=report.observability.mode_removed_at_best,
-                    is_state=report.observability.is_state,
-                ),
-                "The first POD modes: fraction of the variance in each, and what remains after the linear map's "
-                "estimate.",
-                "Bars of the variance of each mode with marks for the part that remains after the estimate.",
-                "svg",
-            ),
-            *((Items(choice),) if (choice := mode_choice_of(report)) else ()),
-            tables["modes"],
+            *([] if report.in_use.is_nonlinear else _modes(report, tables)),
             picture(
                 observability_figures.singular_values(MICROSTRAIN_PER_KPA * report.singular_values),
                 "Singular values of Z_p over smooth pressures.",
@@ -132,6 +122,26 @@ def observability(report: BuildReport, tables: dict[str, Table]) -> Section:
             tables["singular_values"],
         ),
     )
+
+
+def _modes(report: BuildReport, tables: dict[str, Table]) -> list[Block]:
+    """Return what the linear map makes of each POD mode."""
+    return [
+        picture(
+            observability_figures.modes(
+                of_variance=report.observability.mode_fraction,
+                removed=report.observability.mode_removed,
+                removed_at_best=report.observability.mode_removed_at_best,
+                is_state=report.observability.is_state,
+            ),
+            "The first POD modes: fraction of the variance in each, and what remains after the linear map's "
+            "estimate.",
+            "Bars of the variance of each mode with marks for the part that remains after the estimate.",
+            "svg",
+        ),
+        *((Items(choice),) if (choice := mode_choice_of(report)) else ()),
+        tables["modes"],
+    ]
 
 
 def blindness_text(report: BuildReport) -> list[Paragraph]:
@@ -178,15 +188,25 @@ def blindness(report: BuildReport) -> Section:
     return Section("Blindness", tuple(blocks))
 
 
-OF_LINEAR = Paragraph(
-    "The rest of this section judges the linear map, which gives the loads where strain does not fit the tables "
-    "of the nonlinear estimator."
-)
-
-
-def _of_linear(report: BuildReport) -> tuple[Block, ...]:
-    """Return that what follows does not judge the estimator in use, where it does not."""
-    return (OF_LINEAR,) if report.in_use.is_nonlinear else ()
+def aerodynamics(report: BuildReport) -> Section:
+    """Return the section on the flows that the map is built from."""
+    return Section(
+        "Aerodynamics",
+        (
+            picture(
+                force_curves(report.snapshots),
+                "Of the snapshots: normal force with its slope, axial force and centre of pressure over the total "
+                "incidence; axial force over the Mach number; normal force along the body.",
+                "Curves of forces over total incidence and Mach number, and of the force along the body.",
+                "svg",
+            ),
+            picture(
+                surface_maps(report.snapshots),
+                "Pressure over p_inf on the unrolled body at the smallest and the largest total incidence.",
+                "Maps of the unrolled body coloured by pressure.",
+            ),
+        ),
+    )
 
 
 def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
@@ -209,12 +229,7 @@ def uncertainty(report: BuildReport, tables: dict[str, Table]) -> Section:
                 "Bars of the sources of each coefficient's variance and of 3 sigma over its range; correlations.",
                 "svg",
             ),
-            *_of_linear(report),
-            tables[COEFFICIENT_ARRAY],
-            tables["sources"],
-            tables["source_sigmas"],
-            tables["sigmas_without"],
-            tables["correlations"],
+            *([] if report.in_use.is_nonlinear else [tables[name] for name in OF_LINEAR]),
         ),
     )
 
@@ -313,7 +328,6 @@ def gamma_choice(report: BuildReport, tables: dict[str, Table]) -> Section:
     return Section(
         "Weight of the prior",
         (
-            *_of_linear(report),
             Paragraph(
                 f"{above} modes have an eigenvalue of at least gamma = {report.gamma.gamma:.4g}: there the data "
                 "outweigh the prior. The rules are applied to the data expected from prior and noise. The "
