@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from binascii import crc_hqx
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Final
 
 from strainfmu.errors import StrainfmuError, library
@@ -179,10 +179,10 @@ class Frame:
     bitrate_switch: bool = False
     is_error: bool = False
     is_remote: bool = False
-    key: int = field(init=False, compare=False)
 
-    def __post_init__(self) -> None:
-        self.key = self.identifier | EXTENDED_FLAG if self.is_extended else self.identifier
+    @property
+    def key(self) -> int:
+        return self.identifier | EXTENDED_FLAG if self.is_extended else self.identifier
 
     def with_data(self, data: bytes, time: float = 0.0) -> Frame:
         """Return a frame of the same identifier and format with other ``data`` and ``time`` [s].
@@ -190,7 +190,7 @@ class Frame:
         It takes a fifth of the time of making one by all its fields.
         """
         frame = _without_fields(Frame)
-        frame.identifier, frame.key, frame.data, frame.time = self.identifier, self.key, data, time
+        frame.identifier, frame.data, frame.time = self.identifier, data, time
         frame.is_extended, frame.is_fd, frame.bitrate_switch = self.is_extended, self.is_fd, self.bitrate_switch
         frame.is_error, frame.is_remote = self.is_error, self.is_remote
         return frame
@@ -222,18 +222,16 @@ def from_message(message: Any, time: float) -> Frame:
         raise MalformedFrame(
             f"frame 0x{identifier:X}: expected up to {FD_LENGTHS[-1]} bytes, got {str(data)[:40]}"
         )
-    flags = {
-        "is_extended": message.is_extended_id,
-        "is_fd": message.is_fd,
-        "bitrate_switch": message.bitrate_switch,
-        "is_error": message.is_error_frame,
-        "is_remote": message.is_remote_frame,
-    }
-    for flag in flags.values():
+    is_extended, is_fd, bitrate_switch = message.is_extended_id, message.is_fd, message.bitrate_switch
+    is_error, is_remote = message.is_error_frame, message.is_remote_frame
+    for flag in (is_extended, is_fd, bitrate_switch, is_error, is_remote):
         if not isinstance(flag, int):  # a bool is one
             raise MalformedFrame(f"frame 0x{identifier:X}: flag: expected true or false, got {str(flag)[:40]}")
-    named = {name: bool(flag) for name, flag in flags.items()}
-    return Frame(identifier=int(identifier), data=bytes(data), time=time, **named)
+    frame = _without_fields(Frame)
+    frame.identifier, frame.data, frame.time = int(identifier), bytes(data), time
+    frame.is_extended, frame.is_fd, frame.bitrate_switch = bool(is_extended), bool(is_fd), bool(bitrate_switch)
+    frame.is_error, frame.is_remote = bool(is_error), bool(is_remote)
+    return frame
 
 
 def to_message(frame: Frame) -> Any:

@@ -322,7 +322,8 @@ class FmuStep:
         for block, columns in blocks:
             if into and columns is not None:
                 given = values[columns]
-                block.buffer[:] = given if block.buffer.dtype == given.dtype else np.nan_to_num(given)
+                is_same = block.buffer.dtype == given.dtype
+                block.buffer[:] = given if is_same else np.where(np.isnan(given), 0.0, given)
             block.call()
             if not into and columns is not None:
                 values[columns] = block.buffer
