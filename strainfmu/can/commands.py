@@ -232,16 +232,20 @@ def send(
         raise InputError(
             f"--duration: expected at least the period of {1e3 * layout.cycle_time:g} ms, got {duration:g} s"
         )
-    samples = _samples(
-        names,
-        readings,
-        source=source,
-        plant=_path(plant),
-        data=_path(data),
-        dynamic_pressure=options.dynamic_pressure,
-        cycle_time=layout.cycle_time,
-        duration=duration,
-    )
+    samples: AbstractContextManager[Iterator[FlownSample]]
+    if data is None:
+        assert plant is not None
+        samples = plant_samples(
+            Path(plant),
+            len(names),
+            cycle_time=layout.cycle_time,
+            duration=duration,
+            readings=tuple(readings),
+        )
+    elif Path(data).suffix.lower() == ".toml":
+        samples = scenario_samples(Path(data), source.parent, layout.cycle_time)  # its files lie next to the map
+    else:
+        samples = recorded_samples(Path(data), names, options.dynamic_pressure, readings)
     if options.interface == VIRTUAL and say is not None:
         say(VIRTUAL_TEXT)
     with samples as opened:
@@ -255,26 +259,6 @@ def send(
             raise InputError("--report: no results with a known truth, nothing to report")
         write_bytes_atomically(Path(report), json.dumps(asdict(score), indent=1).encode())
     return found
-
-
-def _samples(
-    names: tuple[str, ...],
-    readings: dict[str, str],
-    *,
-    source: Path,
-    plant: Path | None,
-    data: Path | None,
-    dynamic_pressure: float | None,
-    cycle_time: float,
-    duration: float,
-) -> AbstractContextManager[Iterator[FlownSample]]:
-    """Return the source that the options name; files of a scenario are next to the map ``source``."""
-    if plant is not None:
-        return plant_samples(plant, len(names), cycle_time=cycle_time, duration=duration, readings=tuple(readings))
-    assert data is not None
-    if data.suffix.lower() == ".toml":
-        return scenario_samples(data, source.parent, cycle_time)
-    return recorded_samples(data, names, dynamic_pressure, readings)
 
 
 def _send(

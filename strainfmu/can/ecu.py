@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -39,29 +39,17 @@ _KEY = np.dtype([("key", "u4"), ("slot", "i4")], align=True)
 _QUANTITY = np.dtype([("variable", "i4"), ("is_whole", "i4"), ("value", "f8"), ("fallback", "f8")], align=True)
 _OTHER = np.dtype([("variable", "i4"), ("padding", "i4"), ("step", "f8")], align=True)
 _ARRAYS = (
-    *(
-        "plan",
-        "slot",
-        "signal",
-        "code",
-        "change",
-        "key",
-        "quantity",
-        "constant",
-        "other",
-        "frame",
-        "sent",
-        "source",
-    ),
+    *("plan", "slot", "signal", "code", "change", "key"),
+    *("quantity", "constant", "other", "frame", "sent", "source"),
 )
-_COUNTS = ("n_keys", "n_constants", "n_others", "n_frames", "n_sent", "n_signals", "n_codes")
+_COUNTED = ["key", "constant", "other", "frame", "sent", "signal", "code"]
 _SETUP = np.dtype(
     [
         ("guid", "S96"),
         *((name, "f8") for name in ("response_time", "status_period", "bridge_alarm")),
         *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
         *((name, "i4") for name in ("needs_pressure", "configuration", STRAIN, "first_result")),
-        *((name, "i4") for name in _COUNTS),
+        *((f"n_{name}", "i4") for name in _COUNTED),
         *((name, "i8") for name in _ARRAYS),
     ],
     align=True,
@@ -119,7 +107,7 @@ def ecu_part(map_path: Path, bus: BusDescription) -> BusPart:
     return BusPart(
         ports=(Port(bus.network, bus.tx_clock),),
         resource="bus.bin",
-        content=lambda guid: _resource(arrays, numbers, guid),
+        content=lambda guid: node_resource(b"SFMUBUS", _VERSION, _SETUP, arrays, numbers, guid),
         dbc=dbc,
         lines=_lines(bus, machine),
     )
@@ -149,8 +137,11 @@ def _arrays(
             constants.setdefault(f"{angle}{STD}", ANGLE_ERROR)
     frames, others = composition(tuple(results))
     keys = [(key, slot) for key, slot in plan.slots.items()] + [(one.key, -1) for one in results]
+    record = plan.record.copy()
+    for name in plan.tables:
+        record[name] = 0  # an address, the reader's own
     return {
-        "plan": plan.record,
+        "plan": record,
         **plan.tables,
         "key": np.array(keys, dtype=_KEY),
         "quantity": np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
@@ -168,16 +159,3 @@ def _taken(name: str, references: Mapping[str, int], value: float = np.nan) -> t
     """Return variable, whether it is an enumeration, value, and what stands for a value that is not above 0."""
     is_angle_error = name in {f"{angle}{STD}" for angle in MEASURED_ANGLES}
     return references[name], name == Q_SOURCE, value, ANGLE_ERROR if is_angle_error else np.nan
-
-
-def _resource(arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any], guid: str) -> bytes:
-    """Return ``bus.bin``."""
-    counted = {"keys": "key", "constants": "constant", "others": "other", "frames": "frame", "sent": "sent"}
-    counts = {
-        f"n_{name}": len(arrays[of]) for name, of in (counted | {"signals": "signal", "codes": "code"}).items()
-    }
-    record = arrays["plan"].copy()
-    for address in ("slot", "signal", "code", "change"):
-        record[address] = 0  # the reader's own
-    listed = {name: arrays[name] for name in _ARRAYS} | {"plan": record}
-    return node_resource(b"SFMUBUS", _VERSION, _SETUP, listed, {**numbers, **counts, "guid": guid.encode()})

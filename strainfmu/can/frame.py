@@ -99,11 +99,6 @@ class Protection:
         """Number of counter values: 15 of profile 1, 256 of profile 5."""
         return 15 if self.profile == 1 else 256
 
-    @property
-    def counter_place(self) -> tuple[int, int]:
-        """Byte of the counter, and its bits in that byte."""
-        return (1, 0x0F) if self.profile == 1 else (2, 0xFF)
-
 
 def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b"") -> int:
     """Return the CRC of ``data`` without its CRC field, followed by ``covered``, bytes of other frames."""
@@ -117,17 +112,6 @@ def crc_of(data: bytes | bytearray, protection: Protection, covered: bytes = b""
     if covered:
         crc = crc_hqx(covered, crc)
     return crc_hqx(protection.data_id.to_bytes(2, "little"), crc)
-
-
-def crc_in(data: bytes | bytearray, protection: Protection) -> int:
-    """Return the CRC in ``data``."""
-    return data[0] if protection.profile == 1 else data[0] | data[1] << 8
-
-
-def counter_in(data: bytes | bytearray, protection: Protection) -> int:
-    """Return the counter in ``data``."""
-    byte, bits = protection.counter_place
-    return data[byte] & bits
 
 
 def protect(data: bytes, protection: Protection, counter: int, covered: bytes = b"") -> bytes:

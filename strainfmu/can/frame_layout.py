@@ -165,6 +165,13 @@ class FlowSignal:
     offset: float = 0.0
 
 
+ROLES = (
+    *("sample_time", "status", "configuration", "request"),
+    *("session", "heard_counter", "heard_time", "heard_delay"),
+)
+"""Numbers about a frame that are among its signals, by the fields of :class:`InputFrame`."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class InputFrame:
     """A frame that the bridge reads, and the roles of its signals; indices are as in ``layout.signals``.
@@ -256,11 +263,6 @@ class InputLayout:
             if any(signal.quantity == quantity for signal in frame.flow):
                 return frame
         return None
-
-    @property
-    def held_slots(self) -> tuple[int, ...]:
-        """Indices of the strain frames that come more slowly than cycles and are held between."""
-        return tuple(slot for slot, frame in enumerate(self.strain_frames) if frame.hold is not None)
 
     @property
     def first_of_cycle(self) -> InputFrame:

@@ -67,15 +67,14 @@ FRAME = np.dtype(
 """``SentFrame``."""
 
 _SOURCE = np.dtype([("from", "i4"), ("padding", "i4"), ("value", "f8")], align=True)
-_ARRAYS = ("frame", "sent", "source", "answer")
 _SETUP = np.dtype(
     [
         ("guid", "S96"),
         ("period", "f8"),
         *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
-        *((name, "i4") for name in ("n_frames", "n_sent", "n_answer", "answer_length")),
+        *((name, "i4") for name in ("n_frame", "n_sent", "n_answer", "answer_length")),
         ("answer_key", "u4"),
-        *((name, "i8") for name in _ARRAYS),
+        *((name, "i8") for name in ("frame", "sent", "source", "answer")),
     ],
     align=True,
 )
@@ -124,11 +123,17 @@ def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
 
 
 def node_resource(
-    magic: bytes, version: int, record: np.dtype[Any], arrays: Mapping[str, np.ndarray], numbers: Mapping[str, Any]
+    magic: bytes,
+    version: int,
+    record: np.dtype[Any],
+    arrays: Mapping[str, np.ndarray],
+    numbers: Mapping[str, Any],
+    guid: str,
 ) -> bytes:
-    """Return a file: header, ``record`` with ``numbers`` and the places of ``arrays``, then these."""
+    """Return a file: header, ``record`` with ``numbers`` and the places and lengths of ``arrays``, then these."""
     setup = np.zeros(1, dtype=record)
-    for name, value in numbers.items():
+    lengths = {f"n_{name}": len(array) for name, array in arrays.items() if f"n_{name}" in setup.dtype.names}
+    for name, value in {**numbers, **lengths, "guid": guid.encode()}.items():
         setup[name] = value
     place, parts = _HEADER + record.itemsize, []
     for name, array in arrays.items():
@@ -177,10 +182,6 @@ def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]
     }
     numbers = {
         **rates_of(bus, [frame.layout for frame in frames]),
-        **{
-            f"n_{name}": len(arrays[of])
-            for name, of in (("frames", "frame"), ("sent", "sent"), ("answer", "answer"))
-        },
         "period": layout.cycle_time,
         "answer_length": answer.length,
         "answer_key": answer.key,
@@ -188,9 +189,7 @@ def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]
     return BusPart(
         ports=(Port(bus.network, bus.tx_clock),),
         resource="sender.bin",
-        content=lambda guid: node_resource(
-            b"SFMUSEN", _SENDER_VERSION, _SETUP, arrays, {**numbers, "guid": guid.encode()}
-        ),
+        content=lambda guid: node_resource(b"SFMUSEN", _SENDER_VERSION, _SETUP, arrays, numbers, guid),
         lines=(
             f"Connect the terminal <code>{bus.network}</code> to a CAN bus of FMI-LS-BUS 1.0, in an importer with "
             f"event mode. Strains go in frames of {layout.name}, a cycle every {1e3 * layout.cycle_time:g} ms.",

@@ -15,8 +15,8 @@ from strainfmu.can.frame_layout import (
     DYNAMIC_PRESSURE,
     FLOAT,
     LARGEST_PARAMETER,
+    ROLES,
     FlowSignal,
-    FrameLayout,
     InputFrame,
     InputLayout,
     is_parameter,
@@ -94,26 +94,26 @@ class Plan:
         self._places = {name: place for place, name in enumerate(self.quantities)}
         codes: list[int] = []
         tables = [signal_table(frame.layout, codes) for frame in frames]
-        numbers = [_numbers_of(frame) for frame in frames]
         for frame, table in zip(frames, tables, strict=True):
             self._set_targets(frame, table, layout, settings)
-        # Of each frame first what is measured in it, then the numbers about it.
-        measured = [_measured(frame) for frame in frames]
         self._slots = np.zeros(len(frames), dtype=SLOT)
         rows: list[Any] = []
-        for slot, frame, table, chosen, roles in zip(self._slots, frames, tables, measured, numbers, strict=True):
-            slot["first"], slot["n_signals"] = len(rows), len(chosen)
-            rows += [table[index] for index in chosen]
-            for role, index in roles.items():
+        for slot, frame, table in zip(self._slots, frames, tables, strict=True):
+            # First what is measured in it, then the numbers about it.
+            measured = [*frame.indices, *(source.index for source in frame.flow)]
+            slot["first"], slot["n_signals"] = len(rows), len(measured)
+            rows += [table[index] for index in measured]
+            for role in ROLES:
+                index = getattr(frame, role)
                 slot[role] = -1 if index is None else len(rows)
                 rows += [] if index is None else [table[index]]
                 if role == "heard_delay" and index is not None:
                     rows[-1]["factor"] = 1e-3  # of a millisecond
             self._describe(slot, frame, layout, settings)
             if frame.layout.multiplexer is not None:
-                selector = signal_table(_selector_of(frame.layout))
-                slot["selector"], slot["value"] = len(rows), frame.layout.multiplexer[1]
-                rows.append(selector[0])
+                signal, slot["value"] = frame.layout.multiplexer
+                slot["selector"] = len(rows)
+                rows.append(signal_table(replace(frame.layout, signals=(signal,)))[0])
         self._signals = np.array(rows, dtype=SIGNAL)
         self._codes = np.array([int64(code) for code in codes] or [0], dtype=np.int64)
         self._change = change_rates(layout, noise_std)
@@ -235,24 +235,6 @@ def _kind(frame: InputFrame) -> int:
     if frame.session is not None:
         return _STATE
     return _COMMAND if frame.request is not None else _FLOW
-
-
-def _measured(frame: InputFrame) -> list[int]:
-    """Return the signals of a frame that are strains or quantities of the flow."""
-    return [*frame.indices, *(source.index for source in frame.flow)]
-
-
-def _numbers_of(frame: InputFrame) -> dict[str, int | None]:
-    """Return the signals of the numbers about a frame, by their roles."""
-    roles = ("sample_time", "status", "configuration", "request", "session")
-    numbers = {role: getattr(frame, role) for role in roles}
-    return numbers | {f"heard_{role}": getattr(frame, f"heard_{role}") for role in ("counter", "time", "delay")}
-
-
-def _selector_of(layout: FrameLayout) -> FrameLayout:
-    """Return a frame whose one signal is the multiplexer of ``layout``."""
-    assert layout.multiplexer is not None
-    return replace(layout, signals=(layout.multiplexer[0],))
 
 
 def sensible(quantity: str) -> tuple[float, float]:

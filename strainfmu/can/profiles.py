@@ -22,6 +22,7 @@ from strainfmu.can.frame_layout import (
     BIG,
     FLOW_QUANTITIES,
     LITTLE,
+    ROLES,
     FlowSignal,
     FrameLayout,
     InputFrame,
@@ -295,16 +296,9 @@ class _Maker:
             gauges=tuple(int(one.source) for one in chosen) if indices else (),
             to_strain=tuple(STRAIN_UNITS[signals[index].unit] for index in indices),
             flow=tuple(FlowSignal(quantity=quantity, index=index) for quantity, index in flow),
-            sample_time=roles.get("sample_time"),
             tick=tick,
-            status=roles.get("status"),
-            configuration=roles.get("configuration"),
-            request=roles.get("request"),
-            session=roles.get("session"),
-            heard_counter=roles.get("heard_counter"),
-            heard_time=roles.get("heard_time"),
-            heard_delay=roles.get("heard_delay"),
             is_trailer=stated.get("ends_cycle", False),
+            **{role: roles.get(role) for role in ROLES},
         )
 
     def _signals(

@@ -53,7 +53,7 @@ PLAN = _record(
         "n_slots n_gauges n_flow n_cycle trailer state pressure n_data covered n_covered is_timed bits modulus",
     ),
     (_WORD, "is_answered accepts is_protected is_authentic first_result n_counters heal late_limit recovery"),
-    (_WORD, "stuck"),
+    (_WORD, "stuck padding"),  # a copy has other bytes in places without a name
     (_ADDRESS, "slot signal code change"),
 )
 """``SbPlan``."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from altered_frames import crc_in
 from can_case import CYCLE, KEY, layout_of
 
 from strainfmu.can.authentic import (
@@ -21,7 +22,7 @@ from strainfmu.can.authentic import (
     sent_freshness,
 )
 from strainfmu.can.encoder import StrainEncoder
-from strainfmu.can.frame import crc_in, crc_of
+from strainfmu.can.frame import crc_of
 from strainfmu.can.frame_layout import InputFrame
 from strainfmu.can.profiles import profile_layout
 from strainfmu.can.signals import SignalPlan

@@ -6,11 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from altered_frames import counter_in, crc_in
 from can_case import CYCLE, Projection, layout_of
 from e2e import p01, p05
 
 from strainfmu.can.encoder import StrainEncoder
-from strainfmu.can.frame import Frame, Protection, counter_in, crc_in, crc_of, protect
+from strainfmu.can.frame import Frame, Protection, crc_of, protect
 from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.quality import Cause, FrameClass

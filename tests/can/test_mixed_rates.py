@@ -147,7 +147,7 @@ def test_what_makes_no_sense_is_said_when_the_mapping_is_loaded(entries: dict[st
 def test_the_mapping_corrects_the_periods_of_the_dbc_file() -> None:
     layout = layout_from(period_ms={"Slow": 10, "Air": 10}, **PRESSURE)
     assert layout.cycle_time == 0.01
-    assert layout.held_slots == ()
+    assert [frame.hold for frame in layout.strain_frames] == [None] * len(layout.strain_frames)
     assert layout.flow_frames[0].timeout is None
 
 

@@ -8,12 +8,13 @@ from pathlib import Path
 import cantools
 import numpy as np
 import pytest
+from altered_frames import crc_in
 from bus_run import CYCLE, paced_bridge
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.can.authentic import freshness_file, next_trip
 from strainfmu.can.encoder import StrainEncoder
-from strainfmu.can.frame import Frame, crc_in, crc_of
+from strainfmu.can.frame import Frame, crc_of
 from strainfmu.can.machine import Result
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import PROFILES, profile_layout

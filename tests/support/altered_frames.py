@@ -9,8 +9,18 @@ from can_faults import Fault, FaultKind
 
 from strainfmu.can.authentic import authenticated, freshness_of, is_authentic, sent_freshness
 from strainfmu.can.encoder import StrainEncoder
-from strainfmu.can.frame import FD_LENGTHS, Frame, Protection, counter_in, crc_in, crc_of, protect
+from strainfmu.can.frame import FD_LENGTHS, Frame, Protection, crc_of, protect
 from strainfmu.can.frame_layout import FLOAT, InputFrame, InputLayout
+
+
+def crc_in(data: bytes | bytearray, protection: Protection) -> int:
+    """Return the CRC in ``data``."""
+    return data[0] if protection.profile == 1 else data[0] | data[1] << 8
+
+
+def counter_in(data: bytes | bytearray, protection: Protection) -> int:
+    """Return the counter in ``data``."""
+    return data[1] & 0x0F if protection.profile == 1 else data[2]
 
 
 class AlteredFrames:

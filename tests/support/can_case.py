@@ -236,7 +236,7 @@ class Oracle:
         self._tolerance = 0.5 * 0.25 * self._step.weights.sum(axis=1).max() + 1e-3
         self._valid_cycles: set[int] = set()
         self.false_valid: list[str] = []
-        held = [layout.strain_frames[slot] for slot in layout.held_slots]
+        held = [frame for frame in layout.strain_frames if frame.hold is not None]
         self._slow = [gauge for frame in held for gauge in frame.gauges]
         self._every = max([cycles_apart(frame, layout.cycle_time) for frame in held], default=1)
 
