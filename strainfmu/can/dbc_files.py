@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 from typing import Any
 
 from strainfmu.can.frame import error_line, import_cantools
 from strainfmu.errors import InputError
 from strainfmu.files import read_bytes
+from strainfmu.text_files import read_toml
 
 LARGEST_FILE = 5_000_000
 """Characters of a DBC file beyond which it is not read: cantools takes seconds for a million."""
@@ -47,12 +47,7 @@ def load_mapping(path: Path) -> dict[str, Any]:
     InputError
         It is missing, or no TOML.
     """
-    try:
-        mapping = tomllib.loads(path.read_text("utf-8-sig"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: cannot be read: {error}") from error
+    mapping = read_toml(path)
     of_bus = mapping.get(MAPPING_TABLE)
     if not isinstance(of_bus, dict):
         return mapping

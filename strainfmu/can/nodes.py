@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.bus_file import BusDescription, read_bus
+from strainfmu.can.bus_file import TABLES, BusDescription, read_bus
 from strainfmu.can.encoder import cycles_apart
 from strainfmu.can.frame_layout import FLOW_QUANTITIES, NAVIGATION, FrameLayout, InputFrame, InputLayout
 from strainfmu.can.options import BridgeOptions
@@ -40,21 +40,11 @@ _CONSTANT, _SAMPLE_TIME = -1, -2
 _HEARD = {"heard_counter": -3, "heard_time": -4, "heard_delay": -5}
 """Sources of a signal other than a variable, as ``nodes.h`` lists them."""
 
-ENTRIES_OF_HARDWARE = {
-    "interface": "bus.interface",
-    "channel": "bus.channel",
-    "bus_options": "bus.options",
-    "log_channel": "bus.log_channel",
-    "key_file": "input.key",
-    "freshness_file": "input.freshness",
-    "synchronised": "clock.synchronised_ms",
-    "zeros": "zeros.file",
-    TARE: f"{TARE}.map",
-    "record": "record.file",
-    "publish": "page.publish",
-    "http": "page.http",
-}
-"""Entries of a bus file that an FMU has no use for, by the field that they set."""
+_OF_HARDWARE = (
+    *("interface", "channel", "bus_options", "log_channel", "key_file", "freshness_file", "synchronised"),
+    *("zeros", TARE, "record", "publish", "http"),
+)
+"""Fields whose entries of a bus file an FMU has no use for."""
 
 FRAME = np.dtype(
     [
@@ -90,10 +80,11 @@ def bus_of_fmu(path: Path) -> BusDescription:
         The file is wrong, or states what hardware alone has.
     """
     bus = read_bus(path)
-    for field, entry in ENTRIES_OF_HARDWARE.items():
+    named = {entry.sets: f"{table}.{name}" for table, of in TABLES.items() for name, entry in of.items()}
+    for field in _OF_HARDWARE:
         if bus.stated.get(field) is not None or getattr(bus, field, None) is not None:
             raise InputError(
-                f"{path}: {entry}: expected no such entry with '--bus' of an FMU, which has no hardware"
+                f"{path}: {named[field]}: expected no such entry with '--bus' of an FMU, which has no hardware"
             )
     return bus
 
