@@ -241,7 +241,6 @@ class BackOff:
     attempts: int = 10
     settle: float = 2.0
     due: float | None = None
-    reconnects: int = 0
     _failures: int = 0
     _opened: float | None = None
 
@@ -262,7 +261,6 @@ class BackOff:
     def opened(self, now: float) -> None:
         """Note that a new bus is open."""
         self._opened, self.due = now, None
-        self.reconnects += 1
 
 
 @contextmanager
@@ -297,7 +295,6 @@ class Bridge:
     Attributes
     ----------
     skips : intervals in which the bridge was too slow, behind the first of two frames up to the second [s].
-    last_fault : last failure of the bus, "" if there was none.
     """
 
     def __init__(
@@ -318,12 +315,8 @@ class Bridge:
         self._back_off = back_off or BackOff()
         self._bus: Any = None
         self._inbox: Inbox | None = None
-        self._drops = 0
-        self._drops_known = False
-        self._failures = 0
         self._failure_times: deque[float] = deque(maxlen=ERRORS_PER_SECOND)
         self._stop = self._is_confirmed = False
-        self.last_fault = ""
         self.say: Callable[[str], None] | None = None
         """Shows a line to the user."""
         slowest = max([frame.layout.cycle_time or layout.cycle_time for frame in layout.frames])
@@ -423,7 +416,7 @@ class Bridge:
     def _note_failure(self, error: Exception) -> None:
         """Count a failed reception; give the bus up if it is broken."""
         now = self._clock()
-        self._failures += 1
+        self.listener.summary.failures += 1
         self._failure_times.append(now)
         is_full = len(self._failure_times) == ERRORS_PER_SECOND
         is_known = isinstance(error, import_can().CanError | OSError)
@@ -447,15 +440,14 @@ class Bridge:
             self._inbox.close()
             self._inbox = None
         if self._bus is not None:
-            drops = kernel_drops(self._bus)
-            self._drops_known |= drops is not None
-            self._drops += drops or 0
+            summary, drops = self.listener.summary, kernel_drops(self._bus)
+            summary.kernel_drops = summary.kernel_drops if drops is None else (summary.kernel_drops or 0) + drops
             shut_down(self._bus)
             self._bus = None
 
     def _lose_bus(self, reason: str) -> None:
         """Give up a bus that failed; it is opened again after a while."""
-        self.last_fault = reason
+        self.listener.summary.last_fault = reason
         self._disconnect()
         now = self._clock()
         self.machine.restart(now)
@@ -473,16 +465,16 @@ class Bridge:
         try:
             self._connect()
         except StrainfmuError as error:
-            self.last_fault = str(error)
+            self.listener.summary.last_fault = str(error)
             self._back_off.failed(now)
             if self._back_off.exhausted:
                 raise StrainfmuError(f"the bus was lost and could not be opened again: {error}") from error
             return
         self._back_off.opened(now)
-        self.listener.summary.reconnects = self._back_off.reconnects
+        self.listener.summary.reconnects += 1
         if self._back_off.exhausted:
             self._disconnect()
-            raise StrainfmuError(f"the bus was lost again and again: {self.last_fault}")
+            raise StrainfmuError(f"the bus was lost again and again: {self.listener.summary.last_fault}")
         self.machine.restart(now)
 
     # --- what it has done ----------------------------------------------------------------------------------------
@@ -495,7 +487,5 @@ class Bridge:
         """Return the summary of the run so far."""
         summary = self.listener.summary
         summary.duration, summary.cpu = self._clock() - self._start, time.process_time() - self._cpu
-        summary.account, summary.failures, summary.last_fault = self.account(), self._failures, self.last_fault
-        summary.kernel_drops = self._drops if self._drops_known else None
-        summary.period_text = self.machine.period_text
+        summary.account, summary.period_text = self.account(), self.machine.period_text
         return summary

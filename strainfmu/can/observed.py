@@ -141,10 +141,10 @@ def observed_bridge(
 
 def _report(bridge: Bridge, recorder: Recorder | None, name: str) -> dict[str, Any]:
     """Return what a display shows of the bus and of the recording."""
-    reconnects = bridge.listener.summary.reconnects
+    summary = bridge.listener.summary
     report: dict[str, Any] = {
         "bus_state": bridge.machine.bus_state.name,
-        "bus": {"name": name, "last_fault": bridge.last_fault, "reconnects": reconnects},
+        "bus": {"name": name, "last_fault": summary.last_fault, "reconnects": summary.reconnects},
         "period_text": bridge.machine.period_text,
     }
     if recorder is not None:
