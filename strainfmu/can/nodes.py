@@ -80,7 +80,7 @@ def bus_of_fmu(path: Path) -> BusDescription:
         The file is wrong, or states what hardware alone has.
     """
     bus = read_bus(path)
-    named = {entry.sets: f"{table}.{name}" for table, of in TABLES.items() for name, entry in of.items()}
+    named = {entry.sets: f"{table}.{name}" for table, entries in TABLES.items() for name, entry in entries.items()}
     for field in _OF_HARDWARE:
         if bus.stated.get(field) is not None or getattr(bus, field, None) is not None:
             raise InputError(

@@ -32,10 +32,16 @@ from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import PROFILES, SECURED_PROFILE, profile_layout
 from strainfmu.can.quality import REASONS
-from strainfmu.can.signals import SignalPlan
+from strainfmu.can.signals import PLAN, SIGNAL, SLOT, SignalPlan
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
+
+
+@pytest.mark.parametrize("record", [SIGNAL, SLOT, PLAN])
+def test_records_of_an_fmu_have_no_bytes_without_a_name(record: np.dtype) -> None:
+    """A copy of a record has any bytes in such places: two exports of one map would differ."""
+    assert sum(record[name].itemsize for name in record.names or ()) == record.itemsize
 
 
 @st.composite
