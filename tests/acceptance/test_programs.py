@@ -154,15 +154,15 @@ def test_listener_on_a_bus(tmp_path: Path) -> None:
     notifier = can.Notifier(bus, [listener], timeout=0.05)
     encoder = strainfmu.StrainEncoder(strainfmu.profile_layout("fd64", made.gauge_names, cycle_time=0.05))
     begin, cycle, strain = time.monotonic(), 0, Z @ snapshots[:, 3]
-    while not [one for one in results if one.usable] and time.monotonic() < begin + 60.0:
+    while not [one for one in results if one.usable] and time.monotonic() < begin + 600.0:
         measured = strain + 1e-7 * RANDOM.normal(size=12)
-        for frame in encoder.encode(measured, 9e4, cycle=cycle, sample_time=time.monotonic() - begin):
+        for frame in encoder.encode(measured, 9e4, cycle=cycle, sample_time=0.05 * cycle):
             message = can.Message(
                 arbitration_id=frame.identifier, data=frame.data, is_fd=True, is_extended_id=frame.is_extended
             )
             sender.send(message)
         cycle += 1
-        time.sleep(0.05)
+        time.sleep(max(begin + 0.05 * cycle - time.monotonic(), 0.0))
     notifier.stop()
     bus.shutdown()
     sender.shutdown()

@@ -321,9 +321,10 @@ def test_a_bus_overloaded_200_times_is_answered_and_accounted_for(virtual: Runni
     classes = summary.account.classes
     assert summary.account.received == expected
     assert classes[FrameClass.UNKNOWN_IDENTIFIER] == sent
-    # Strains that a sender who stood still sent behind its state are late: two frames of a cycle.
-    not_answered = (classes[FrameClass.SKIPPED] + classes[FrameClass.OVERRUN]) / 4 + classes[FrameClass.LATE] / 2
-    assert len(answered) + not_answered >= virtual.cycle - first
+    # A cycle that is skipped has three frames, as q_inf is used; strains that come long behind the sender's state
+    # are late.
+    not_answered = classes[FrameClass.SKIPPED] / 3 + classes[FrameClass.OVERRUN] / 4 + classes[FrameClass.LATE] / 2
+    assert len(answered) + not_answered >= virtual.cycle - first, summary.account.rows()
     assert classes[FrameClass.USED] > 0
     assert classes[FrameClass.CORRUPT] == classes[FrameClass.WRONG_FORMAT] == classes[FrameClass.REPEATED] == 0
     # Of a host that stands still the sender's clock goes on without its counter.

@@ -24,7 +24,20 @@ from strainfmu.cosim.estimators.step import StepResult
 N = 30
 CYCLE = 0.03
 """Period of the strain frames [s]: long enough for a busy host to be on time, now and then."""
-PATIENCE = 120.0
+PATIENCE = 600.0
+
+
+class Pace:
+    """When a sender of a period [s] sends next: a host that sleeps too long does not make its period longer."""
+
+    def __init__(self, period: float) -> None:
+        self._period, self._due = period, time.monotonic()
+
+    def wait(self) -> float:
+        """Return the time until the next cycle [s]; a late one is sent at once, those before it are left out."""
+        now = time.monotonic()
+        self._due = max(self._due + self._period, now - self._period)
+        return max(self._due - now, 0.0)
 
 
 class Slow(Projection):
@@ -64,7 +77,7 @@ class Running:
         self.sender, self.cycle, self._truth, self.port = sender, 0, Truth(N, 1), 0
         assert layout.state is not None
         self._state_key, self.states_results = layout.state.layout.key, True
-        self._encoder, self._start = StrainEncoder(layout), time.monotonic()
+        self._encoder, self._start, self._pace = StrainEncoder(layout), time.monotonic(), Pace(CYCLE)
 
         def opened() -> can.BusABC:
             self.buses.append(open_one())
@@ -97,7 +110,7 @@ class Running:
             for frame in self._encoder.encode(*self._truth.cycle(self.cycle), cycle=self.cycle, sample_time=now):
                 if self.states_results or frame.key != self._state_key:
                     self.sender.send(to_message(frame))
-            time.sleep(CYCLE)
+            time.sleep(self._pace.wait())
 
     def wait(self, until: Callable[[], bool], seconds: float = PATIENCE) -> None:
         """Wait until something is so."""
