@@ -350,20 +350,27 @@ def linear_map(
     G = np.zeros((0, len(net_mean))) if loads is None else np.asarray(loads, dtype=float)
     if G.ndim != 2 or G.shape[1] != len(net_mean) or not np.isfinite(G).all():
         raise InputError(f"loads: expected (n_f, {len(net_mean)}) finite numbers, got shape {G.shape}")
-    strain, mean_strain = np.asarray(operator @ prior.factor), np.asarray(operator @ net_mean)
-    if not (np.isfinite(strain).all() and np.isfinite(mean_strain).all()):
-        raise InputError("Z: expected finite strain per pressure [1/Pa]")
-    load, load_of_mean = G @ prior.factor, G @ net_mean
+    # F is large: Z, G and, in Case 1, the basis of the modes are multiplied with it in one product.
+    dense = isinstance(operator, np.ndarray)
+    rows = [operator, G] if dense else [G]
     if modes is None:
         if weights is not None:
             raise InputError("weights: expected none in Case 2 (modes=None), whose prior needs no inner product")
-        pod, fields, per_state = None, prior.factor, load
-        of_errors, load_of_errors = np.zeros((len(strain), 0)), np.zeros((len(load), 0))
-        states: GaussianMap | LeastSquaresMap = _gaussian(strain, mean_strain, noise, gamma)
+        pod, product = None, np.vstack(rows) @ prior.factor
     else:
         if gamma not in (None, 0):
             raise InputError(f"gamma: expected none with modes={modes}: Case 1 has no prior, got {gamma!r}")
-        pod, coefficients = leading_modes(prior, modes, _node_areas(weights, len(net_mean)))
+        areas = _node_areas(weights, len(net_mean))
+        pod, coefficients, product = leading_modes(prior, modes, areas, rows)
+    strain, load = np.split(product, [len(noise)]) if dense else (np.asarray(operator @ prior.factor), product)
+    mean_strain, load_of_mean = np.asarray(operator @ net_mean), G @ net_mean
+    if not (np.isfinite(strain).all() and np.isfinite(mean_strain).all()):
+        raise InputError("Z: expected finite strain per pressure [1/Pa]")
+    if pod is None:
+        fields, per_state = prior.factor, load
+        of_errors, load_of_errors = np.zeros((len(strain), 0)), np.zeros((len(load), 0))
+        states: GaussianMap | LeastSquaresMap = _gaussian(strain, mean_strain, noise, gamma)
+    else:
         fields, of_modes, per_state = pod.modes, np.asarray(operator @ pod.modes), G @ pod.modes
         joint = np.zeros((len(strain) + len(load), 0))
         if truncated_noise:
@@ -404,7 +411,8 @@ def _checked(
     Z: Any, snapshots: ArrayLike, noise_std: ArrayLike | None, noise_covariance: ArrayLike | None
 ) -> tuple[Any, FloatArray, FloatArray]:
     """Return Z, the snapshots and the covariance of the noise."""
-    operator = Z if hasattr(Z, "shape") and hasattr(Z, "__matmul__") else np.asarray(Z, dtype=float)
+    dense = isinstance(Z, np.ndarray) or not (hasattr(Z, "shape") and hasattr(Z, "__matmul__"))
+    operator = np.asarray(Z, dtype=float) if dense else Z
     pressure = np.asarray(snapshots, dtype=float)
     if len(operator.shape) != 2:
         raise InputError(f"Z: expected (n_d, n_p), got shape {operator.shape}")

@@ -7,6 +7,7 @@ in the inner product V^T W V = I is the proper orthogonal decomposition, p = p_m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,11 +157,12 @@ def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray |
 
 
 def leading_modes(
-    prior: LowRankPrior, r: int, weights: FloatArray | None = None
-) -> tuple[PressureModes, FloatArray]:
-    """Return the first ``r`` modes of the snapshots of ``prior``, and the coefficients V^T W F (r, N) of F [Pa].
+    prior: LowRankPrior, r: int, weights: FloatArray | None, rows: Sequence[FloatArray]
+) -> tuple[PressureModes, FloatArray, FloatArray]:
+    """Return the first ``r`` modes of the snapshots of ``prior``, coefficients V^T W F (r, N) of F [Pa], and B F.
 
-    It takes a fraction of the work that all modes take.
+    ``rows`` are the parts of B (m, n_p). It takes a fraction of the work that all modes take: three products with
+    F, the last of which is B F too.
 
     The method of snapshots (Sirovich 1987): eigenvectors of F^T W F (N, N). Squaring costs weak modes digits, so
     modes and singular values are solved again within the leading ones (Rayleigh and Ritz).
@@ -176,8 +178,10 @@ def leading_modes(
     root = 1.0 if weights is None else np.sqrt(weights)[:, None]
     scaled = fields if weights is None else root * fields
     values, vectors = np.linalg.eigh(scaled.T @ scaled)
-    basis, _ = np.linalg.qr(scaled @ vectors[:, ::-1][:, : min(r + 10, n_snapshots)])
-    left, std, right = np.linalg.svd(basis.T @ scaled, full_matrices=False)
+    basis, _ = np.linalg.qr((vectors[:, ::-1][:, : min(r + 4, n_snapshots)].T @ scaled.T).T)
+    product = np.vstack([*rows, (root * basis).T]) @ fields
+    of_rows, of_basis = product[: -basis.shape[1]], product[-basis.shape[1] :]
+    left, std, right = np.linalg.svd(of_basis, full_matrices=False)
     if not std[r - 1] > ROUND_OFF * std[0]:
         count = int(np.sum(std > ROUND_OFF * std[0]))
         raise InputError(f"modes: expected at most {count}, the modes that the snapshots have, got {r}")
@@ -191,7 +195,7 @@ def leading_modes(
         weights=weights,
         total_energy=float(scale**2 * values.sum()),
     )
-    return pod, (sign * std[:r])[:, None] * right[:r]
+    return pod, (sign * std[:r])[:, None] * right[:r], of_rows
 
 
 def _sign(modes: FloatArray) -> FloatArray:
