@@ -27,6 +27,14 @@ def component(name: str, place: int, text: str) -> Any:
     return property(lambda self: float_or_array(getattr(self, name)[..., place]), doc=text)
 
 
+def lower_factor(columns: FloatArray) -> FloatArray:
+    """Return (n, k) columns, k at most n, with the covariance of ``columns`` (n, m)."""
+    size = np.linalg.norm(columns, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0  # rows of one size: strain and newtons differ by many orders of magnitude
+    upper: FloatArray = np.asarray(np.linalg.qr((columns / size).T, mode="r"))
+    return size * upper.T
+
+
 def is_covariance(matrix: FloatArray) -> bool:
     """Tell whether ``matrix`` (n, n) is symmetric and positive definite."""
     variance = np.diag(matrix)

@@ -8,12 +8,11 @@ import numpy as np
 
 from builder.aero.loads.operator import coefficients_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.observable_states import on_observable_states
 from builder.inverse.envelope.score_limit import with_score_limit
 from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem, solve
-from builder.inverse.solved_map import inverse_map_of
+from builder.inverse.solved_map import inverse_map_of, on_observable_states
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap

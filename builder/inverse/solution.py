@@ -7,14 +7,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble, rolled_modes
+from builder.inverse.modes.ensemble import Ensemble, rolled_modes, turned_to_gauges
 from builder.inverse.modes.mode_choice import (
     MIN_STRAIN_OVER_ERRORS,
     MIN_STRAIN_OVER_NOISE,
-    LeftOutMode,
-    ModeChoice,
+    choice_record,
 )
-from builder.inverse.modes.phase import turned_to_gauges
 from builder.inverse.noise.error_list import LEVEL
 from builder.inverse.noise.flow_models import difference_term
 from builder.inverse.noise.flows_between import FlowsBetween
@@ -147,8 +145,8 @@ def solve(problem: Problem) -> Solution:
 
 
 def _solve_case_1(problem: Problem) -> Solution:
-    modes, choice = ordered_modes(problem)
-    kept = len(choice.kept)
+    modes, states, choice = ordered_modes(problem)
+    kept = len(states)
     strain_of_modes = problem.strain_operator @ modes.modes
     noise = _with_truncated(problem, modes, kept, strain_of_modes)
     std, z = modes.coefficient_std[:kept], strain_of_modes[:, :kept]
@@ -159,8 +157,8 @@ def _solve_case_1(problem: Problem) -> Solution:
     )
     facts = {
         "modes": kept,
-        "modes_skipped": [mode + 1 for mode in choice.skipped],
-        "mode_choice": choice.record(),
+        "modes_skipped": [mode + 1 for mode in range(states[-1]) if mode not in states],
+        "mode_choice": choice,
         "energy_of_modes": float(modes.energy[kept - 1]),
         "condition_number": solved.condition_number,
         "relative_condition_number": relative.value,
@@ -220,8 +218,8 @@ def pressure_modes(problem: Problem) -> PressureModes:
     return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
 
 
-def ordered_modes(problem: Problem) -> tuple[PressureModes, ModeChoice]:
-    """Return the POD with the states of Case 1 first: the modes that the gauges observe, up to ``map.modes``.
+def ordered_modes(problem: Problem) -> tuple[PressureModes, list[int], dict[str, Any]]:
+    """Return the POD with the states of Case 1 first, and :func:`mode_choice`.
 
     Raises
     ------
@@ -229,13 +227,13 @@ def ordered_modes(problem: Problem) -> tuple[PressureModes, ModeChoice]:
         More modes requested than gauges or snapshots carry, or the gauges observe none.
     """
     modes = pressure_modes(problem)
-    choice = mode_choice(problem, modes)
-    rest = [mode for mode in range(modes.modes.shape[1]) if mode not in choice.kept]
-    return modes.reordered([*choice.kept, *rest]), choice
+    states, record = mode_choice(problem, modes)
+    rest = [mode for mode in range(modes.modes.shape[1]) if mode not in states]
+    return modes.reordered([*states, *rest]), states, record
 
 
-def mode_choice(problem: Problem, modes: PressureModes) -> ModeChoice:
-    """Return which of ``modes`` are states of Case 1.
+def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict[str, Any]]:
+    """Return which of ``modes`` are states of Case 1, by index, and the choice for a map's provenance.
 
     Modes are tried by falling energy, until there are ``map.modes`` states. A mode is a state if its strain at one
     standard deviation, without the part that states before it explain, is at least :data:`MIN_STRAIN_OVER_NOISE`
@@ -259,7 +257,7 @@ def mode_choice(problem: Problem, modes: PressureModes) -> ModeChoice:
     whitened = [np.linalg.solve(root, of_modes) for root in roots]
     bases = [np.empty((len(root), 0)) for root in roots]
     kept: list[int] = []
-    left_out: list[LeftOutMode] = []
+    left_out: list[dict[str, Any]] = []
     for mode in range(available):
         if len(kept) >= wanted:
             break
@@ -270,16 +268,16 @@ def mode_choice(problem: Problem, modes: PressureModes) -> ModeChoice:
             bases = [np.column_stack([b, part / size]) for b, part, size in zip(bases, new, sizes, strict=True)]
         else:
             left_out.append(
-                LeftOutMode(
-                    mode=mode,
-                    fraction=float(variance[mode] / variance.sum()),
-                    over_noise=over_noise,
-                    over_errors=over_errors,
-                )
+                {
+                    "mode": mode + 1,
+                    "fraction_of_variance": float(variance[mode] / variance.sum()),
+                    "strain_over_noise": over_noise,
+                    "strain_over_errors": over_errors,
+                }
             )
     if not kept:
         raise InputError(f"map.modes: the {n_gauges} gauges observe none of the {available} modes")
-    return ModeChoice(wanted=wanted, kept=tuple(kept), left_out=tuple(left_out))
+    return kept, choice_record(wanted, [mode + 1 for mode in kept], left_out)
 
 
 def _whole_prior(problem: Problem) -> LowRankPrior:

@@ -353,7 +353,7 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         # Modes that the layout in use observes too weakly for states keep their prior, as in its map.
         problem = inverse_problem(vehicle, parts.snapshots, parts.structure)
         modes = pressure_modes(problem)
-        free = np.array(mode_choice(problem, modes).kept)
+        free = np.array(mode_choice(problem, modes)[0])
     else:
         modes = _modes(ensemble)
     size = modes.coefficient_std

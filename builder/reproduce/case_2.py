@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.loads.operator import load_operator
-from builder.inverse.cases.field import data_informed_modes, project_on_modes
 from builder.reports.findings.symmetry_classes import grid_mirrors, symmetric_part
 from builder.reproduce.case_1 import FieldExample
 from builder.reproduce.protocol import DRAWN_MODES, DRAWS, DRAWS_PER_CONDITION, SEED
@@ -93,6 +92,18 @@ class Case2Map:
             spectrum=self.spectrum,
         )
 
+    def modes(self, count: int) -> FloatArray:
+        """Return (n_p, ``count``) the first modes b_k = F v_k of the Hessian [Pa]."""
+        return np.asarray(self.prior.factor @ self.spectrum.right[:, :count])
+
+    def projection(self, pressure: FloatArray, count: int) -> FloatArray:
+        """Return the pressure (n_p,) [Pa] nearest to ``pressure`` in mean + span of the first ``count`` modes.
+
+        The source names no inner product; this is the Euclidean one.
+        """
+        basis, _ = np.linalg.qr(self.modes(count))
+        return np.asarray(self.prior.mean + (pressure - self.prior.mean) @ basis @ basis.T)
+
     def modes_above(self, gamma: float) -> int:
         """Return how many eigenvalues are at least ``gamma``."""
         return int(np.sum(self.spectrum.eigenvalues >= gamma))
@@ -165,7 +176,7 @@ def _gamma(rule: Rule, data: DataSpectrum) -> float:
 
 def drawn_modes(of: Case2Map) -> FloatArray:
     """Return (n_p, 5) the eigenvectors that the source draws, of unit Euclidean norm."""
-    modes = data_informed_modes(of.prior, of.spectrum)[:, [k - 1 for k in DRAWN_MODES]]
+    modes = of.modes(max(DRAWN_MODES))[:, [k - 1 for k in DRAWN_MODES]]
     unit: FloatArray = modes / np.linalg.norm(modes, axis=0)
     return unit
 
@@ -205,7 +216,7 @@ def study_field(
     relative = np.linalg.norm(error, axis=1) / np.linalg.norm(tested)
     middle = int(np.argsort(relative)[len(relative) // 2])
     kept = max(1, of.modes_above(gamma))
-    projection = project_on_modes(tested, of.prior.mean, data_informed_modes(of.prior, of.spectrum, kept))
+    projection = of.projection(tested, kept)
     odd_parts = [odd_part(field, grid) for field in (tested, error[middle])]
     return FieldStudy(
         reference=tested,

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from builder.inverse.envelope.tail_quantile import tail_quantile
+from builder.inverse.envelope.score_limit import tail_quantile
 from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import Where
 from builder.trial.estimators import known_by
@@ -61,7 +61,7 @@ SLOPES, AS_FEW = 21, 1.1
 
 UPPER = 0.05
 """Part of the samples, by each test of the nonlinear estimator, that take steps from their own estimates: levels
-are set from the upper hundredth, :data:`~builder.inverse.envelope.tail_quantile.TAIL`."""
+are set from the upper hundredth, :data:`~builder.inverse.envelope.score_limit.TAIL`."""
 
 LEAST_RANGE = 0.2
 """Range of expected chi-square over that at the mean strain, over the parts, from which the levels follow it."""

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, lower_factor
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -375,7 +375,7 @@ def linear_map(
         joint = np.zeros((len(strain) + len(load), 0))
         if truncated_noise:
             kept = np.vstack([of_modes, per_state]) @ coefficients
-            joint = _fewer_columns(np.vstack([strain, load]) - kept)
+            joint = lower_factor(np.vstack([strain, load]) - kept)
         of_errors, load_of_errors = joint[: len(strain)], joint[len(strain) :]
         covariance = noise + of_errors @ of_errors.T
         states = least_squares_map(of_modes, mean_strain, covariance, pod.coefficient_std)
@@ -458,15 +458,3 @@ def _node_areas(weights: ArrayLike | None, n_p: int) -> FloatArray | None:
     if area.shape != (n_p,) or not (np.isfinite(area).all() and (area > 0.0).all()):
         raise InputError(f"weights: expected ({n_p},) positive node areas [m2], got shape {area.shape}")
     return area
-
-
-def _fewer_columns(joint: FloatArray) -> FloatArray:
-    """Return columns, as many as rows at most, with the covariance of the columns of ``joint`` (n, k)."""
-    if joint.shape[1] <= len(joint):
-        return joint
-    size = np.linalg.norm(
-        joint, axis=1, keepdims=True
-    )  # rows of one size: strain and newtons differ by many orders
-    size[size == 0.0] = 1.0
-    upper = np.asarray(np.linalg.qr((joint / size).T, mode="r"))
-    return np.asarray(size * upper.T)

@@ -149,7 +149,7 @@ def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray |
     modes = left[:, kept] if weights is None else left[:, kept] / np.sqrt(weights)[:, None]
     return PressureModes(
         mean=mean,
-        modes=modes * _sign(modes),
+        modes=modes * signs(modes),
         singular_values=singular_values[kept],
         n_snapshots=len(snapshots),
         weights=weights,
@@ -186,7 +186,7 @@ def leading_modes(
         count = int(np.sum(std > ROUND_OFF * std[0]))
         raise InputError(f"modes: expected at most {count}, the modes that the snapshots have, got {r}")
     scale, modes = np.sqrt(n_snapshots - 1), (basis @ left[:, :r]) / root
-    sign = _sign(modes)
+    sign = signs(modes)
     pod = PressureModes(
         mean=prior.mean,
         modes=modes * sign,
@@ -198,7 +198,7 @@ def leading_modes(
     return pod, (sign * std[:r])[:, None] * right[:r], of_rows
 
 
-def _sign(modes: FloatArray) -> FloatArray:
+def signs(modes: FloatArray) -> FloatArray:
     """Return (k,) signs with which the largest entry of each mode is positive, so that results repeat."""
     return np.sign(modes[np.abs(modes).argmax(axis=0), np.arange(modes.shape[1])])
 

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 from coarse_vehicle import with_paper_map
-from inverse_case import Case
+from inverse_case import Case, estimated_field
 from state_estimates import state_gain, state_offset
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
-from builder.inverse.cases.field import estimated_field
 from builder.inverse.noise.model import nuisance_modes
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.vehicle.file import Vehicle

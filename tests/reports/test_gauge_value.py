@@ -9,9 +9,9 @@ from scipy.stats import norm
 from state_estimates import state_gain
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.observable_states import on_observable_states
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.solution import solve
+from builder.inverse.solved_map import on_observable_states
 from builder.reports.findings.coefficient_sources import coefficient_sources
 from builder.reports.findings.gauge_value import gauge_value, loss_growth
 from builder.structure.fourier.fourier_model import StructuralModel

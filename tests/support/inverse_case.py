@@ -54,6 +54,11 @@ def gaussian(case: Case, prior: LowRankPrior, gamma: float = 1.0) -> GaussianMap
     return gaussian_map(case.strain_operator @ prior.factor, mean_strain, np.diag(case.noise_std**2), gamma)
 
 
+def estimated_field(prior: LowRankPrior, solved: GaussianMap, strain: np.ndarray) -> np.ndarray:
+    """Return the estimated pressure (n_p,) [Pa] of ``strain`` (n_d,) [m/m]."""
+    return np.asarray(prior.mean + prior.factor @ (solved.strain_gain @ strain + solved.state_offset))
+
+
 def snapshots_at(engine: Engine, vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> Snapshots:
     """Return the engine's pressures at ``conditions``, without a file."""
     campaign = vehicle_campaign(vehicle, engine, [ConditionSet("test", tuple(conditions))])

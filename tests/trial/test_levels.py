@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2, genpareto
 from trial_cases import case_of, other_world
 
-from builder.inverse.envelope.tail_quantile import tail_quantile
+from builder.inverse.envelope.score_limit import tail_quantile
 from builder.trial.cases import Plan
 from builder.trial.estimators import of_map
 from builder.trial.levels import (

@@ -1,14 +1,10 @@
-"""Covariance of estimated loads and coefficients, for any gain, summed over the noise terms."""
+"""Covariance of estimated loads, for any gain, summed over the noise terms."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scale
 from builder.inverse.noise.model import NoiseModel
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.reference.gain import nominal, state_model
 from strainfmu.estimator.reference.update import model_of
@@ -39,17 +35,10 @@ def load_covariance_by_terms(
     operator, noise_covariance = solved.state_operator, solved.noise_covariance
     model = state_model(operator, noise_covariance, solved.regularisation, load_per_state, strain_load_covariance)
     gain = nominal(model).gain[0]
-    factors = load_error_factors(solved, load_per_state, gain, noise, strain_load_covariance)
-    factor = np.hstack([factors.of_states, *factors.of_noise])
+    of_states, of_noise = load_error_factors(solved, load_per_state, gain, noise, strain_load_covariance)
+    factor = np.hstack([of_states, *of_noise])
     covariance: FloatArray = factor @ factor.T
     return covariance
-
-
-class LoadErrorFactors(NamedTuple):
-    """Independent factors of the loads' error [N, N m]: (n_f, j) of the states, (n_f, k) of each noise term."""
-
-    of_states: FloatArray
-    of_noise: list[FloatArray]
 
 
 def load_error_factors(
@@ -58,8 +47,10 @@ def load_error_factors(
     gain: FloatArray,
     noise: NoiseModel,
     strain_load_covariance: FloatArray | None,
-) -> LoadErrorFactors:
-    """Return the factors of the error of f = G (d - m) + f_mean, one standard deviation per column.
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return the factors of the error of f = G (d - m) + f_mean, one standard deviation per column [N, N m].
+
+    They are (n_f, j) of the states, and (n_f, k) of each noise term.
 
     They are G N_i - M_i of each noise term (strain factor N_i, load M_i) and (G A - M) q of the states. A
     truncated mode acts twice, through the strain and by its own load, and the two are correlated.
@@ -76,31 +67,5 @@ def load_error_factors(
         without_states = model_of(gauges, loads, noise=solved.noise_covariance, cross=strain_load_covariance)
         of_residual = nominal(without_states).gain[0]
         of_states = load_per_state - of_residual @ solved.state_operator
-    return LoadErrorFactors(
-        of_states @ solved.unresolved,
-        [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms],
-    )
-
-
-def coefficient_covariance(
-    loads: FloatArray,
-    load_covariance: FloatArray,
-    reference: ReferenceQuantities,
-    dynamic_pressure: float,
-    dynamic_pressure_std: float = 0.0,
-) -> FloatArray:
-    """Return the (5, 5) covariance [1] of C = F/(q S), M/(q S L), to first order in the error of q_inf.
-
-    cov(C) = D cov(F) D + C C^T (sigma_q / q)^2 with D = diag(1/(q S), .., 1/(q S L)): an error of q_inf scales all
-    coefficients by the same factor.
-
-    Parameters
-    ----------
-    loads : (5,) [N, N m].
-    load_covariance : (5, 5) of the loads' error, which is independent of the error of q_inf.
-    reference : S and L.
-    dynamic_pressure, dynamic_pressure_std : q_inf and its standard deviation [Pa].
-    """
-    scale = coefficient_scale(dynamic_pressure, reference)
-    of_dynamic_pressure = scale * loads * (dynamic_pressure_std / dynamic_pressure)
-    return np.outer(scale, scale) * load_covariance + np.outer(of_dynamic_pressure, of_dynamic_pressure)
+    of_noise = [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms]
+    return of_states @ solved.unresolved, of_noise

@@ -10,7 +10,7 @@ rolled ensemble are the distinct flows at some 24 roll angles; means and modes a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,7 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import PressureModes
+from strainfmu.estimator.pressure_modes import PressureModes, signs
 from strainfmu.flight_condition import FlightCondition
 
 ROLLS = 24
@@ -37,6 +37,10 @@ _NO_HARMONIC = 1e-15
 
 _NEGLIGIBLE = 3e-4
 """Standard deviation, relative to the largest, below which a mode is left out: together 1e-5 of the variance."""
+
+
+_SAME = 1e-9
+"""Relative difference of standard deviations up to which modes count as a pair."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -235,15 +239,36 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     std = np.array(deviations)[order]
     kept = order[std > _NEGLIGIBLE * std[0]]
     modes = np.array(shapes)[kept].T
-    largest = np.abs(modes).argmax(axis=0)
-    modes = modes * np.sign(modes[largest, np.arange(modes.shape[1])])
     return PressureModes(
         mean=mean,
-        modes=modes,
+        modes=modes * signs(modes),
         singular_values=np.array(deviations)[kept] * np.sqrt(n - 1),
         n_snapshots=n,
         weights=weights,
     )
+
+
+def turned_to_gauges(modes: PressureModes, strain_operator: FloatArray, gauge_noise: FloatArray) -> PressureModes:
+    """Return the modes of a rolled ensemble, each pair turned so that the gauges observe its first mode best.
+
+    The two phases of a harmonic have the same variance, so the POD leaves their common roll angle open. Gauges
+    often observe one phase alone, such as cos(2 phi) with four rows. At any other roll angle both modes would have
+    its strain, and the one that becomes a state would stand for pressure that it does not hold.
+
+    Parameters
+    ----------
+    strain_operator : (n_d, n_p) Z_p [1/Pa].
+    gauge_noise : (n_d, n_d) factor N of the gauges' noise N N' [m/m].
+    """
+    std, turned, first = modes.coefficient_std, modes.modes.copy(), 0
+    while first < len(std):
+        last = first + int(np.sum(std[first:] >= (1.0 - _SAME) * std[first]))
+        if last - first > 1:
+            pair = turned[:, first:last]
+            whitened = np.linalg.solve(gauge_noise, strain_operator @ pair)
+            turned[:, first:last] = pair @ np.linalg.svd(whitened, full_matrices=False)[2].T
+        first = last
+    return replace(modes, modes=turned * signs(turned))
 
 
 def _distinct_flows(conditions: list[FlightCondition], by_altitude: bool) -> IntArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 MIN_STRAIN_OVER_NOISE, MIN_STRAIN_OVER_ERRORS = 10.0, 3.0
@@ -18,62 +17,25 @@ MOST_NAMED, FAINT = 12, 1e-3
 last state are; the others are counted."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LeftOutMode:
-    """A mode that is no state.
+def choice_record(wanted: int, states: Sequence[int], left_out: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the choice for a map's provenance.
 
-    Attributes
-    ----------
-    mode : its index by falling energy, from 0.
-    fraction : of the variance of the snapshots' pressure, weighted with area [1].
-    over_noise, over_errors : its strain at one standard deviation, without the part that the states before it
-        explain, over the gauges' own noise, and over all errors together [1]. A state needs both limits.
-    """
-
-    mode: int
-    fraction: float
-    over_noise: float
-    over_errors: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class ModeChoice:
-    """The choice of states among the POD modes.
-
-    Attributes
+    Parameters
     ----------
     wanted : number of states that the vehicle file requests.
-    kept : indices of the modes that are states, by falling energy, from 0.
-    left_out : the modes that were tried and are no states, by falling energy.
+    states : modes that are states, by falling energy, from 1.
+    left_out : the modes that were tried and are no states, likewise: ``mode``, ``fraction_of_variance`` of the
+        snapshots' pressure, weighted with area [1], ``strain_over_noise`` and ``strain_over_errors`` [1], see
+        :func:`builder.inverse.solution.mode_choice`.
     """
-
-    wanted: int
-    kept: tuple[int, ...]
-    left_out: tuple[LeftOutMode, ...]
-
-    @property
-    def skipped(self) -> tuple[int, ...]:
-        """The modes ahead of the last state that are no states."""
-        return tuple(one.mode for one in self.left_out if one.mode < self.kept[-1])
-
-    def record(self) -> dict[str, Any]:
-        """Return the choice for a map's provenance, modes counted from 1."""
-        named = [one for one in self.left_out if one.mode < self.kept[-1] or one.fraction >= FAINT][:MOST_NAMED]
-        return {
-            "wanted": self.wanted,
-            "kept": [mode + 1 for mode in self.kept],
-            "left_out": [
-                {
-                    "mode": one.mode + 1,
-                    "fraction_of_variance": one.fraction,
-                    "strain_over_noise": one.over_noise,
-                    "strain_over_errors": one.over_errors,
-                }
-                for one in named
-            ],
-            "further_left_out": len(self.left_out) - len(named),
-            "needed": {"strain_over_noise": MIN_STRAIN_OVER_NOISE, "strain_over_errors": MIN_STRAIN_OVER_ERRORS},
-        }
+    named = [one for one in left_out if one["mode"] < states[-1] or one["fraction_of_variance"] >= FAINT]
+    return {
+        "wanted": wanted,
+        "kept": list(states),
+        "left_out": named[:MOST_NAMED],
+        "further_left_out": len(left_out) - len(named[:MOST_NAMED]),
+        "needed": {"strain_over_noise": MIN_STRAIN_OVER_NOISE, "strain_over_errors": MIN_STRAIN_OVER_ERRORS},
+    }
 
 
 def mode_choice_lines(provenance: Mapping[str, Any]) -> list[str]:

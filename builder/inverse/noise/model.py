@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -37,21 +38,10 @@ class NoiseTerm:
     scales: bool = False
     hardware: bool = False
 
-
-@dataclass(frozen=True)
-class NoiseFraction:
-    """The part of one term in Gamma.
-
-    Attributes
-    ----------
-    name : of the term.
-    fraction : tr(Gamma^-1 Gamma_term) / n_d [1] of the whitened variance; the fractions add up to 1.
-    rms_strain : root of the mean variance over the gauges [m/m].
-    """
-
-    name: str
-    fraction: float
-    rms_strain: float
+    def strain_and_load(self, n_loads: int) -> FloatArray:
+        """Return (n_d + n_loads, k) the columns of strain, and of load below."""
+        load = np.zeros((n_loads, self.strain.shape[1])) if self.load is None else self.load
+        return np.vstack([self.strain, load])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +61,9 @@ class NoiseModel:
         parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
         return np.sum(parts, axis=0) if parts else None
 
-    def fractions(self) -> list[NoiseFraction]:
-        """Return one row per term.
+    def fractions(self) -> list[dict[str, Any]]:
+        """Return, per term, its name, ``share`` tr(Gamma^-1 Gamma_term) / n_d of the whitened variance [1], and
+        ``rms_strain``, the root of the mean variance over the gauges [m/m]; the shares add up to 1.
 
         Raises
         ------
@@ -83,11 +74,11 @@ class NoiseModel:
         whitening = inverse_root(self.covariance)
         n_gauges = len(whitening)
         return [
-            NoiseFraction(
-                term.name,
-                float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
-                float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
-            )
+            {
+                "name": term.name,
+                "share": float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
+                "rms_strain": float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
+            }
             for term in self.terms
         ]
 
@@ -182,8 +173,3 @@ def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
     return replace(
         nuisance_modes(name, right[kept].T * size[kept], np.full(int(kept.sum()), std)), scales=True, hardware=True
     )
-
-
-def central_difference(plus: FloatArray, minus: FloatArray, step: float) -> FloatArray:
-    """Return (Z(x + step) - Z(x - step)) / (2 step) of strain operators (n_d, n_p), error O(step^2)."""
-    return (plus - minus) / (2.0 * step)

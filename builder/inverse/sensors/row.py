@@ -34,9 +34,9 @@ class SensorRow:
     operator: FloatArray
     std: float
     largest: float
-    gain: float
-    per_axial_force: float
-    follows_inside: bool
+    gain: float = 0.0
+    per_axial_force: float = 0.0
+    follows_inside: bool = False
     errors: dict[str, FloatArray] = field(default_factory=dict)
     shared: dict[str, FloatArray] = field(default_factory=dict)
     drift: dict[str, float] = field(default_factory=dict)

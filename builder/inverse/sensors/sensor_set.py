@@ -164,7 +164,6 @@ def _ports(entry: Ports, surface: Surface) -> list[SensorRow]:
                 std=entry.std_Pa,
                 largest=entry.range_Pa,
                 gain=0.01 * entry.gain_percent,
-                per_axial_force=0.0,
                 follows_inside=True,
             )
         )
@@ -213,7 +212,6 @@ def _inertial(entry: InertialUnit, surface: Surface) -> list[SensorRow]:
             largest=entry.accelerometer_range_m_per_s2,
             gain=0.01 * entry.accelerometer_gain_percent,
             per_axial_force=1.0 / entry.mass_kg if name == "axial" else 0.0,
-            follows_inside=False,
             errors={"mass": by_mass * of_force, "inertia": by_inertia * of_turn, f"centre, {name}": centre},
         )
         for name, (of_force, of_turn, centre) in accelerations.items()
@@ -264,8 +262,6 @@ def _angular_rows(
                 std=std,
                 largest=largest,
                 gain=0.01 * gain,
-                per_axial_force=0.0,
-                follows_inside=False,
                 errors={
                     "inertia": 0.01 * entry.inertia_percent * turn,
                     f"centre, {force_name}": of_centre,
@@ -292,7 +288,6 @@ def _load_cells(entry: LoadCells, surface: Surface) -> list[SensorRow]:
                 largest=entry.moment_range_N_m if is_moment else entry.force_range_N,
                 gain=0.01 * entry.gain_percent,
                 per_axial_force=1.0 if name == "axial" else 0.0,
-                follows_inside=False,
             )
         )
     return rows

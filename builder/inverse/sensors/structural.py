@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.inverse.noise.gauge_derivatives import WALL_STEP
-from builder.inverse.noise.model import central_difference
 from builder.inverse.sensors.row import SensorRow
 from builder.structure.as_built.revolved import CLAMP, with_wall
 from builder.structure.as_built_kinds import BY_REGION, KINDS
@@ -130,8 +129,7 @@ def _shared_errors(
             _operators(other, _mesh(other), surface, harmonics)
             for other in (with_wall(vehicle, factor) for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP))
         )
-        by_thickness = central_difference(thick, thin, WALL_STEP)
-        found["wall thickness"] = 0.01 * entry.wall_thickness_percent * by_thickness
+        found["wall thickness"] = 0.01 * entry.wall_thickness_percent * ((thick - thin) / (2.0 * WALL_STEP))
     return {name: one for name, one in found.items() if np.any(one)}
 
 
@@ -189,7 +187,6 @@ def _displacement_rows(
             std=MICRO * entry.std_um,
             largest=MILLI * entry.range_mm,
             gain=0.01 * entry.gain_percent,
-            per_axial_force=0.0,
             follows_inside=True,
             shared={name: of_all[k] for name, of_all in shared.items()},
         )
@@ -215,8 +212,6 @@ def _fibre_rows(
                 operator=own,
                 std=MICRO * entry.std_um_per_m,
                 largest=MICRO * entry.range_um_per_m,
-                gain=0.0,
-                per_axial_force=0.0,
                 follows_inside=True,
                 errors={f"{fibre}, gain": 0.01 * entry.gain_percent * own} if entry.gain_percent else {},
                 shared={one: of_all[first + k] for one, of_all in shared.items()},

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise.model import NoiseFraction, NoiseTerm
+from builder.inverse.noise.model import NoiseTerm
 from builder.inverse.problem import AnyStructure, inverse_problem
 from builder.inverse.solution import Problem, Solution, solve, with_flow_models
 from builder.manifold.nonlinear_build import manifold_map
@@ -56,7 +56,6 @@ class BuildReport:
     in_use : the estimator that the map is used with: the nonlinear one of a map with tables.
     coefficients : uncertainty of each by the linear map, by source.
     gauges : value of each to the estimator in use.
-    noise : fraction of each noise term.
     gamma : choice of gamma, in Case 2.
     flight : uncertainty of the nonlinear estimator over the envelope; None for a map without tables.
     origin : version, date and files.
@@ -79,7 +78,6 @@ class BuildReport:
     in_use: InUse
     coefficients: CoefficientSources
     gauges: GaugeValue
-    noise: tuple[NoiseFraction, ...]
     gamma: GammaChoice | None
     flight: FlightAccuracy | None
     origin: Origin
@@ -139,7 +137,6 @@ def build_report(
         model_form_percent=model_form_percent(vehicle.map, vehicle.noise),
         coefficients=sources,
         gauges=gauge_value(inverse_map),
-        noise=tuple(solution.noise.fractions()),
         gamma=gamma_choice(inverse_map, problem, solution, grid),
         flight=flight_accuracy(inverse_map),
         origin=origin_of(files),

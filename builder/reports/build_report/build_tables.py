@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -281,12 +282,12 @@ def _by_coefficient(
 
 def noise(report: BuildReport) -> Table:
     columns = (
-        ("name", Column("noise term")),
-        ("fraction", Column("fraction", "%", ".1f")),
-        ("rms_strain", Column("rms over the gauges", "um/m", ".3g")),
+        (itemgetter("name"), Column("noise term")),
+        (itemgetter("share"), Column("fraction", "%", ".1f")),
+        (itemgetter("rms_strain"), Column("rms over the gauges", "um/m", ".3g")),
     )
     caption = "Strain that the states do not explain; fractions of the whitened variance."
-    return records_table("noise", caption, report.noise, columns)
+    return records_table("noise", caption, report.inverse_map.provenance["noise_terms"], columns)
 
 
 def worst_losses(report: BuildReport) -> Table:

@@ -7,6 +7,7 @@ judged: where that is the nonlinear one, sentences on the linear map alone are l
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from operator import itemgetter
 
 import numpy as np
 
@@ -173,12 +174,13 @@ def _largest_source(report: BuildReport) -> list[str]:
 
 
 def _largest_noise(report: BuildReport) -> list[str]:
-    if len(report.noise) < 2:
+    terms = report.inverse_map.provenance["noise_terms"]
+    if len(terms) < 2:
         return []
-    noise = max(report.noise, key=lambda term: term.fraction)
+    noise = max(terms, key=itemgetter("share"))
     return [
-        f"The largest of {len(report.noise)} noise terms is {noise.name}: {_percent(noise.fraction)} of the "
-        f"whitened variance, {1e6 * noise.rms_strain:.2g} um/m rms."
+        f"The largest of {len(terms)} noise terms is {noise['name']}: {_percent(noise['share'])} of the "
+        f"whitened variance, {1e6 * noise['rms_strain']:.2g} um/m rms."
     ]
 
 

@@ -71,12 +71,12 @@ def coefficient_sources(inverse_map: InverseMap, problem: Problem, solution: Sol
     scale, gain = coefficient_scales(inverse_map), load_gain(inverse_map)
     # The solution's own states: the map may hold only the observable ones.
     load_per_state = problem.load_operator @ solution.field_modes
-    factors = load_error_factors(
+    of_states, of_noise = load_error_factors(
         solution.solved, load_per_state, gain, solution.noise, inverse_map.strain_load_covariance
     )
-    parts = {term.name: part for term, part in zip(solution.noise.terms, factors.of_noise, strict=True)}
+    parts = {term.name: part for term, part in zip(solution.noise.terms, of_noise, strict=True)}
     if inverse_map.case == 2:
-        parts[OF_STATES] = factors.of_states
+        parts[OF_STATES] = of_states
     covariance = load_covariance(inverse_map)[FIVE_LOADS, FIVE_LOADS]
     std = np.sqrt(np.diag(covariance))
     return CoefficientSources(

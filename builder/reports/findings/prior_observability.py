@@ -85,7 +85,7 @@ def prior_observability(
     std, strain = modes.coefficient_std, problem.strain_operator @ modes.modes
     error, best = _error_factor(problem, solution, modes, strain), _best_error_factor(problem, modes, strain)
     is_state = np.zeros(len(std), dtype=bool)
-    is_state[list(mode_choice(problem, modes).kept) if entry.case == 1 else slice(entry.prior_modes)] = True
+    is_state[mode_choice(problem, modes)[0] if entry.case == 1 else slice(entry.prior_modes)] = True
     area = problem.node_area / problem.node_area.sum()
     per_mode = std**2 * (area @ modes.modes**2)
     whole = float(per_mode.sum())

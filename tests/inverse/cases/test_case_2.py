@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from inverse_case import Case, gaussian
+from inverse_case import Case, estimated_field, gaussian
 from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.cases.baselines import minimum_norm_pressure
-from builder.inverse.cases.field import estimated_field
 from strainfmu.errors import InputError
 from strainfmu.estimator.pressure_modes import (
     LowRankPrior,
@@ -138,28 +136,6 @@ def test_small_gamma_with_few_states_is_case_1() -> None:
     expected = np.linalg.solve(a.T @ weight @ a, a.T @ weight)
     found = gaussian_map(a, m, covariance, 1e-12).strain_gain
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
-
-
-def test_without_prior_the_minimum_norm_pressure_explains_the_strain(case: Case, prior: LowRankPrior) -> None:
-    """Z p = d; p is in the row space of Z and the prior's estimate is far nearer to the truth."""
-    z, random = case.strain_operator, np.random.default_rng(2)
-    deviation = prior.factor @ random.normal(size=prior.n_states)
-    found = minimum_norm_pressure(z, z @ deviation)
-    np.testing.assert_allclose(z @ found, z @ deviation, rtol=0.0, atol=1e-8 * np.abs(z @ deviation).max())
-    in_rows = z.T @ np.linalg.lstsq(z.T, found, rcond=None)[0]
-    np.testing.assert_allclose(in_rows, found, rtol=0.0, atol=1e-8 * np.abs(found).max())
-    strain = z @ (prior.mean + deviation - case.internal_pressure)
-    with_prior = estimated_field(prior, gaussian(case, prior), strain) - prior.mean
-    assert np.linalg.norm(with_prior - deviation) < 0.5 * np.linalg.norm(found - deviation)
-
-
-def test_weighted_minimum_norm_is_least_in_its_norm() -> None:
-    """Against the closed form W^-1 Z' (Z W^-1 Z')^-1 d, for one and for several strains: 1e-10."""
-    random = np.random.default_rng(7)
-    z, weights, d = random.normal(size=(3, 8)), random.uniform(0.5, 2.0, 8), random.normal(size=(3, 2))
-    expected = (z / weights).T @ np.linalg.solve(z / weights @ z.T, d)
-    np.testing.assert_allclose(minimum_norm_pressure(z, d, weights), expected, rtol=1e-10)
-    np.testing.assert_allclose(minimum_norm_pressure(z, d[:, 0], weights), expected[:, 0], rtol=1e-10)
 
 
 class Objective:

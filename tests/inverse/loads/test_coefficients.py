@@ -10,11 +10,9 @@ import pytest
 from inverse_case import Case, gaussian, least_squares, noise_model
 from state_estimates import load_gain_of, precision_of
 
-from builder.aero.loads.operator import coefficient_scale
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.loads.covariance import coefficient_covariance, load_covariance_by_terms
+from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_modes
 from strainfmu.estimator.state_map import gaussian_map, least_squares_map
 
@@ -156,19 +154,3 @@ def test_case_2_covariance_stays_positive_where_gamma_is_small(case: Case, prior
     np.testing.assert_array_equal(covariance, covariance.T)
     scale = np.sqrt(np.diag(covariance))
     assert np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > 0.0
-
-
-def test_dynamic_pressure_error_scales_all_coefficients_alike() -> None:
-    """20,000 draws of loads and q_inf (1 %): the covariance of F/(q S), M/(q S L) within 4 % of its size."""
-    reference, q, q_std = ReferenceQuantities(0.1, 0.4, 2.0), 1e5, 1e3
-    loads, random = np.array([900.0, 4000.0, -2500.0, 700.0, -300.0]), np.random.default_rng(1)
-    root = np.diag([20.0, 10.0, 15.0, 8.0, 9.0]) @ (np.eye(5) + 0.3 * random.normal(size=(5, 5)))
-    found = coefficient_covariance(loads, root @ root.T, reference, q, q_std)
-    drawn_loads = loads + random.normal(size=(20_000, 5)) @ root.T
-    drawn_q = q + q_std * random.normal(size=20_000)
-    drawn = drawn_loads * np.array([coefficient_scale(one, reference) for one in drawn_q])
-    size = np.sqrt(np.diag(found))
-    np.testing.assert_allclose(np.cov(drawn.T) / np.outer(size, size), found / np.outer(size, size), atol=0.04)
-    exact = coefficient_covariance(loads, root @ root.T, reference, q)
-    scale = coefficient_scale(q, reference)
-    np.testing.assert_allclose(exact, np.outer(scale, scale) * (root @ root.T), rtol=1e-14)

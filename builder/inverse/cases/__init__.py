@@ -1,1 +1,0 @@
-"""From strain to pressure states: Case 1, Case 2 with its prior and gamma, and the field that Case 2 gives."""
