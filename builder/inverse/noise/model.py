@@ -63,7 +63,7 @@ class NoiseModel:
 
     def fractions(self) -> list[dict[str, Any]]:
         """Return, per term, its name, ``share`` tr(Gamma^-1 Gamma_term) / n_d of the whitened variance [1], and
-        ``rms_strain``, the root of the mean variance over the gauges [m/m]; the shares add up to 1.
+        ``rms_strain``, the root of the mean variance over the gauges [m/m]. The fractions add up to 1.
 
         Raises
         ------
