@@ -26,9 +26,9 @@ from strainfmu.estimator.map.flight_tables import LOG_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, ShapeField, field_with_known, with_known
 from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
+from strainfmu.estimator.other_loads import OTHER_LOADS
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of
-from strainfmu.estimator.reference.linear import LOADS
 from strainfmu.estimator.reference.linear import estimate as linear_estimate
 from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import EstimatorSettings
@@ -164,8 +164,8 @@ def absolute_loads(
     known &= np.isfinite(stated)
     q = np.where(known, stated, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)
-    lengths = np.where(inverse_map.is_moment[LOADS:], settings.reference_length, 1.0)
-    scale = inverse_map.references[LOADS:] / (settings.reference_area * lengths)
+    lengths = np.where(inverse_map.is_moment[OTHER_LOADS], settings.reference_length, 1.0)
+    scale = inverse_map.references[OTHER_LOADS] / (settings.reference_area * lengths)
     loads = {name: np.full((len(rows), len(scale)), np.nan) for name in _NAMES}
     masks, which = np.unique(valid, axis=0, return_inverse=True)
     for number, used in enumerate(masks):
@@ -184,6 +184,6 @@ def absolute_loads(
             ),
             ("other_coefficients_std", _std(fit.coefficient_covariance), scale),
         ):
-            loads[name][of_mask] = turn * value[:, LOADS:]
+            loads[name][of_mask] = turn * value[:, OTHER_LOADS]
     loads["other_coefficients_std"][~known] = np.nan
     return loads

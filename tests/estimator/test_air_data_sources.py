@@ -16,9 +16,10 @@ from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, QSource
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState
-from strainfmu.estimator.reference.air import AirInputs, air_inputs_of
-from strainfmu.estimator.reference.pressure_source import (
+from strainfmu.estimator.reference.air import (
     DAY_OF_MACH,
+    AirInputs,
+    air_inputs_of,
     air_of,
     linear_pressure_std,
     measured_directions,

@@ -40,9 +40,10 @@ from strainfmu.estimator.map.validity import (
     flow_parameters,
     incidence_per_force,
 )
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
-from strainfmu.estimator.reference.linear import LOADS, LinearEstimate, estimate
-from strainfmu.estimator.reference.pressure_source import air_of, angles_contradict, linear_pressure_std
+from strainfmu.estimator.reference.air import air_of, angles_contradict, linear_pressure_std
+from strainfmu.estimator.reference.linear import LinearEstimate, estimate
 from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import (
     OF_ALARMS,
@@ -103,7 +104,7 @@ class NumpyCore:
         self.resource, self._map = resource, inverse_map
         n, n_strains = inverse_map.n_gauges, inverse_map.n_strain_gauges
         n_t, has_thrust = inverse_map.thermal.n_sensors, inverse_map.sensors.follows_thrust.any()
-        m = inverse_map.n_loads - LOADS if has_other_outputs(inverse_map) else 0
+        m = inverse_map.n_loads - FIVE_LOADS.stop if has_other_outputs(inverse_map) else 0
         n_p = len(flow_parameters(inverse_map).names)
         self.n_rows = n
         self.inputs = _layout(
@@ -309,7 +310,7 @@ class NumpyCore:
         z, chi_square = of_map.standardised, of_map.chi_square
         worst = np.argmax(np.abs(z), axis=1)
         suspicious = np.abs(z[np.arange(len(z)), worst]) > threshold
-        five = slice(0, LOADS)
+        five = FIVE_LOADS
         covariance = of_map.coefficient_covariance[:, five, five]
         score = _envelope_score(held, of_map.coefficients[:, five], covariance)
         health = np.full(len(q), HealthState.OK if used.all() else HealthState.DEGRADED)
@@ -371,7 +372,7 @@ class NumpyCore:
         coefficients = of_map.coefficients @ turned.T
         of_coefficients = turned @ of_map.coefficient_covariance @ turned.T
         std, of_std = (np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in (covariance, of_coefficients))
-        five, rest = slice(0, LOADS), slice(LOADS, m)
+        five, rest = FIVE_LOADS, OTHER_LOADS
         found = {
             "loads": loads[:, five],
             "loads_std": std[:, five],

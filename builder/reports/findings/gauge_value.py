@@ -36,7 +36,7 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_INFORMATION
 from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
-from strainfmu.estimator.reference.linear import LOADS, models
+from strainfmu.estimator.reference.linear import models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
 
 MISS_PROBABILITY = 0.01
@@ -92,9 +92,9 @@ class _Gains(NamedTuple):
 def _gains(inverse_map: InverseMap) -> _Gains:
     for_gain, truth = models(inverse_map)
     found = nominal(for_gain)
-    gain, precision = found.gain[0, :LOADS], found.precision[0]
+    gain, precision = found.gain[0, FIVE_LOADS], found.precision[0]
     root = np.linalg.cholesky(truth.noise)
-    error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[:LOADS]])
+    error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[FIVE_LOADS]])
     change = precision @ np.hstack([root, truth.columns])
     return _Gains(gain, precision, error, change, np.sum(error**2, axis=1))
 

@@ -42,7 +42,6 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.map.schema import (
-    ANY,
     BOUNDS,
     COVARIANCE,
     FROM_0,
@@ -124,7 +123,7 @@ class InverseMap:
         "A; the unit of a state is Pa in Case 1, 1 in Case 2", place="linear.state_operator", stored="n_q n_d")
     gauge_covariance: FloatArray = entry("n_d n_d", "(m/m)^2",
         "Gamma_g, covariance of the errors that have no columns: gauge noise, and all that does not follow q_inf",
-        place="linear.gauge_covariance", rule=COVARIANCE, c_rule=ANY)
+        place="linear.gauge_covariance", rule=COVARIANCE)
     error_strain: FloatArray = entry("n_d k", "m/m",
         "N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure",
         place="linear.error_strain", stored="k n_d")
@@ -171,7 +170,7 @@ class InverseMap:
         place="scaled_errors.mean_product")
     dynamic_pressure_error: float = entry(
         meaning="standard deviation of q_inf over q_inf, where the caller states none", default=0.0,
-        place="linear.dynamic_pressure_error", low=0.0, high=1.0, c_rule=ANY)
+        place="linear.dynamic_pressure_error", low=0.0, high=1.0)
     chi_square_scale: float = entry(
         meaning="factor on the detection threshold of chi-square, from data of a truth model", default=1.0,
         place="linear.chi_square_scale", rule=POSITIVE)
@@ -184,7 +183,7 @@ class InverseMap:
         neutral=0.0, place="envelope.direction", stored="5 m")
     envelope_limit: FloatArray = entry("m", "1", "see envelope_direction", neutral=0.0, place="envelope.limit")
     envelope_score_limit: float = entry(meaning="standard deviations beyond them that count as outside",
-        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit", rule=POSITIVE, c_rule=ANY)
+        default=DEFAULT_SCORE_LIMIT, place="envelope.score_limit", rule=POSITIVE)
     dynamic_pressure_range: FloatArray = entry("2", "Pa", "validity, -inf to inf without limits", neutral=0,
         rule=BOUNDS)
     mach_number_range: FloatArray = entry("2", "1", "validity", neutral=0, rule=BOUNDS)

@@ -129,7 +129,6 @@ def entry(
     allowed: tuple[Any, ...] = (),
     place: str = "",
     stored: str | None = None,
-    c_rule: str | None = None,
     **form: Any,
 ) -> Any:
     """Return the field of an array, number, text or record of a map.
@@ -143,13 +142,11 @@ def entry(
         texts are.
     place, stored, form : array of ``map.bin``, its shape there, the field's if None, kind and member; see
         :class:`Stored`.
-    c_rule : what C checks, if something else.
     """
     array = None
     if place:
         of_file = shape if stored is None else stored
-        form |= {"rule": rule, "low": low, "high": high} if c_rule is None else {"rule": c_rule}
-        array = Stored(place, meaning, shape=of_file, unit=unit, **form)
+        array = Stored(place, meaning, shape=of_file, unit=unit, rule=rule, low=low, high=high, **form)
     stated = Entry(
         shape=shape,
         unit=unit,

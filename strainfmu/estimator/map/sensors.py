@@ -183,7 +183,7 @@ class ThermalMap:
     gauge_factor_slope: float = entry(unit="1/K", meaning="g", place="thermal.gauge_factor_slope")
     modulus_slope: float = entry(unit="1/K", meaning="m", place="thermal.modulus_slope")
     isothermal_covariance: FloatArray = entry("n_d n_d", "(m/m)^2", "the map's gauge_covariance without the modes",
-        place="thermal.isothermal_covariance", c_rule=COVARIANCE)
+        place="thermal.isothermal_covariance", rule=COVARIANCE)
     # fmt: on
 
     def __post_init__(self) -> None:

@@ -14,10 +14,9 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.policies import MIN_EXPECTED_RATIO
 from strainfmu.estimator.reference.update import Model, condition, joseph, model_of, prepare
-
-LOADS = 5
 
 
 class LinearEstimate(NamedTuple):
@@ -75,7 +74,7 @@ def estimate(
 
     scale = 1.0 / (dynamic_pressure[:, None] * inverse_map.references)
     loads, coefficients = posterior.mean, scale * posterior.mean
-    added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, :LOADS])
+    added = (s * s)[:, None, None] * excess_covariance(inverse_map, coefficients[:, FIVE_LOADS])
     covariance = joseph(truth, posterior.gain, s, added)
     # At fixed weights the loads follow q_inf by the mean alone.
     slope = (truth.output_mean - posterior.gain @ truth.mean) / nominal if is_scaled else np.zeros(loads.shape)

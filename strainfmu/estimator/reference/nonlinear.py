@@ -254,10 +254,10 @@ class NonlinearReference:
         The one quantity of air data that fits worst is dropped where it does not fit, and the sample solved again.
         """
         solution = self.solved(sample, start)
-        without = without_worst(sample, solution.air_standardised)
-        if without is None and (air := doubted(sample.air, solution.air_standardised)) is not None:
-            without = replace(sample, air=air)
-        return solution if without is None else self.solved(without, start)
+        z = solution.air_standardised
+        worst = int(np.argmax(np.abs(z) / DROPPED))
+        air = without(sample.air, z, worst) if abs(z[worst]) > DROPPED[worst] else doubted(sample.air, z)
+        return solution if air is None else self.solved(replace(sample, air=air), start)
 
     def solved(self, sample: Sample, start: FloatArray | None = None) -> NonlinearEstimate:
         """Return the estimate of ``sample`` with all its air data."""
@@ -344,16 +344,6 @@ class NonlinearReference:
             deviance=float(posterior.chi_square[0] + np.linalg.slogdet(covariance[np.ix_(used, used)])[1]),
             step=_size(posterior.mean[0, :N_STATES] - state, posterior),
         )
-
-
-def without_worst(sample: Sample, z: FloatArray) -> Sample | None:
-    """Return ``sample`` without the quantity of air data that fits worst by residuals ``z`` (3,).
-
-    None where all fit.
-    """
-    excess = np.abs(z) / DROPPED
-    worst = int(np.argmax(excess))
-    return replace(sample, air=without(sample.air, z, worst)) if excess[worst] > 1.0 else None
 
 
 def flight_loads(state: FloatArray, loads: FloatArray, joint: FloatArray, references: FloatArray) -> FlightLoads:

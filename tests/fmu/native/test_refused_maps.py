@@ -45,6 +45,8 @@ POWERS = "expected parameters of the map, ascending, and powers to 3"
 
 LINEAR: tuple[tuple[str, Change, str], ...] = (
     ("linear.level_slope", np.float64(1.5), "expected a number from 0 to 1"),
+    ("linear.dynamic_pressure_error", np.float64(1.5), "expected a number from 0 to 1"),
+    ("envelope.score_limit", np.float64(0.0), "expected numbers above zero, found 0"),
     ("filter.noise", lambda old: old[:-1], "expected "),
     ("filter.noise", put(0, 0.0), "expected numbers above zero, found 0"),
     ("filter.rate", put(1, -1.0), "expected numbers above zero, found -1"),

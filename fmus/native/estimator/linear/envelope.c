@@ -11,7 +11,7 @@
 
    The flow is outside where q, M or h leave their ranges (M by three stated standard deviations), or where M and h
    contradict q: |q - gamma/2 M^2 p(h)| > tolerance of it + three standard deviations of q.
-   docs/explanation/envelope.md, "What is compared" and "The envelope margin"; strainfmu/estimator/map/envelope.py. */
+   docs/explanation/envelope.md, "What is compared" and "The envelope margin"; strainfmu/estimator/map/validity.py. */
 
 #include "envelope.h"
 
@@ -21,7 +21,7 @@
 #include "../numerics/wide.h"
 
 #define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
-#define RANGE_DEVIATIONS 3.0 /* of a stated Mach number by which it may leave its range, and of q_inf: envelope.py */
+#define RANGE_DEVIATIONS 3.0 /* of a stated Mach number by which it may leave its range, and of q_inf */
 
 size_t half_space_doubles(const Envelope *envelope) {
     return dense_rows(envelope->n_half_spaces) * (dense_columns(N_ENTRIES) + 1);

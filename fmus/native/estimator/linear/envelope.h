@@ -1,6 +1,6 @@
 /* Whether an estimate and its flight state are inside what the snapshots of the map cover.
 
-   strainfmu/estimator/map/envelope.py in C. */
+   the ranges of strainfmu/estimator/map/validity.py. */
 
 #ifndef ENVELOPE_H
 #define ENVELOPE_H

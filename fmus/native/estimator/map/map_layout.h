@@ -43,14 +43,14 @@ enum {
     X(T, LENGTH, n_states, state_operator, ANY, 0, 0, 0, SYM_STATES, FIXED(0), FIXED(4096)) \
     X(T, LENGTH, n_errors, error_strain, ANY, 0, 0, 0, SYM_ERRORS, FIXED(0), FIXED(4096)) \
     X(T, ARRAY, state_operator, state_operator, ANY, 2, 0, 0, SYM_NONE, AXIS(STATES, 1, 0), AXIS(GAUGES, 1, 0)) /* A [(m/m)/state] */ \
-    X(T, ARRAY, gauge_covariance, gauge_covariance, ANY, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* Gamma_g, covariance of the errors that have no columns [(m/m)^2] */ \
+    X(T, ARRAY, gauge_covariance, gauge_covariance, COVARIANCE, 2, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0), AXIS(GAUGES, 1, 0)) /* Gamma_g, covariance of the errors that have no columns [(m/m)^2] */ \
     X(T, ARRAY, error_strain, error_strain, ANY, 2, 0, 0, SYM_NONE, AXIS(ERRORS, 1, 0), AXIS(GAUGES, 1, 0)) /* N, strain of each error that has a column per standard deviation, at the nominal dynamic pressure [m/m] */ \
     X(T, ARRAY, error_load, error_load, ANY, 2, 0, 0, SYM_NONE, AXIS(ERRORS, 1, 0), FIXED(5)) /* N_f, loads of the errors of error_strain [N, N.m] */ \
     X(T, NUMBER, regularisation, regularisation, BETWEEN, 0, 0, DBL_MAX, SYM_NONE, FIXED(0)) /* gamma, 0 in Case 1, positive in Case 2 */ \
     X(T, ARRAY, load_per_state, load_per_state, ANY, 2, 0, 0, SYM_NONE, AXIS(STATES, 1, 0), FIXED(5)) /* M, loads of each state [N/state, N.m/state] */ \
     X(T, ARRAY, load_of_mean, load_of_mean, ANY, 1, 0, 0, SYM_NONE, FIXED(5)) /* f_mean, loads of the mean pressure [N, N.m] */ \
     X(T, ARRAY, mean_strain, mean_strain, ANY, 1, 0, 0, SYM_NONE, AXIS(GAUGES, 1, 0)) /* m, strain of the mean pressure [m/m] */ \
-    X(T, NUMBER, dynamic_pressure_error, dynamic_pressure_error, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviation of q_inf over q_inf, where the caller states none */ \
+    X(T, NUMBER, dynamic_pressure_error, dynamic_pressure_error, BETWEEN, 0, 0, 1, SYM_NONE, FIXED(0)) /* standard deviation of q_inf over q_inf, where the caller states none */ \
     X(T, NUMBER, chi_square_scale, chi_square_scale, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* factor on the detection threshold of chi-square, from data of a truth model */ \
     X(T, NUMBER, outlier_scale, outlier_scale, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* the same on the threshold of the square of the largest |z| */ \
     X(T, NUMBER, level_slope, level_slope, BETWEEN, 0, 0, 1, SYM_NONE, FIXED(0)) /* a */ \
@@ -82,7 +82,7 @@ enum {
     X(T, LENGTH, n_layers, layers, ANY, 0, 0, 0, SYM_LAYERS, FIXED(1), FIXED(4096)) \
     X(T, ARRAY, direction, direction, ANY, 2, 0, 0, SYM_NONE, FIXED(5), AXIS(HALF_SPACES, 1, 0)) /* half-spaces of the coefficients, n'C <= envelope_limit */ \
     X(T, ARRAY, limit, limit, ANY, 1, 0, 0, SYM_NONE, AXIS(HALF_SPACES, 1, 0)) /* see envelope_direction */ \
-    X(T, NUMBER, score_limit, score_limit, ANY, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviations beyond them that count as outside */ \
+    X(T, NUMBER, score_limit, score_limit, POSITIVE, 0, 0, 0, SYM_NONE, FIXED(0)) /* standard deviations beyond them that count as outside */ \
     X(T, VALUES_2, dynamic_pressure, dynamic_pressure, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* smallest and largest, may be infinite [Pa] */ \
     X(T, VALUES_2, mach_number, mach_number, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same */ \
     X(T, VALUES_2, altitude, altitude, BOUNDS, 1, 0, 0, SYM_NONE, FIXED(2)) /* the same [m] */ \

@@ -5,14 +5,14 @@
    angle a to the axis, sin a = sqrt(up^2 + starboard^2), the state has u = a up / sin a and w = a starboard / sin a;
    a / sin a tends to 1 on the axis. Precisions are 1 / std^2 of the angles, which to first order are u and -w.
    docs/howto/settings_and_health.md, "State where the vehicle flies"; measured_directions in
-   strainfmu/estimator/reference/pressure_source.py. */
+   strainfmu/estimator/reference/air.py. */
 
 #include "measured_angles.h"
 
 #include "../../core/elementary.h"
 
 /* Of measured angles [rad]: standard deviation without their own, the smallest one, and the size above which one is no value;
-   as in pressure_source.py and air_inputs.py. */
+   as in that file and air_inputs.py. */
 #define ANGLE_ERROR 0.017453292519943295
 #define LEAST_ANGLE_STD 1e-4
 #define LARGEST_ANGLE 1.5

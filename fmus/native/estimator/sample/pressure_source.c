@@ -8,7 +8,7 @@
    The input q_source states the source; without it a q_inf that comes with M counts as computed, from p_inf where
    that is given, else from the standard atmosphere at the altitude. A stated standard deviation smaller than by
    these sources then counts only where the source is stated too. docs/howto/settings_and_health.md, "State where
-   q_inf comes from"; strainfmu/estimator/reference/pressure_source.py. */
+   q_inf comes from"; strainfmu/estimator/reference/air.py. */
 
 #include "pressure_source.h"
 

@@ -1,4 +1,4 @@
-/* What a dynamic pressure is computed from, and its standard deviation then: strainfmu/estimator/reference/pressure_source.py in C. */
+/* What a dynamic pressure is computed from, and its standard deviation then: strainfmu/estimator/reference/air.py in C. */
 
 #ifndef PRESSURE_SOURCE_H
 #define PRESSURE_SOURCE_H
@@ -6,7 +6,7 @@
 #include "inputs.h"
 
 /* Relative standard deviations of what a dynamic pressure is computed from, which no other measurement confirms: of M by the
-   day's temperature and wind, of p_inf by its port, of p(h) by the day; as in pressure_source.py. */
+   day's temperature and wind, of p_inf by its port, of p(h) by the day; as in that file. */
 #define DAY_OF_MACH 0.025
 #define DAY_OF_PRESSURE 0.03
 #define DAY_OF_ALTITUDE 0.07
