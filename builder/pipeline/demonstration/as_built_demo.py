@@ -16,7 +16,6 @@ import numpy as np
 
 from builder.calibration.after_test.calibrated_map import calibrated_map
 from builder.calibration.after_test.left_by_test import Remaining
-from builder.calibration.ground_test.candidate_cases import PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.calibration.ground_test.simulated import simulate_ground_test, write_ground_test
@@ -106,20 +105,17 @@ class AsBuiltRun:
         def write(path: Path) -> None:
             noise = load_inverse_map(self.pipeline.path(MAP)).noise_std
             random = np.random.default_rng([self.seed, 1])
-            truth, built = self.truth, self.built
+            truth, built, vehicle = self.truth, self.built, self.pipeline.vehicle
+            weighs = vehicle.material.density_kg_per_m3 is not None
+            cases = standard_load_cases(CASES, vehicle.body().length, weighs)
             with self.pipeline.reporter.stage(f"Ground test: {CASES} load cases"):
-                test = simulate_ground_test(truth, built, self._cases(), LoadErrors(), noise, random=random)
-            vehicle = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
-            write_ground_test(test, path.parent, f"{self.pipeline.vehicle.name}: ground test", vehicle)
+                test = simulate_ground_test(truth, built, cases, LoadErrors(), noise, random=random)
+            file = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
+            write_ground_test(test, path.parent, f"{vehicle.name}: ground test", file)
 
         inputs = {"map": self.pipeline.made_from(MAP), **self.inputs}
         holds = "ground test: load cases; loadtest.csv and channels.toml hold the recording"
         self.pipeline.make(TEST, holds, inputs, write)
-
-    def _cases(self) -> list[PlannedCase]:
-        vehicle = self.pipeline.vehicle
-        weighs = vehicle.material.density_kg_per_m3 is not None
-        return standard_load_cases(CASES, vehicle.body().length, weighs)
 
     def make_maps(self) -> None:
         """Calibrate the map by the test, and make the one that a vehicle known exactly would have."""

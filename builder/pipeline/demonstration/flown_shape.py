@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.campaign.snapshots import load_snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.drawing.canvas import save
 from builder.figures.scene.free_shape import shape_with_gauges
@@ -41,7 +41,7 @@ from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import FaultsError
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, Q_SOURCE, QSource
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, load_inverse_map
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
 from strainfmu.files import write_bytes_atomically
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.export import ExportOptions, export_estimator
@@ -121,7 +121,8 @@ def make_coefficients(pipeline: Pipeline, recording: Recording, title: str) -> N
 
 
 def make_pictures(pipeline: Pipeline) -> None:
-    """Make vehicle.png and vehicle.glb from the map and the snapshots in the pipeline's folder."""
+    """Make vehicle.png and vehicle.glb, and shape.png of another shape than a body of revolution, from the map and
+    the snapshots in the pipeline's folder."""
     title = pipeline.vehicle.name
     inputs: dict[str, Any] = {
         "snapshots": pipeline.made_from(SNAPSHOTS),
@@ -129,10 +130,15 @@ def make_pictures(pipeline: Pipeline) -> None:
         "title": title,
     }
 
-    def draw(path: Path) -> None:
-        snapshots, one = load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP))
-        write_picture(scene_of_snapshot(snapshots, one, title), path)
+    def parts() -> tuple[Snapshots, InverseMap, str]:
+        return load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP)), title
 
+    def draw(path: Path) -> None:
+        write_picture(scene_of_snapshot(*parts()), path)
+
+    if not pipeline.vehicle.is_of_revolution:
+        holds = "figure: the shape with its gauges and the pressure of one condition"
+        pipeline.make("shape.png", holds, inputs, lambda path: save(shape_with_gauges(*parts()), path))
     pipeline.make("vehicle.png", "figure: vehicle and gauges in three dimensions, from two sides", inputs, draw)
     pipeline.make("vehicle.glb", "the same to be turned: glTF, for browsers and Blender", inputs, draw)
 
@@ -199,26 +205,20 @@ def _ranges(
     vehicle: Vehicle, flown: Sequence[FlightCondition], held: Sequence[FlightCondition], of_revolution: bool
 ) -> Iterator[Covered]:
     """Yield the quantities that bound a map of this form and symmetry."""
-    yield "Mach number", "", [c.mach_number for c in flown], [c.mach_number for c in held]
+
+    def both(of: Callable[[FlightCondition], float]) -> tuple[list[float], list[float]]:
+        return [of(c) for c in flown], [of(c) for c in held]
+
+    yield "Mach number", "", *both(lambda c: c.mach_number)
     if not (of_revolution and vehicle.map.symmetry == "full"):
-        yield (
-            "angle of attack",
-            " deg",
-            [degrees(c.angle_of_attack) for c in flown],
-            [degrees(c.angle_of_attack) for c in held],
-        )
-        yield (
-            "sideslip angle",
-            " deg",
-            [degrees(c.sideslip_angle) for c in flown],
-            [degrees(c.sideslip_angle) for c in held],
-        )
-    total = [degrees(c.total_incidence) for c in held]
-    yield "total incidence", " deg", [degrees(c.total_incidence) for c in flown], [0.0, *total]
-    heights = [1e-3 * c.altitude for c in held]
+        yield "angle of attack", " deg", *both(lambda c: degrees(c.angle_of_attack))
+        yield "sideslip angle", " deg", *both(lambda c: degrees(c.sideslip_angle))
+    total, covered = both(lambda c: degrees(c.total_incidence))
+    yield "total incidence", " deg", total, [0.0, *covered]
+    heights, covered = both(lambda c: 1e-3 * c.altitude)
     if vehicle.map.follows_pressure:
-        heights = list(vehicle.map.valid_altitude_km)
-    yield ALTITUDE, " km", [1e-3 * c.altitude for c in flown], heights
+        covered = list(vehicle.map.valid_altitude_km)
+    yield ALTITUDE, " km", heights, covered
 
 
 NOISE_SEED = 1
@@ -236,7 +236,7 @@ def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Reco
     StrainfmuError
         A file could not be written or the FMU failed.
     """
-    vehicle, title = pipeline.vehicle, pipeline.vehicle.name
+    vehicle = pipeline.vehicle
     make_estimator(pipeline)
     inputs = {
         "fmu": pipeline.made_from(ESTIMATOR),
@@ -247,18 +247,7 @@ def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Reco
     }
     holds = "the estimator's flight: strains, truth, estimates"
     recording = make_flight(pipeline, holds, inputs, lambda: _fly(pipeline, path, built))
-    make_coefficients(pipeline, recording, title)
-    pipeline.make(
-        "shape.png",
-        "figure: the shape with its gauges and the pressure of one condition",
-        {"snapshots": pipeline.made_from(SNAPSHOTS), "map": pipeline.made_from(MAP), "title": title},
-        lambda file: save(
-            shape_with_gauges(
-                load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP)), title
-            ),
-            file,
-        ),
-    )
+    make_coefficients(pipeline, recording, vehicle.name)
     make_pictures(pipeline)
     return recording
 
