@@ -50,8 +50,9 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         from strainfmu.cli.commands import program
         from strainfmu.cli.commands.help_layout import MODULES
 
-        names = {*given[:1]} & {*MODULES, "--version"} or MODULES
-        code = get_command(program(names)).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
+        command = {*given[:1]} & {*MODULES, "--version"}
+        app = program(command) if command else program(with_options=False)
+        code = get_command(app).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
     except KeyboardInterrupt:
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     except StrainfmuError as error:

@@ -34,8 +34,11 @@ def _run(command: str, **options: Any) -> None:
     getattr(import_module(f"{__name__}.{MODULES[command]}"), command)(**options)
 
 
-def program(names: Container[str] = MODULES) -> typer.Typer:
-    """Return the program with the commands ``names``; a command imports its module when it runs."""
+def program(names: Container[str] = MODULES, *, with_options: bool = True) -> typer.Typer:
+    """Return the program with the commands ``names``; a command imports its module when it runs.
+
+    A list of the commands needs none of their options.
+    """
     app = typer.Typer(
         cls=ProgramGroup,
         no_args_is_help=True,
@@ -48,5 +51,6 @@ def program(names: Container[str] = MODULES) -> typer.Typer:
     for panel, commands in COMMANDS.items():
         for name in commands:
             if name in names:
-                app.command(cls=ProgramCommand, rich_help_panel=panel)(command_function(name, partial(_run, name)))
+                function = command_function(name, partial(_run, name), with_options=with_options)
+                app.command(cls=ProgramCommand, rich_help_panel=panel)(function)
     return app

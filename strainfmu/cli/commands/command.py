@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -25,6 +26,20 @@ class ProgramGroup(TyperGroup):
     def get_help_option(self, ctx: Any) -> Any:
         """Return ``--help``, shown without a type."""
         return _without_type(super().get_help_option(ctx))
+
+    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **settings: Any) -> Any:
+        """Run the program. Its help is shown at once: typer would import pydantic to read ``--help``."""
+        arguments = sys.argv[1:] if args is None else args
+        if {"-h", "--help"}.isdisjoint(arguments):
+            return super().main(args, prog_name, **settings)
+        context = self.context_class(self, info_name=prog_name, **self.context_settings)
+        command = self.get_command(context, arguments[0])
+        if command is not None:
+            context = command.context_class(command, context, command.name, **command.context_settings)
+        elif not arguments[0].startswith("-"):
+            return super().main(args, prog_name, **settings)
+        context.command.get_help(context)  # prints it
+        return 0
 
 
 class ProgramCommand(TyperCommand):

@@ -138,9 +138,9 @@ def _followed(function: str, name: str, text: str | None, doc: str) -> str:
     return "" if found is None else found.text
 
 
-def command_function(name: str, run: Callable[..., None]) -> Callable[..., None]:
+def command_function(name: str, run: Callable[..., None], *, with_options: bool) -> Callable[..., None]:
     """Return ``run`` with the signature and the help of a command, as its public functions describe them."""
-    options = _options(name)
+    options = _options(name) if with_options else {}
     spelled = {one: spelling(name, one) for one in options}
     names = {one: spelled[one].option(one) for one in options}
     names |= {one: one.upper() for one in options if spelled[one].is_argument}
