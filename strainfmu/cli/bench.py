@@ -70,7 +70,9 @@ def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
     InputError
         A file is missing or damaged.
     """
-    map_path, plant_path, estimator_path = (Path(folder) / one for one in ("map.h5", "plant.fmu", "estimator.fmu"))
+    map_path, plant_path, estimator_path = (
+        Path(folder) / name for name in ("map.h5", "plant.fmu", "estimator.fmu")
+    )
     inverse_map = load_inverse_map(map_path)
     estimator = Estimator(inverse_map.without_tables())
     n = inverse_map.n_gauges

@@ -42,7 +42,7 @@ INTERRUPTED = 130
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run the command line and leave the process with its exit code."""
-    given = sys.argv[1:] if arguments is None else arguments
+    typed = sys.argv[1:] if arguments is None else arguments
     gc.set_threshold(GARBAGE)
     try:
         from typer.main import get_command
@@ -50,13 +50,13 @@ def main(arguments: list[str] | None = None) -> NoReturn:
         from strainfmu.cli.commands import program
         from strainfmu.cli.commands.help_layout import MODULES
 
-        command = {*given[:1]} & {*MODULES, "--version"}
-        app = program(command) if command else program(with_options=False)
+        names = {*typed[:1]} & {*MODULES, "--version"}
+        app = program(names) if names else program(with_options=False)
         code = get_command(app).main(args=arguments, prog_name="strainfmu", standalone_mode=False)
     except KeyboardInterrupt:
         _fail("interrupted; what was finished is kept", INTERRUPTED)
     except StrainfmuError as error:
-        _fail_with([_with_help(line, given) for line in error.lines], error.exit_code)
+        _fail_with([_with_help(line, typed) for line in error.lines], error.exit_code)
     except ImportError as error:
         _fail(missing_text((error.name or str(error)).partition(".")[0]), 1)
     except OSError as error:
@@ -86,7 +86,7 @@ def missing_text(module: str) -> str:
 
 def _with_help(line: str, arguments: list[str]) -> str:
     """Return a line that refuses an option, with the help of the command that takes it; another line as it is."""
-    command = next((one for one in arguments if not one.startswith("-")), "")
+    command = next((argument for argument in arguments if not argument.startswith("-")), "")
     return f"{line}; see 'strainfmu {command} --help'" if line.startswith("--") and command else line
 
 

@@ -231,7 +231,7 @@ def _fault_report(event: FaultEvent, recording: Recording, model: FlightModel) -
     changed = np.any(reports != np.reshape(before, (-1, 1)), axis=0)
     reported = after & (reports[0] != HealthState.OK) & changed
     isolated = after & (recording[f"autopilot.valid[{gauge_number(event.gauge, model)}]"] == 0.0)
-    first = [float(time[found][0]) - event.time if found.any() else None for found in (reported, isolated)]
+    first = [float(time[samples][0]) - event.time if samples.any() else None for samples in (reported, isolated)]
     return FaultReport(event, first[0], first[1])
 
 

@@ -51,7 +51,7 @@ _LINE_SIZE = 118
 _INPUTS = {
     STRAIN: "[m/m]",
     "sensor": "in the units below",
-    **{one.name: f"[{one.unit}]{one.note}" for one in SAMPLE_INPUTS},
+    **{signal.name: f"[{signal.unit}]{signal.note}" for signal in SAMPLE_INPUTS},
     TEMPERATURE: "[K]",
     THRUST: "[N] 0 while the engine is off; not given: sensors that it moves are left out",
     "parameter": "flow parameters",
@@ -60,7 +60,7 @@ _INPUTS = {
 """What the fields of a sample are, by name."""
 
 _SETTINGS = {
-    **{one.name: one.note for one in SETTING_INPUTS},
+    **{signal.name: signal.note for signal in SETTING_INPUTS},
     **vars(OperatingSettings()),
 }
 
@@ -80,7 +80,7 @@ _OUTPUTS = {
     "envelope_score": "[sigma] beyond what the map covers; negative inside",
     "degrees_of_freedom": "of chi_square; 0: nothing checks the estimate",
     "iterations": "of Gauss and Newton, sl_size(handle, SL_ITERATIONS) at most; 0 without tables",
-    "air_data": ", ".join(f"{one} [{unit}]" for one, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
+    "air_data": ", ".join(f"{name} [{unit}]" for name, unit in zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)),
     "air_data_std": "their standard deviations",
     "is_identified": "of each: 1 if strain and air data determine it, 0 if only the ranges of the map do",
     "air_data_used": f"1 or 0: {', '.join(NAVIGATION)}",
@@ -119,10 +119,10 @@ def c_entries(inverse_map: InverseMap, content_hash: str) -> dict[str, bytes]:
     resource = native_resource(inverse_map, content_hash)
     core, run = Core(resource), reference_run(inverse_map)
     sources = model_sources("estimator")
-    own = resources.files("fmus").joinpath("c")
+    folder = resources.files("fmus").joinpath("c")
     return {
         **sources,
-        **{name: own.joinpath(name).read_bytes() for name in FILES},
+        **{name: folder.joinpath(name).read_bytes() for name in FILES},
         "map_data.c": _map_data(resource),
         "positions.h": _positions_header(core),
         "samples.c": _samples(core, run.time, input_records(inverse_map, core.inputs, run)),
@@ -146,13 +146,13 @@ def input_columns(inverse_map: InverseMap, inputs: Layout) -> dict[str, tuple[st
 
 def input_records(inverse_map: InverseMap, inputs: Layout, run: ReferenceRun) -> FloatArray:
     """Return (n, n_inputs) the samples of a reference run."""
-    found = np.full((len(run.time), max(part.stop for part in inputs.values())), np.nan)
-    found[:, inputs[THRUST]] = 0.0
+    records = np.full((len(run.time), max(part.stop for part in inputs.values())), np.nan)
+    records[:, inputs[THRUST]] = 0.0
     for field, names in input_columns(inverse_map, inputs).items():
         for place, name in enumerate(names, start=inputs[field].start):
             if name in run.inputs:
-                found[:, place] = run.inputs[name]
-    return found
+                records[:, place] = run.inputs[name]
+    return records
 
 
 def bounds(core: Core) -> str:
@@ -176,10 +176,10 @@ def _positions_header(core: Core) -> bytes:
         COEFFICIENT_ARRAY: COEFFICIENT_NAMES,
         "loads": LOAD_NAMES,
         "air_data": AIR_DATA_NAMES,
-        "air_data_used": [f"{one}_used" for one in NAVIGATION],
+        "air_data_used": [f"{name}_used" for name in NAVIGATION],
     }
     elements |= {
-        f"{name}_std": [f"{one}_std" for one in elements[name]]
+        f"{name}_std": [f"{name}_std" for name in elements[name]]
         for name in (COEFFICIENT_ARRAY, "loads", "air_data")
     }
     lines = [
@@ -195,7 +195,7 @@ def _positions_header(core: Core) -> bytes:
             places |= dict(zip(elements.get(name, ()), range(part.start, part.stop), strict=False))
         constants = [f"SL_{record}_{name.upper()} = {place}" for name, place in places.items()]
         size = max(part.stop for part in fields.values())
-        lines += ["", "enum {", *(f"    {one}," for one in constants), f"    SL_{record}_SIZE = {size}", "};"]
+        lines += ["", "enum {", *(f"    {name}," for name in constants), f"    SL_{record}_SIZE = {size}", "};"]
     sizes = {
         "ROWS": core.n_rows,
         "ITERATIONS": core.most_iterations,
@@ -257,11 +257,11 @@ def _number(value: float) -> str:
 def _lines(constants: Iterable[str]) -> str:
     """Return constants with a comma behind each, in lines."""
     lines, line = list[str](), ""
-    for one in constants:
-        if len(line) + len(one) >= _LINE_SIZE:
+    for constant in constants:
+        if len(line) + len(constant) >= _LINE_SIZE:
             lines.append(line)
             line = ""
-        line += f"{one},"
+        line += f"{constant},"
     return "\n".join([*lines, line])
 
 

@@ -167,7 +167,7 @@ class ExportOptions:
             "zero inputs": self.zero_inputs,
             "tare known": self.tare_known is not None,
         }
-        for name in (name for name, given in wrong.items() if given):
+        for name in (name for name, stated in wrong.items() if stated):
             raise InputError(
                 f"{name}: expected none with kind c, which is no FMU; its README.txt lists what it has"
             )
@@ -207,8 +207,8 @@ def export_estimator(
     if options.estimator == "linear" and inverse_map.manifold is not None:
         with TemporaryDirectory() as folder:
             linear = Path(folder) / "map.h5"
-            built = built_time_of(map_path, SCHEMA, SCHEMA_VERSION)
-            save_inverse_map(replace(inverse_map, manifold=None), linear, built)
+            build_date = built_time_of(map_path, SCHEMA, SCHEMA_VERSION)
+            save_inverse_map(replace(inverse_map, manifold=None), linear, build_date)
             return export_estimator(linear, fmu_path, options, bus)
     content_hash = content_hash_of(map_path, SCHEMA, SCHEMA_VERSION)
     if options.kind == "c":
@@ -274,7 +274,7 @@ def _native_estimator(
         source_files=compiled_files(sources),
         model_exchange=native_package.MODEL_EXCHANGE[version] if has_model_exchange else None,
         n_arrays=len(arrays) if options.scalars else None,
-        built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
+        build_date=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
         numbers=value_references(arrays if of_arrays else scalars),
         ports=() if bus is None else bus.ports,
     )
@@ -311,7 +311,7 @@ def _python_estimator(
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
         numbers=value_references(scalars),
-        built=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
+        build_date=built_time_of(map_path, SCHEMA, SCHEMA_VERSION),
     )
     return {
         **python_entries(description, code, payload),
@@ -332,8 +332,8 @@ def _described(inverse_map: InverseMap) -> str:
 def _terminals(inverse_map: InverseMap) -> dict[str, tuple[tuple[str, ...], str]]:
     """Return arrays or variables, and the description, of each connector."""
     sensors = sensor_names(inverse_map)
-    found: dict[str, tuple[tuple[str, ...], str]] = {"gauges": ((STRAIN,), "Strain of every gauge")}
-    return found | {"sensors": (sensors, "What every auxiliary sensor reads")} if sensors else found
+    terminals: dict[str, tuple[tuple[str, ...], str]] = {"gauges": ((STRAIN,), "Strain of every gauge")}
+    return terminals | {"sensors": (sensors, "What every auxiliary sensor reads")} if sensors else terminals
 
 
 def _estimator_extras(
@@ -401,7 +401,7 @@ def export_plant(
         stop_time=trajectory.stop_time,
         step_size=_STEP_SIZE,
         capabilities=python_package.CAPABILITIES,
-        built=built_time_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION),
+        build_date=built_time_of(flight_model_path, flight_model.SCHEMA, flight_model.SCHEMA_VERSION),
     )
     reference = python_plant_reference(model, trajectory)
     interface = description.interface

@@ -99,7 +99,7 @@ def fly(
         for name, connectors in ((path.name, False), (f"{path.stem}_connectors{path.suffix}", True)):
             write_ssp(system, path.with_name(name), loaded.name, loaded.stop_time, loaded.step_size, connectors)
             written.append(path.with_name(name))
-    results = {name: flight.flight_result(loaded, one, model) for name, one in recordings.items()}
+    results = {name: flight.flight_result(loaded, recording, model) for name, recording in recordings.items()}
     return ClosedLoopFlight(
         scenario=loaded, recordings=recordings, results=results, files=tuple(written), fault=fault
     )

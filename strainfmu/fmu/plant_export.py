@@ -114,7 +114,7 @@ def export_native_plant(
         contents={"flight_model": content_hash, "vehicle": model.vehicle, "gauges": list(model.gauge_names)},
         stop_time=trajectory.stop_time if trajectory is not None else STOP_TIME,
         fmi_version=fmi_version,
-        built=_built(flight_model_path),
+        build_date=_built(flight_model_path),
         bus=None if bus is None else bus(model, value_references(interface)),
     )
     write_archive(fmu_path, entries)
@@ -190,7 +190,7 @@ def export_autopilot(
         platforms=platforms,
         contents={"vehicle": model.vehicle, "design": asdict(start)},
         fmi_version=fmi_version,
-        built=_built(flight_model_path),
+        build_date=_built(flight_model_path),
     )
     write_archive(fmu_path, entries)
 
@@ -229,7 +229,7 @@ def export_schedule(
         platforms=platforms,
         contents={},
         fmi_version=fmi_version,
-        built="" if flight_model_path is None else _built(flight_model_path),
+        build_date="" if flight_model_path is None else _built(flight_model_path),
         bus=None if bus is None else bus(value_references(schedule_interface(signals))),
     )
     write_archive(fmu_path, entries)
@@ -302,7 +302,7 @@ def _native_fmu(
     contents: dict[str, object],
     stop_time: float = STOP_TIME,
     fmi_version: str = "2",
-    built: str = "",
+    build_date: str = "",
     bus: BusPart | None = None,
 ) -> dict[str, bytes]:
     """Return the entries of one FMU."""
@@ -311,8 +311,8 @@ def _native_fmu(
     digest = hashlib.sha256(data.astype("<f8").tobytes() + sources_digest(sources).encode())
     capabilities = CAPABILITIES_ON_BUS
     if bus is None:
-        own = CAPABILITIES[fmi_version]
-        capabilities = {name: value for name, value in own.items() if not name.startswith("provides")}
+        capable = CAPABILITIES[fmi_version]
+        capabilities = {name: value for name, value in capable.items() if not name.startswith("provides")}
     else:
         digest.update(bus.content("") + repr(bus.ports).encode())
         sections = [("On the bus", bus.lines), *sections]
@@ -325,7 +325,7 @@ def _native_fmu(
         step_size=STEP_SIZE,
         capabilities=capabilities,
         fmi_version=fmi_version,
-        built=built,
+        build_date=build_date,
         source_files=compiled_files(sources),
         ports=() if bus is None else bus.ports,
     )

@@ -121,9 +121,9 @@ class EventLog:
         suspect = result["suspect_gauge"]
         if suspect != (None if before is None else before["suspect_gauge"]):
             number = result["suspects"] or 0
-            others = f"; {number} that cannot be distinguished" if number > 1 else ""
+            remainder = f"; {number} that cannot be distinguished" if number > 1 else ""
             what = f"gauge {suspect} suspect" if suspect else "no gauge suspect any more"
-            why = f"does not fit the others{others}" if suspect else ""
+            why = f"does not fit the others{remainder}" if suspect else ""
             self._add(time, "suspect", "alarm" if suspect else "good", what, why)
 
     def _take_bus(self, time: float, before: dict[str, Any] | None, result: dict[str, Any]) -> None:

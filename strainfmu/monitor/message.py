@@ -28,13 +28,13 @@ UNITS = {
     "quality": "code",
     COEFFICIENT_ARRAY: "1",
     "sigma": "1",
-    "loads": {name: one.unit.replace(".", " ") for name, one in LOADS.items()},
-    "loads_sigma": {name: one.unit.replace(".", " ") for name, one in LOADS.items()},
+    "loads": {name: load.unit.replace(".", " ") for name, load in LOADS.items()},
+    "loads_sigma": {name: load.unit.replace(".", " ") for name, load in LOADS.items()},
     "other_loads": f"1 of {', '.join(coefficient_names())}, N of forces, N m of moments",
     "strain_um_per_m": "um/m",
     "gauges_used": "gauges",
     "suspects": "gauges",
-    **{FLOW_KEYS[one.name]: one.unit for one in AIR_INPUTS if one.name in FLOW_KEYS},
+    **{FLOW_KEYS[quantity.name]: quantity.unit for quantity in AIR_INPUTS if quantity.name in FLOW_KEYS},
     "age_ms": "ms",
     "age_uncertainty_ms": "ms",
     "health": "code",
@@ -139,12 +139,12 @@ def _recording(content: dict[str, Any] | None) -> dict[str, Any] | None:
 
 def _field(content: dict[str, Any]) -> dict[str, Any]:
     """Return places and pressure of a field: none, or one for each station and roll angle, station by station."""
-    found = {name: [_number(value) for value in content[name]] for name in ("x", "roll_angle", "pressure_Pa")}
-    if len(found["pressure_Pa"]) not in (0, len(found["x"]) * len(found["roll_angle"])):
+    arrays = {name: [_number(value) for value in content[name]] for name in ("x", "roll_angle", "pressure_Pa")}
+    if len(arrays["pressure_Pa"]) not in (0, len(arrays["x"]) * len(arrays["roll_angle"])):
         raise ValueError("a field of another number of values than places")
-    if any(value is None for values in found.values() for value in values):
+    if any(value is None for values in arrays.values() for value in values):
         raise ValueError("a field with gaps")
-    return {"timestamp": _number(content["timestamp"]), **found}
+    return {"timestamp": _number(content["timestamp"]), **arrays}
 
 
 def _layout(content: dict[str, Any]) -> dict[str, Any]:

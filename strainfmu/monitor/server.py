@@ -253,12 +253,12 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
         version = -1
-        seen: Seen | None = None
+        sent: Seen | None = None
         try:
             while not self.server.stopped():
                 # The heartbeat reports a bridge that has gone silent.
                 version = self.server.state.wait(version, _HEARTBEAT)
-                content, seen = self.server.state.news(time.monotonic(), seen)
+                content, sent = self.server.state.news(time.monotonic(), sent)
                 self.wfile.write(f"data: {content}\n\n".encode())
                 self.wfile.flush()
                 time.sleep(PUSH_PERIOD)

@@ -20,18 +20,18 @@ def flow_tiles() -> list[dict[str, Any]]:
     ``range`` is its name among the ranges of a map; ``is_needed`` whether results without it are in question.
     """
     tiles = []
-    for one in AIR_INPUTS:
-        if one.name in FLOW_KEYS:
-            unit, factor = unit_shown(one.unit, one.shown)
+    for quantity in AIR_INPUTS:
+        if quantity.name in FLOW_KEYS:
+            unit, factor = unit_shown(quantity.unit, quantity.shown)
             tiles.append(
                 {
-                    "key": FLOW_KEYS[one.name],
-                    "label": one.label,
+                    "key": FLOW_KEYS[quantity.name],
+                    "label": quantity.label,
                     "unit": "" if unit == "1" else unit,
                     "factor": factor,
                     "digits": 3 if unit == "1" else 2,
-                    "range": VALIDITY_LABELS[one.name],
-                    "is_needed": one.name == DYNAMIC_PRESSURE,
+                    "range": VALIDITY_LABELS[quantity.name],
+                    "is_needed": quantity.name == DYNAMIC_PRESSURE,
                 }
             )
     return tiles
@@ -39,12 +39,12 @@ def flow_tiles() -> list[dict[str, Any]]:
 
 def histories() -> list[dict[str, Any]]:
     """Return a history of each coefficient and its load: names in a result, titles, factor to the load's unit."""
-    found = []
+    groups = []
     for name, (load, signal) in zip(COEFFICIENTS, LOADS.items(), strict=True):
         unit, factor = unit_shown(signal.unit, f"k{signal.unit}")
         axis = signal.label.partition(" ")[0].lower()
         title = f"{signal.label} [{unit.replace('.', ' ')}]"
-        found.append(
+        groups.append(
             {
                 "name": name,
                 "title": f"{name} [1], {axis}",
@@ -53,4 +53,4 @@ def histories() -> list[dict[str, Any]]:
                 "load_factor": factor,
             }
         )
-    return found
+    return groups

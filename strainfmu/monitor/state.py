@@ -101,7 +101,7 @@ class MonitorState:
                 self.fields += 1
             else:
                 self._take_result(content, now)
-            recent = {who: at for who, at in self._publishers.items() if now - at <= SILENT_AFTER}
+            recent = {who: heard for who, heard in self._publishers.items() if now - heard <= SILENT_AFTER}
             if publisher and len(recent) < _LISTED:
                 recent[publisher] = now
             self._publishers = recent
@@ -152,7 +152,7 @@ class MonitorState:
         """Return all of the page's contents at ``now`` [s, monotonic] as JSON on one line."""
         return self.news(now, None)[0]
 
-    def news(self, now: float, seen: Seen | None) -> tuple[str, Seen]:
+    def news(self, now: float, sent: Seen | None) -> tuple[str, Seen]:
         """Return what a page has not seen yet as JSON on one line, and what it has seen with it.
 
         Parameters
@@ -163,23 +163,25 @@ class MonitorState:
         with self._changed:
             silent = self._notice_silence(now)
             shown = Seen(self.points, self._events.changes, self.fields)
-            new = len(self._history) if seen is None else min(shown.points - seen.points, len(self._history))
+            new = len(self._history) if sent is None else min(shown.points - sent.points, len(self._history))
             content: dict[str, Any] = {
                 "layout": self._layout,
                 "latest": self._latest,
                 "answer": self._answer.content(),
                 "silent": silent,
                 "silent_for_s": None if self._latest is None else round(now - self._last_time, 3),
-                "publishers": sorted(who for who, at in self._publishers.items() if now - at <= SILENT_AFTER),
+                "publishers": sorted(
+                    who for who, heard in self._publishers.items() if now - heard <= SILENT_AFTER
+                ),
                 "datagrams": self.datagrams,
                 "refused": self.refused,
                 "points": list(self._history)[len(self._history) - new :],
             }
-            if seen is None or seen.fields != shown.fields:
+            if sent is None or sent.fields != shown.fields:
                 content["field"] = self._field
-            if seen is None or seen.events != shown.events:
+            if sent is None or sent.events != shown.events:
                 content["events"] = self._events.listed()
-        if seen is None:
+        if sent is None:
             content |= {"columns": COLUMNS, "units": UNITS, "field_units": FIELD_UNITS}
             content |= {"words": all_words(), "history_s": HISTORY}
             content |= {"flow": flow_tiles(), "histories": histories()}

@@ -56,7 +56,12 @@ class LoadLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedCase:
-    """A load case that could be applied: its name and what acts in addition to the weight."""
+    """A load case that could be applied: its name and what acts in addition to the weight.
+
+    >>> import builder
+    >>> builder.PlannedCase(name="no load", loads=()).name
+    'no load'
+    """
 
     name: str
     loads: tuple[Load, ...]

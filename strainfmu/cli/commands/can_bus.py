@@ -24,12 +24,12 @@ def bridge(**options: Any) -> None:
     """Run a bridge until a signal or its duration ends it, and print its summary."""
     from strainfmu.can.bridge import summary_table
 
-    def _stopped(one: ObservedBridge) -> AbstractContextManager[None]:
-        return on_signals(one.ready.bridge.stop, one.ready.bridge.confirm)
+    def _stopped(observed: ObservedBridge) -> AbstractContextManager[None]:
+        return on_signals(observed.ready.bridge.stop, observed.ready.bridge.confirm)
 
-    found = strainfmu.bridge(**options, say=say, running=_stopped)
-    Console().print(summary_table(found.summary))
-    say(*found.notes)
+    run = strainfmu.bridge(**options, say=say, running=_stopped)
+    Console().print(summary_table(run.summary))
+    say(*run.notes)
 
 
 def dbc(*, source: Path, output: Path, template: Path | None, **options: Any) -> None:
@@ -65,13 +65,13 @@ def on_signals(stop: Callable[[], object], confirm: Callable[[], object] | None 
 def send(**options: Any) -> None:
     """Send strains until a signal or the end, and print what was sent and what came back."""
     with stop_request() as stopped:
-        found = strainfmu.send(**options, say=say, stopped=stopped)
+        result = strainfmu.send(**options, say=say, stopped=stopped)
     console = Console()
-    console.print(_sent_table(found.sent))
-    if found.score is not None and found.score.has_errors:
-        console.print(score_table(found.score, "Results heard on the bus against truth"))
-    elif found.score is not None:
-        say(f"results heard on the bus: {_score_caption(found.score)}")
+    console.print(_sent_table(result.sent))
+    if result.score is not None and result.score.has_errors:
+        console.print(score_table(result.score, "Results heard on the bus against truth"))
+    elif result.score is not None:
+        say(f"results heard on the bus: {_score_caption(result.score)}")
 
 
 @contextmanager

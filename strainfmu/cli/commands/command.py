@@ -27,17 +27,19 @@ class ProgramGroup(TyperGroup):
         """Return ``--help``, shown without a type."""
         return _without_type(super().get_help_option(ctx))
 
-    def main(self, args: Sequence[str] | None = None, prog_name: str | None = None, **settings: Any) -> Any:
+    def main(
+        self, args: Sequence[str] | None = None, prog_name: str | None = None, *rest: Any, **settings: Any
+    ) -> Any:
         """Run the program. Its help is shown at once: typer would import pydantic to read ``--help``."""
         arguments = sys.argv[1:] if args is None else args
         if {"-h", "--help"}.isdisjoint(arguments):
-            return super().main(args, prog_name, **settings)
+            return super().main(args, prog_name, *rest, **settings)
         context = self.context_class(self, info_name=prog_name, **self.context_settings)
         command = self.get_command(context, arguments[0])
         if command is not None:
             context = command.context_class(command, context, command.name, **command.context_settings)
         elif not arguments[0].startswith("-"):
-            return super().main(args, prog_name, **settings)
+            return super().main(args, prog_name, *rest, **settings)
         context.command.get_help(context)  # prints it
         return 0
 
@@ -72,19 +74,25 @@ class ProgramCommand(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Check the parameters and run the command."""
         check_outputs(ctx.params)
-        sources = {one.name: ctx.get_parameter_source(one.name) for one in self.params if one.name}
-        given = {name for name, source in sources.items() if getattr(source, "name", "") == "COMMANDLINE"}
-        check_together(self.name or "", given, {one.name or "": max(one.opts, key=len) for one in self.params})
+        sources = {
+            parameter.name: ctx.get_parameter_source(parameter.name) for parameter in self.params if parameter.name
+        }
+        stated = {name for name, source in sources.items() if getattr(source, "name", "") == "COMMANDLINE"}
+        check_together(
+            self.name or "",
+            stated,
+            {parameter.name or "": max(parameter.opts, key=len) for parameter in self.params},
+        )
         return super().invoke(ctx)
 
 
-def check_together(command: str, given: set[str], options: Mapping[str, str]) -> None:
+def check_together(command: str, stated: set[str], options: Mapping[str, str]) -> None:
     """Refuse options of a command that need or exclude each other, by :data:`~help_layout.NEEDS` and its like.
 
     Parameters
     ----------
     command : name of the command.
-    given : names of the parameters that the user stated.
+    stated : names of the parameters that the user stated.
     options : the option of each parameter.
 
     Raises
@@ -93,11 +101,11 @@ def check_together(command: str, given: set[str], options: Mapping[str, str]) ->
         An option was given without one that it needs, or with one that it excludes.
     """
     for name, needed in NEEDS.get(command, {}).items():
-        if name in given and not given.intersection(needed):
-            listed = " or ".join(options[one] for one in needed)
+        if name in stated and not stated.intersection(needed):
+            listed = " or ".join(options[name] for name in needed)
             raise InputError(f"{options[name]}: expected with {listed}, got it alone")
     for group in EXCLUDES.get(command, ()):
-        several = [options[name] for name in group if name in given]
+        several = [options[name] for name in group if name in stated]
         if len(several) > 1:
             raise InputError(f"{several[-1]}: expected without {several[0]}, got both")
 

@@ -111,8 +111,8 @@ def _accuracy_table(title: str, scores: dict[str, Any]) -> Table:
     for coefficient in COEFFICIENT_NAMES:
         cells = [
             text
-            for one in scores.values()
-            for text in (_rms_of(one, coefficient), f"{one['coverage_percent'][coefficient]:.2f} %")
+            for score in scores.values()
+            for text in (_rms_of(score, coefficient), f"{score['coverage_percent'][coefficient]:.2f} %")
         ]
         table.add_row(f"{coefficient} [1]", *cells)
     return table

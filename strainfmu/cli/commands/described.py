@@ -72,9 +72,9 @@ def source(function: str) -> ast.FunctionDef:
     root = Path(str(import_module(package).__file__)).parent
     parts = public_names(package)[name].split(".")[1:]
     path = root.joinpath(*parts).with_suffix(".py")
-    found = re.search(rf'^def {name}\(.*?^    """.*?"""$', path.read_text("utf-8"), re.M | re.S)
-    assert found is not None, function
-    node = ast.parse(found[0]).body[0]
+    definition = re.search(rf'^def {name}\(.*?^    """.*?"""$', path.read_text("utf-8"), re.M | re.S)
+    assert definition is not None, function
+    node = ast.parse(definition[0]).body[0]
     assert isinstance(node, ast.FunctionDef)
     return node
 
@@ -88,16 +88,16 @@ def keywords(function: str) -> dict[str, Keyword]:
     required = [None] * (len(arguments.args) - len(arguments.defaults))
     defaults = [*required, *arguments.defaults, *arguments.kw_defaults]
     texts = _descriptions(doc)
-    kinds = {one.arg: _kind(_value(one.annotation)) for one in named}
+    kinds = {argument.arg: _kind(_value(argument.annotation)) for argument in named}
     return {
-        one.arg: Keyword(
-            name=one.arg,
-            kind=kinds[one.arg],
+        argument.arg: Keyword(
+            name=argument.arg,
+            kind=kinds[argument.arg],
             default=REQUIRED if default is None else _value(default),
-            text=_followed(function, one.arg, texts.get(one.arg), doc),
+            text=_followed(function, argument.arg, texts.get(argument.arg), doc),
         )
-        for one, default in zip(named, defaults, strict=True)
-        if kinds[one.arg] is not None
+        for argument, default in zip(named, defaults, strict=True)
+        if kinds[argument.arg] is not None
     }
 
 
@@ -109,23 +109,23 @@ def _value(node: ast.expr | None) -> Any:
 def _kind(annotation: Any) -> Any:
     """Return the type of an option: of a union, the one that a text stands for best; None for no option."""
     is_union = get_origin(annotation) in (Union, types.UnionType)
-    parts = [one for one in (get_args(annotation) if is_union else (annotation,)) if one is not types.NoneType]
-    if any(one is Path or get_origin(one) is PathLike for one in parts):
+    parts = [part for part in (get_args(annotation) if is_union else (annotation,)) if part is not types.NoneType]
+    if any(part is Path or get_origin(part) is PathLike for part in parts):
         return Path
-    for one in parts:
-        if get_origin(one) is Literal:
-            return Literal[tuple(value for value in get_args(one) if isinstance(value, str))]
-        if get_origin(one) in (Sequence, Mapping, tuple):
+    for part in parts:
+        if get_origin(part) is Literal:
+            return Literal[tuple(value for value in get_args(part) if isinstance(value, str))]
+        if get_origin(part) in (Sequence, Mapping, tuple):
             return list[str]
-        if one in (bool, int, float, str):
-            return one
+        if part in (bool, int, float, str):
+            return part
     return None
 
 
 def _descriptions(doc: str) -> dict[str, str]:
     """Return the description of each name in the section "Parameters" of a docstring."""
     section = re.search(r"^Parameters\n-+\n(.*?)(?=\n\n|\Z)", doc, re.M | re.S)
-    entries = [one.partition(" : ") for one in re.split(r"\n(?! )", section[1] if section else "")]
+    entries = [entry.partition(" : ") for entry in re.split(r"\n(?! )", section[1] if section else "")]
     return {name: " ".join(text.split()) for names, _, text in entries for name in names.split(", ")}
 
 
@@ -134,39 +134,39 @@ def _followed(function: str, name: str, text: str | None, doc: str) -> str:
     reference = re.search(r"as :func:`(\w+)` takes", doc if text is None else text)
     if reference is None:
         return text or ""
-    found = keywords(f"{function.partition('.')[0]}.{reference[1]}").get(name)
-    return "" if found is None else found.text
+    keyword = keywords(f"{function.partition('.')[0]}.{reference[1]}").get(name)
+    return "" if keyword is None else keyword.text
 
 
 def command_function(name: str, run: Callable[..., None], *, with_options: bool) -> Callable[..., None]:
     """Return ``run`` with the signature and the help of a command, as its public functions describe them."""
     options = _options(name) if with_options else {}
-    spelled = {one: spelling(name, one) for one in options}
-    names = {one: spelled[one].option(one) for one in options}
-    names |= {one: one.upper() for one in options if spelled[one].is_argument}
+    spelled = {option: spelling(name, option) for option in options}
+    names = {option: spelled[option].option(option) for option in options}
+    names |= {option: option.upper() for option in options if spelled[option].is_argument}
 
-    def called(**given: Any) -> None:
-        run(**{one: options[one].default if value is None else value for one, value in given.items()})
+    def called(**values: Any) -> None:
+        run(**{option: options[option].default if value is None else value for option, value in values.items()})
 
     called.__name__ = name
     called.__doc__ = _help(ast.get_docstring(source(public_functions(name)[0])) or "", names)
-    parameters = [_parameter(one, spelled[one.name], names) for one in options.values()]
+    parameters = [_parameter(option, spelled[option.name], names) for option in options.values()]
     # typer reads the attribute, which the type of functions does not list.
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    called.__annotations__ = {option.name: option.annotation for option in parameters}
     return called
 
 
 def _options(command: str) -> dict[str, Keyword]:
     """Return the options of a command: of its first function, then what others add, then flags of its own."""
-    first, *others = public_functions(command)
-    found = dict(keywords(first))
-    for function in others:
-        for name, one in keywords(function).items():
-            found.setdefault(name, replace(one, default=None) if one.default is REQUIRED else one)
+    first, *further = public_functions(command)
+    options = dict(keywords(first))
+    for function in further:
+        for name, option in keywords(function).items():
+            options.setdefault(name, replace(option, default=None) if option.default is REQUIRED else option)
     for name, (default, text) in FLAGS.get(command, {}).items():
-        found[name] = Keyword(name=name, kind=bool, default=default, text=text)
-    return {name: one for name, one in found.items() if name not in NO_OPTIONS.get(command, ())}
+        options[name] = Keyword(name=name, kind=bool, default=default, text=text)
+    return {name: option for name, option in options.items() if name not in NO_OPTIONS.get(command, ())}
 
 
 def _parameter(keyword: Keyword, spelled: Spelling, names: Mapping[str, str]) -> inspect.Parameter:

@@ -27,10 +27,10 @@ def loadtest(*, vehicle: Path, output: Path, template: bool, **options: Any) -> 
         builder.loadtest_template(vehicle, output, **errors)
         say(f"{output}: written", f"fill it in, then: strainfmu calibrate map.h5 {output} -o calibrated.h5")
         return
-    found = builder.loadtest(vehicle, output=output, **options, progress=True)
-    _show_plan(found.plan)
-    say(*found.lines)
-    say_finished(", ".join(map(str, found.files)), start)
+    designed = builder.loadtest(vehicle, output=output, **options, progress=True)
+    _show_plan(designed.plan)
+    say(*designed.lines)
+    say_finished(", ".join(map(str, designed.files)), start)
 
 
 def _show_plan(plan: LoadPlan) -> None:
@@ -42,7 +42,7 @@ def _show_plan(plan: LoadPlan) -> None:
     for name in COEFFICIENT_NAMES:
         table.add_column(name, justify="right")
     for row, (name, ratio) in enumerate(sigma_rows(plan), start=-1):
-        table.add_row(str(row) if row > 0 else "", escape(name), *(f"{one:.3g}" for one in ratio))
+        table.add_row(str(row) if row > 0 else "", escape(name), *(f"{value:.3g}" for value in ratio))
     Console().print(table)
     say(f"{plan.candidates} load cases compared.")
 
@@ -64,13 +64,14 @@ def equations(**options: Any) -> None:
 def _show_verdict(result: Calibration) -> None:
     from builder.calibration.estimate.remarks import remarks
 
-    found = result.estimate
+    estimate = result.estimate
     lines = [*result.notes, *(fault.line for fault in result.faults)]
     lines.append(
-        f"{found.n_readings} readings in {int(found.used.any(axis=1).sum())} cases, chi-square per reading "
-        f"{found.per_reading:.3g}, squared distance from the files {found.from_priors:.3g} (1 is expected of both)"
+        f"{estimate.n_readings} readings in {int(estimate.used.any(axis=1).sum())} cases, chi-square per reading "
+        f"{estimate.per_reading:.3g}, squared distance from the files {estimate.from_priors:.3g} "
+        "(1 is expected of both)"
     )
-    lines += [f"warning: {line}" for line in (*remarks(found), *result.outside.lines)]
+    lines += [f"warning: {line}" for line in (*remarks(estimate), *result.outside.lines)]
     if result.verdict is not None:
         lines.append(f"{result.verdict.title}:")
         lines += [f"  {line}" for line in result.verdict.reasons]

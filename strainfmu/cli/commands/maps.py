@@ -26,18 +26,18 @@ def build(*, vehicle: Path, **options: Any) -> None:
     """Build a map and print the files."""
     with naming(vehicle):
         path = builder.build(vehicle, **options, progress=True)
-    say(*(f"{one}: written" for one in (path, path.with_name("report.html")) if one.is_file()))
+    say(*(f"{file}: written" for file in (path, path.with_name("report.html")) if file.is_file()))
 
 
 def export(*, output: Path, **options: Any) -> None:
     """Export a map, and print what to know of the kind."""
-    found, kind = strainfmu.export(output=output, **options), options["kind"]
+    estimator, kind = strainfmu.export(output=output, **options), options["kind"]
     say(f"{output}: written")
     if kind == "c":
         from strainfmu.fmu.c_folder import bounds_in
 
         say(bounds_in(output))
-    if kind == "native" and found == "nonlinear":
+    if kind == "native" and estimator == "nonlinear":
         say("note: for co-simulation alone; --estimator linear has model exchange")
     if options["fmi"].removesuffix(".0") == "3" and not options["scalars"] and options["bus"] is None:
         say("note: strain and coefficients are arrays, which fmpy.simulate_fmu does not take; --scalars has none")
@@ -105,7 +105,7 @@ def bench(
     Console().print(table)
 
 
-def _show_worst_steps(found: Mapping[str, Mapping[str, EventCost]], folder: Path, random_steps: int) -> None:
+def _show_worst_steps(measured: Mapping[str, Mapping[str, EventCost]], folder: Path, random_steps: int) -> None:
     """Print the slowest steps of the native FMUs of a map, and ``random_steps`` with events at random."""
     from strainfmu.fmu.checks.worst_step import AT_RANDOM, EVENTS, REPEATS, processor_name
 
@@ -113,11 +113,11 @@ def _show_worst_steps(found: Mapping[str, Mapping[str, EventCost]], folder: Path
     title = f"Steps of {n} gauges, {processor_name()}: median and largest of {REPEATS}, processor time in us"
     table = Table(title=escape(title))
     table.add_column("what happens in the step", justify="left")
-    for name in found:
+    for name in measured:
         table.add_column(name, justify="right")
     for event in (*EVENTS, AT_RANDOM):
-        costs = [one.get(event) for one in found.values()]
-        parts = [() if one is None else (one.median, *_some(one.rare), one.largest) for one in costs]
+        costs = [events.get(event) for events in measured.values()]
+        parts = [() if times is None else (times.median, *_some(times.rare), times.largest) for times in costs]
         table.add_row(event, *(" to ".join(f"{float(f'{1e6 * cost:.3g}'):,g}" for cost in part) for part in parts))
     table.caption = escape(f"The last row: median, 99.99 % and largest of {random_steps:,} steps.")
     Console(width=max(Console().width, 150)).print(table)

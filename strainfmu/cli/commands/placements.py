@@ -27,40 +27,46 @@ def place(*, output: Path, curves: Path | None, **options: Any) -> None:
 def review(*, output: Path, **options: Any) -> None:
     """Review a layout and print its weak points."""
     start = perf_counter()
-    found = builder.review(output=output, **options, progress=True)
-    name, gain = found.best
-    say(f"weakest: {found.weakest_line}", *found.weak_points, f"could go: {', '.join(found.spare) or 'none'}")
+    reviewed = builder.review(output=output, **options, progress=True)
+    name, gain = reviewed.best
+    say(
+        f"weakest: {reviewed.weakest_line}",
+        *reviewed.weak_points,
+        f"could go: {', '.join(reviewed.spare) or 'none'}",
+    )
     say(f"would help most: {name}, the criterion falls by {100.0 * gain:.2f} %")
     written = [output, *([pdf] if (pdf := output.with_suffix(".pdf")).is_file() else [])]
     say_finished(", ".join(map(str, written)), start)
 
 
-def _show(found: ProposedGauges) -> None:
-    console, placement, study = Console(), found.placement, found.study
-    own = study.parts.vehicle.gauges.layout
+def _show(proposed: ProposedGauges) -> None:
+    console, placement, study = Console(), proposed.placement, proposed.study
+    layout = study.parts.vehicle.gauges.layout
     table = Table(title="Sigma over the flight states [1e-4]")
     table.add_column("layout")
     table.add_column("gauges", justify="right")
     for name in COEFFICIENT_NAMES:
         table.add_column(name, justify="right")
     own_count = int(study.candidates.n_gauges[list(study.own)].sum())
-    table.add_row(own, str(own_count), *(f"{1e4 * one:.3g}" for one in placement.own_sigmas))
-    table.add_row("placed", str(len(placement.layout.names)), *(f"{1e4 * one:.3g}" for one in placement.sigmas))
+    table.add_row(layout, str(own_count), *(f"{1e4 * value:.3g}" for value in placement.own_sigmas))
+    table.add_row(
+        "placed", str(len(placement.layout.names)), *(f"{1e4 * value:.3g}" for value in placement.sigmas)
+    )
     ratio = placement.sigmas / placement.own_sigmas
-    table.add_row("ratio", "", *(f"{one:.3f}" for one in ratio))
+    table.add_row("ratio", "", *(f"{value:.3f}" for value in ratio))
     worst = placement.lost.ratio.max(axis=0)
-    table.add_row("loss of one, at most times", "", *(f"{one:.3f}" for one in worst))
+    table.add_row("loss of one, at most times", "", *(f"{value:.3f}" for value in worst))
     if placement.lost.pair_ratio is not None:
         worst = placement.lost.pair_ratio.max(axis=(0, 1))
-        table.add_row("loss of two, at most times", "", *(f"{one:.3f}" for one in worst))
+        table.add_row("loss of two, at most times", "", *(f"{value:.3f}" for value in worst))
     console.print(table)
     names = study.candidates.gauges.names
     order = (-placement.worth).argsort(kind="stable")
     table = Table(title="What each contributes: the criterion without it")
     table.add_column("gauges")
     table.add_column("rises by", justify="right")
-    for one in order.tolist():
-        site = study.candidates.of([placement.sites[one]])
-        table.add_row(", ".join(names[gauge] for gauge in site), f"{100.0 * placement.worth[one]:.2f} %")
+    for index in order.tolist():
+        site = study.candidates.of([placement.sites[index]])
+        table.add_row(", ".join(names[gauge] for gauge in site), f"{100.0 * placement.worth[index]:.2f} %")
     console.print(table)
     say(*placement.remarks, f"bound gap: {placement.gap_percent:.2f} %")

@@ -47,12 +47,12 @@ def listed(_: str, text: str) -> list[str] | str:
 def numbers(option: str, text: str) -> list[float]:
     """Return finite numbers that commas separate."""
     try:
-        found = [float(one) for one in text.split(",")]
+        values = [float(word) for word in text.split(",")]
     except ValueError as error:
         raise InputError(f"{option}: expected numbers with commas, got '{text}'") from error
-    if not all(map(isfinite, found)):
+    if not all(map(isfinite, values)):
         raise InputError(f"{option}: expected finite numbers, got '{text}'")
-    return found
+    return values
 
 
 def series(option: str, text: str) -> list[float]:
@@ -73,13 +73,13 @@ def in_radians(reader: Callable[[str, str], list[float]]) -> Reader:
 
 def named_numbers(option: str, text: str) -> dict[str, float]:
     """Return name=number with commas."""
-    found = {}
-    for part in filter(None, (one.strip() for one in text.split(","))):
+    values = {}
+    for part in filter(None, (entry.strip() for entry in text.split(","))):
         name, equals, value = part.partition("=")
         if not equals:
             raise InputError(f"{option}: expected name=number with commas, got '{part}'")
-        found[name.strip()] = numbers(option, value)[0]
-    return found
+        values[name.strip()] = numbers(option, value)[0]
+    return values
 
 
 def cable(option: str, text: str) -> tuple[float, float]:

@@ -149,28 +149,28 @@ def tare(*, inverse_map: Path, recording: Path, output: Path, vehicle: Path | No
     if vehicle is not None:
         known, known_of = builder.known_strain(inverse_map, vehicle, **loads)
     try:
-        found = strainfmu.tare(inverse_map, recording, output=output, known=known, known_of=known_of, **options)
+        result = strainfmu.tare(inverse_map, recording, output=output, known=known, known_of=known_of, **options)
     except StrainfmuError as error:
         _show_notes(recording, getattr(error, "__notes__", ()))
         raise
-    _show_notes(recording, (*found.notes, *(f"accepted: {why}" for why in [refusal(found)] if why)))
-    say(_summary(found), f"{output}: written")
+    _show_notes(recording, (*result.notes, *(f"accepted: {why}" for why in [refusal(result)] if why)))
+    say(_summary(result), f"{output}: written")
 
 
 def _show_notes(recording: Path, notes: Sequence[str]) -> None:
     say(*(f"{recording}: {note}" for note in notes))
 
 
-def _summary(found: Tare) -> str:
+def _summary(result: Tare) -> str:
     import numpy as np
 
-    zeros = 1e6 * found.zeros.value
-    known = found.zeros.std < 0.01
-    std = 1e6 * found.zeros.std[known]
+    zeros = 1e6 * result.zeros.value
+    known = result.zeros.std < 0.01
+    std = 1e6 * result.zeros.std[known]
     if not known.any():
-        return f"no zeros from {found.samples} samples"
+        return f"no zeros from {result.samples} samples"
     return (
-        f"{int(known.sum())} zeros from {found.samples} samples: rms {np.sqrt(np.mean(zeros**2)):.4g} um/m, "
+        f"{int(known.sum())} zeros from {result.samples} samples: rms {np.sqrt(np.mean(zeros**2)):.4g} um/m, "
         f"standard deviations {std.min():.2g} to {std.max():.2g} um/m each and "
-        f"{1e6 * found.zeros.common_std:.2g} um/m in common (readings remember: factor {found.memory:.2g})"
+        f"{1e6 * result.zeros.common_std:.2g} um/m in common (readings remember: factor {result.memory:.2g})"
     )

@@ -57,7 +57,7 @@ class Spelling:
         """Return a default as the user would write it; None for none."""
         factor = SI.get(self.unit, 1.0)
         if isinstance(default, tuple):
-            parts = [f"{one / factor:.12g}" if isinstance(one, float) else str(one) for one in default]
+            parts = [f"{number / factor:.12g}" if isinstance(number, float) else str(number) for number in default]
             return ",".join(parts) or None
         if isinstance(default, float):
             return float(f"{default / factor:.12g}")
@@ -86,16 +86,16 @@ def count(low: int, high: int) -> Spelling:
     return number(low, high, metavar="N")
 
 
-def read(reader: Reader, form: str = "", each: bool = False, **settings: Any) -> Spelling:
-    """Return the spelling of a text of a form that ``reader`` reads, or ``each`` text of several."""
+def read(reader: Reader, form: str = "", repeated: bool = False, **settings: Any) -> Spelling:
+    """Return the spelling of a text of a form that ``reader`` reads, or of several texts."""
 
     def callback(param: typer.CallbackParam, text: Any) -> Any:
         option = max(param.opts, key=len)
-        if each:
-            return [reader(option, one) for one in text or ()]
+        if repeated:
+            return [reader(option, word) for word in text or ()]
         return reader(option, text) if text else None
 
-    return Spelling(callback=callback, form=form, is_repeated=each, **settings)
+    return Spelling(callback=callback, form=form, is_repeated=repeated, **settings)
 
 
 PRESSURE_PA = (1.0, 1e8, "Pa")
@@ -184,7 +184,7 @@ _SPELLINGS = {
     "place.cable": read(cable, metavar="COST@X", unit="m"),
     "place.costs": read(named_numbers, "as axial=1,hoop=1.5"),
     "place.curves": value("FILE"),
-    "place.forbid": read(zone, "x1:x2 in m, or x1:x2@roll1:roll2 in deg", each=True, metavar="ZONE", unit="m"),
+    "place.forbid": read(zone, "x1:x2 in m, or x1:x2@roll1:roll2 in deg", repeated=True, metavar="ZONE", unit="m"),
     "place.gauges": count(1, 2000),
     "place.keep": value("FILE"),
     "place.kinds": number(1, 4, metavar="K"),

@@ -41,10 +41,10 @@ def structure(
     log = _StageLog(Console(), is_verbose=False)
     if export_influence is not None:
         return say(*builder.export_influence(vehicle, export_influence, **options, progress=log))
-    found = builder.run_structure(vehicle, output, **options, snapshots=snapshots, progress=log)
-    say(*found.lines)
-    if found.up_to_date is False:
+    result = builder.run_structure(vehicle, output, **options, snapshots=snapshots, progress=log)
+    say(*result.lines)
+    if result.up_to_date is False:
         say(*log.lines)
-    if found.up_to_date is not None:
-        state = "up to date, not computed again" if found.up_to_date else "written"
+    if result.up_to_date is not None:
+        state = "up to date, not computed again" if result.up_to_date else "written"
         say(f"{output}: {state}, {perf_counter() - start:.1f} s in all")

@@ -128,7 +128,7 @@ def reproduce(*, output: Path, quick: bool) -> None:
     for row in made.parity:
         table.add_row(row.published.quantity, row.published.value, *(row.shown(key) for key in TITLES))
     Console().print(table)
-    for one in made.verdicts:
-        where = [title for key, title in TITLES.items() if one.holds[key]]
-        say(f"{one.text}: {'; '.join(where) if where else 'nowhere'}")
+    for verdict in made.verdicts:
+        where = [title for key, title in TITLES.items() if verdict.holds[key]]
+        say(f"{verdict.text}: {'; '.join(where) if where else 'nowhere'}")
     say(f"{output / 'report.html'}: written, {perf_counter() - start:.1f} s in all")

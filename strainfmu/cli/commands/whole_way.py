@@ -35,9 +35,9 @@ def demo(*, vehicle: Path | None, verbose: bool, **options: Any) -> None:
 
 def check(*, vehicle: Path) -> None:
     """Check a vehicle file and print what it describes."""
-    found = builder.check(vehicle, progress=True)
-    table = Table(title=escape(f"{vehicle}: {found.name}"), show_header=False)
-    for row in found.rows:
+    result = builder.check(vehicle, progress=True)
+    table = Table(title=escape(f"{vehicle}: {result.name}"), show_header=False)
+    for row in result.rows:
         table.add_row(*map(escape, row))
     Console().print(table)
-    say(*found.lines)
+    say(*result.lines)

@@ -36,7 +36,7 @@ def with_unit(key: str, value: Any) -> tuple[str, str]:
     >>> with_unit("element_length_mm", 10.0)
     ('element length', '10 mm')
     """
-    ending = next((one for one in UNIT_ENDINGS if key.endswith(one)), "")
+    ending = next((unit for unit in UNIT_ENDINGS if key.endswith(unit)), "")
     text = in_words(value)
     if ending and not isinstance(value, str):
         text = f"{text} {UNIT_ENDINGS[ending]}"

@@ -154,10 +154,12 @@ def _symmetries(structure: Structure, response: SmoothResponse) -> Table:
     )
     table = _with_columns(title, ("layout", "pressure", "largest", "rank", ""), "largest", "rank")
     for layout in structure.layouts:
-        for one in symmetry_responses(response.of(structure.gauges_of(layout))):
-            norm = MICROSTRAIN_PER_KPA * one.norm
-            rank = f"{one.rank} of {len(one.singular_values)}"
-            table.add_row(escape(layout), str(one.symmetry), f"{norm:.3g}", rank, "blind" if one.blind else "")
+        for strain in symmetry_responses(response.of(structure.gauges_of(layout))):
+            norm = MICROSTRAIN_PER_KPA * strain.norm
+            rank = f"{strain.rank} of {len(strain.singular_values)}"
+            table.add_row(
+                escape(layout), str(strain.symmetry), f"{norm:.3g}", rank, "blind" if strain.blind else ""
+            )
     return table
 
 

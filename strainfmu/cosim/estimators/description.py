@@ -68,9 +68,9 @@ def outputs_of(path: Path) -> tuple[tuple[str, str], ...]:
     InputError
         The FMU is missing or damaged.
     """
-    in_order = sorted(read_description(path).modelVariables, key=lambda one: int(one.valueReference))
-    found = (one for one in in_order if one.causality == "output")
-    return tuple((one.name, one.unit or "1") for one in found if one.type in _NUMBER)
+    in_order = sorted(read_description(path).modelVariables, key=lambda variable: int(variable.valueReference))
+    outputs = (variable for variable in in_order if variable.causality == "output")
+    return tuple((variable.name, variable.unit or "1") for variable in outputs if variable.type in _NUMBER)
 
 
 def noise_std_of(contents: FmuContents, n_gauges: int) -> FloatArray | None:
@@ -103,7 +103,11 @@ def estimator_inputs(path: Path, description: Any) -> list[Any]:
 
 def reading_units(inputs: Iterable[Any]) -> dict[str, str]:
     """Return the unit of each auxiliary sensor and of thrust among ``inputs`` of an estimator, by name."""
-    return {one.name: str(one.unit) for one in inputs if one.name.startswith(SENSOR_PREFIX) or one.name == THRUST}
+    return {
+        variable.name: str(variable.unit)
+        for variable in inputs
+        if variable.name.startswith(SENSOR_PREFIX) or variable.name == THRUST
+    }
 
 
 def reading_units_in(path: Path) -> dict[str, str]:
@@ -114,7 +118,9 @@ def reading_units_in(path: Path) -> dict[str, str]:
     InputError
         The FMU is missing or damaged.
     """
-    return reading_units(one for one in read_description(path).modelVariables if one.causality == "input")
+    return reading_units(
+        variable for variable in read_description(path).modelVariables if variable.causality == "input"
+    )
 
 
 def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...]:
@@ -125,23 +131,23 @@ def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...
 
 def estimator_outputs(path: Path, description: Any, other_names: Iterable[str]) -> list[Any]:
     """Return the outputs that the bridge reads, with the ``other_names`` that exist before the last one."""
-    found = {v.name: v for v in description.modelVariables if v.causality == "output"}
-    missing = [name for name in OUTPUTS if name not in found]
+    outputs = {v.name: v for v in description.modelVariables if v.causality == "output"}
+    missing = [name for name in OUTPUTS if name not in outputs]
     if missing:
         raise InputError(f"{path}: no output '{missing[0]}' found: not an estimator FMU")
     numbers, state = OUTPUTS[:-1], OUTPUTS[-1]
-    others = [found[name] for name in other_names if name in found]
+    further = [outputs[name] for name in other_names if name in outputs]
     # Those of a type side by side, so that they are exchanged as they lie.
-    others.sort(key=lambda variable: variable.type != "Real")
-    return [*(found[name] for name in numbers), *others, found[state]]
+    further.sort(key=lambda variable: variable.type != "Real")
+    return [*(outputs[name] for name in numbers), *further, outputs[state]]
 
 
 def numbered(variables: Sequence[Any], pattern: re.Pattern[str]) -> list[Any]:
     """Return the variables of an array in the order of their indices."""
-    found = {int(match[1]): v for v in variables if (match := pattern.fullmatch(v.name))}
-    return [found[index] for index in sorted(found)]
+    by_number = {int(match[1]): v for v in variables if (match := pattern.fullmatch(v.name))}
+    return [by_number[index] for index in sorted(by_number)]
 
 
 def stated_names(variables: Sequence[Any], stated: Sequence[str]) -> tuple[str, ...]:
     """Return the ``stated`` names of the gauges or sensors of an array, the variables' own without them."""
-    return tuple(stated) if len(stated) == len(variables) else tuple(str(one.name) for one in variables)
+    return tuple(stated) if len(stated) == len(variables) else tuple(str(variable.name) for variable in variables)

@@ -111,11 +111,15 @@ class FmuStep:
         asked = (*other_inputs, *named, *self.reading_units)
         self.other_inputs = tuple(name for name in asked if name in by_name)
         # Reals side by side, so that they are exchanged as they lie.
-        of_flow = sorted((by_name[name] for name in self.other_inputs), key=lambda one: one.type != "Real")
+        of_flow = sorted(
+            (by_name[name] for name in self.other_inputs), key=lambda variable: variable.type != "Real"
+        )
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         # Of angles without one; an FMU leaves them out.
-        self._angle_stds = [self._place[f"{one}{STD}"] for one in MEASURED_ANGLES if f"{one}{STD}" in self._place]
+        self._angle_stds = [
+            self._place[f"{angle}{STD}"] for angle in MEASURED_ANGLES if f"{angle}{STD}" in self._place
+        ]
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
         wanted += [name.replace(PARAMETER_PREFIX, OUTSIDE_PREFIX, 1) for name in parameters]
@@ -211,8 +215,10 @@ class FmuStep:
         except StrainfmuError as error:
             raise self._after(error) from error
         values, numbers = self._values.copy(), self._outputs
-        found = {name: numbers[place] for name, place in self._other_places}
-        return StepResult(values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], found)
+        further_values = {name: numbers[place] for name, place in self._other_places}
+        return StepResult(
+            values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], further_values
+        )
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.
@@ -299,18 +305,18 @@ class FmuStep:
 
     def _bound(self, blocks: Sequence[_Exchange], values: FloatArray, into: bool) -> Callable[[], None]:
         """Return what moves ``values`` into the FMU, or out of it; one block in place is the FMI call itself."""
-        (first, columns), *others = blocks
-        if not others and columns is None:
+        (first, columns), *further = blocks
+        if not further and columns is None:
             return first.call
-        if into or columns is not None or len(others) != 1:
+        if into or columns is not None or len(further) != 1:
             return lambda: self._transfer(blocks, values, into)
         # Reals in place and few other numbers, as the state of health is, which are moved one by one.
-        other, numbers = others[0][0], values.data
-        moved, places = other.buffer.data, list(enumerate(other.columns.tolist()))
+        second, numbers = further[0][0], values.data
+        moved, places = second.buffer.data, list(enumerate(second.columns.tolist()))
 
         def get() -> None:
             first.call()
-            other.call()
+            second.call()
             for number, place in places:
                 numbers[place] = moved[number]
 
@@ -321,9 +327,9 @@ class FmuStep:
         """Move ``values`` into the FMU, or out of it."""
         for block, columns in blocks:
             if into and columns is not None:
-                given = values[columns]
-                is_same = block.buffer.dtype == given.dtype
-                block.buffer[:] = given if is_same else np.where(np.isnan(given), 0.0, given)
+                source = values[columns]
+                is_same = block.buffer.dtype == source.dtype
+                block.buffer[:] = source if is_same else np.where(np.isnan(source), 0.0, source)
             block.call()
             if not into and columns is not None:
                 values[columns] = block.buffer

@@ -150,19 +150,19 @@ class MapStep:
             strain = np.append(strain, [others.get(name, nan) for name in self._sensors])
         if THRUST in self.reading_units:
             of_flow |= given_thrust(others)
-        found = self._estimator.track(strain, dynamic_pressure, **of_flow)
-        outputs = {ENVELOPE_SCORE: found.envelope_score}
+        estimate = self._estimator.track(strain, dynamic_pressure, **of_flow)
+        outputs = {ENVELOPE_SCORE: estimate.envelope_score}
         outputs |= {
-            OUTSIDE_PREFIX + n: score for n, score in zip(names, found.parameter_score.tolist(), strict=False)
+            OUTSIDE_PREFIX + n: score for n, score in zip(names, estimate.parameter_score.tolist(), strict=False)
         }
         if self._with_loads:
-            outputs |= zip(LOAD_OUTPUTS, [*found.loads.tolist(), *found.loads_std.tolist()], strict=True)
+            outputs |= zip(LOAD_OUTPUTS, [*estimate.loads.tolist(), *estimate.loads_std.tolist()], strict=True)
         if self._others:
-            outputs |= zip(self._others, other_load_values(found), strict=True)
+            outputs |= zip(self._others, other_load_values(estimate), strict=True)
         return StepResult(
-            coefficients=found.coefficients,
-            coefficients_std=found.coefficients_std,
-            health=int(found.health),
-            chi_square=found.chi_square,
+            coefficients=estimate.coefficients,
+            coefficients_std=estimate.coefficients_std,
+            health=int(estimate.health),
+            chi_square=estimate.chi_square,
             other_outputs=outputs,
         )

@@ -112,7 +112,11 @@ def _toml(value: str | float) -> str:
     if not isinstance(value, str):
         return f"{value:.9g}"
     escaped = "".join(
-        f"\\u{ord(one):04X}" if ord(one) < 32 or ord(one) == 127 else f"\\{one}" if one in '"\\' else one
-        for one in value
+        f"\\u{ord(character):04X}"
+        if ord(character) < 32 or ord(character) == 127
+        else f"\\{character}"
+        if character in '"\\'
+        else character
+        for character in value
     )
     return f'"{escaped}"'

@@ -54,7 +54,7 @@ class _Gauges:
     kind: FloatArray
     onset: FloatArray
     last: FloatArray
-    held: FloatArray
+    stuck: FloatArray
 
 
 def plant_rows(
@@ -75,15 +75,15 @@ def plant_rows(
     gauges = _Gauges(*np.zeros((4, n)))
     angle_and_rate = np.array([plant.start.angle_of_attack, 0.0])
     for k, now in enumerate(time):
-        given = _inputs_of_row(inputs, max(k - 1, 0))
+        row_inputs = _inputs_of_row(inputs, max(k - 1, 0))
         if k and plant.motion is Motion.SHORT_PERIOD:
-            angle_and_rate = _moved(plant, given, angle_and_rate, now - time[k - 1])
+            angle_and_rate = _moved(plant, row_inputs, angle_and_rate, now - time[k - 1])
         sampled = gauge_noise(plant.seed, k, n) * plant.model.noise_std * plant.model.noise_scale
-        row, gauges = _at(plant, given, angle_and_rate, sampled, gauges, now)
+        row, gauges = _at(plant, row_inputs, angle_and_rate, sampled, gauges, now)
         yield row
         # The inputs of the coming step count from here on: faults begin, and this is what FROZEN goes back to.
-        given = _inputs_of_row(inputs, k)
-        row, gauges = _at(plant, given, angle_and_rate, sampled, gauges, now)
+        row_inputs = _inputs_of_row(inputs, k)
+        row, gauges = _at(plant, row_inputs, angle_and_rate, sampled, gauges, now)
         gauges = replace(gauges, last=np.array([row[name] for name in plant.model.reading_names]))
 
 
@@ -93,22 +93,22 @@ def _inputs_of_row(inputs: Mapping[str, FloatArray], row: int) -> dict[str, floa
 
 def _at(
     plant: Plant,
-    given: Mapping[str, float],
+    inputs: Mapping[str, float],
     angle_and_rate: FloatArray,
     noise: FloatArray,
     gauges: _Gauges,
     time: float,
 ) -> tuple[dict[str, float], _Gauges]:
     """Return the variables at ``time`` and the gauges, whose faults begin at their first sample."""
-    condition = _condition(plant, given, float(angle_and_rate[0]), time)
+    condition = _condition(plant, inputs, float(angle_and_rate[0]), time)
     point = evaluate(plant.model, condition, time)
     n = plant.model.n_gauges
-    kind, value = (np.array([given.get(f"{name}[{i + 1}]", 0.0) for i in range(n)]) for name in _FAULT_INPUTS)
+    kind, value = (np.array([inputs.get(f"{name}[{i + 1}]", 0.0) for i in range(n)]) for name in _FAULT_INPUTS)
     begins = kind != gauges.kind
-    onset, held = np.where(begins, time, gauges.onset), np.where(begins, gauges.last, gauges.held)
+    onset, stuck = np.where(begins, time, gauges.onset), np.where(begins, gauges.last, gauges.stuck)
     healthy = point.strain + noise
-    read = [np.full(n, np.nan), healthy + value, healthy + value * (time - onset), value, held]
-    strain = np.select([kind == one for one in _FAULTS], read, healthy)
+    read = [np.full(n, np.nan), healthy + value, healthy + value * (time - onset), value, stuck]
+    strain = np.select([kind == fault for fault in _FAULTS], read, healthy)
     row = {
         **dict(zip(COEFFICIENTS, point.coefficients.tolist(), strict=True)),
         **dict(zip(plant.model.reading_names, strain.tolist(), strict=True)),
@@ -116,42 +116,42 @@ def _at(
         **dict(zip(CONDITION_NAMES, condition.as_tuple(), strict=True)),
         "pitch_rate": float(angle_and_rate[1]),
     }
-    return row, _Gauges(kind=kind, onset=onset, last=gauges.last, held=held)
+    return row, _Gauges(kind=kind, onset=onset, last=gauges.last, stuck=stuck)
 
 
-def _condition(plant: Plant, given: Mapping[str, float], angle: float, time: float) -> FlightCondition:
+def _condition(plant: Plant, inputs: Mapping[str, float], angle: float, time: float) -> FlightCondition:
     if plant.trajectory is not None:
         return plant.trajectory.at(time)
-    values = [given.get(name, getattr(plant.start, name)) for name in CONDITION_NAMES]
+    values = [inputs.get(name, getattr(plant.start, name)) for name in CONDITION_NAMES]
     if plant.motion is Motion.SHORT_PERIOD:
         values[1] = angle
     return FlightCondition(*values)
 
 
-def _moved(plant: Plant, given: Mapping[str, float], state: FloatArray, width: float) -> FloatArray:
+def _moved(plant: Plant, inputs: Mapping[str, float], state: FloatArray, width: float) -> FloatArray:
     """Return angle of attack and pitch rate after ``width`` [s] by the classical Runge-Kutta method."""
     steps = max(ceil(width / SUBSTEP - 1e-9), 1)
     h = width / steps
     for _ in range(steps):
-        one = _rates(plant, given, state)
-        two = _rates(plant, given, state + 0.5 * h * one)
-        three = _rates(plant, given, state + 0.5 * h * two)
-        four = _rates(plant, given, state + h * three)
-        state = state + h / 6.0 * (one + 2.0 * two + 2.0 * three + four)
+        k1 = _rates(plant, inputs, state)
+        k2 = _rates(plant, inputs, state + 0.5 * h * k1)
+        k3 = _rates(plant, inputs, state + 0.5 * h * k2)
+        k4 = _rates(plant, inputs, state + h * k3)
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
 
 
-def _rates(plant: Plant, given: Mapping[str, float], state: FloatArray) -> FloatArray:
+def _rates(plant: Plant, inputs: Mapping[str, float], state: FloatArray) -> FloatArray:
     """Return the derivatives of angle of attack [rad/s] and pitch rate [rad/s2]."""
     angle, rate = state.tolist()
     model, start = plant.model, plant.start
-    condition = _condition(plant, given, angle, 0.0)
+    condition = _condition(plant, inputs, angle, 0.0)
     point = evaluate(model, condition)
     speed = condition.mach_number * speed_of_sound(condition.altitude)
     force = point.dynamic_pressure * model.reference_area
     damping = start.pitch_damping * rate * model.reference_length / (2.0 * speed)
     moment = force * model.reference_length * (float(point.coefficients[3]) + damping)
-    moment += given.get("control_moment", 0.0)
+    moment += inputs.get("control_moment", 0.0)
     return np.array(
         [rate - force * float(point.coefficients[1]) / (start.mass * speed), moment / start.pitch_inertia]
     )

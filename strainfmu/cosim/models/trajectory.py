@@ -21,7 +21,7 @@ LARGEST_FILE = 64 * MIB
 # What cannot be meant; what a flight model holds is narrower.
 _RANGES = ((0.0, 1e8), (-100.0, 100.0), (-180.0, 180.0), (-180.0, 180.0), (-10.0, 1000.0))
 # From the user's units in the header to SI.
-_TO_SI = np.array([1.0, *(one.factor for one in CONDITION_QUANTITIES)])
+_TO_SI = np.array([1.0, *(quantity.factor for quantity in CONDITION_QUANTITIES)])
 
 
 @dataclass(frozen=True, eq=False)

@@ -235,10 +235,10 @@ class Instance:
             ]
             if chosen:
                 references, columns_of = zip(*chosen, strict=True)
-                function, at = f"fmi2{direction}{kind}", np.array(columns_of)
-                is_run = vector is not None and kind == "Real" and bool((np.diff(at) == 1).all())
-                own = vector[at[0] : at[0] + len(at)] if vector is not None and is_run else None
-                blocks.append(self._one_block(function, references, at, own))
+                function, places = f"fmi2{direction}{kind}", np.array(columns_of)
+                is_run = vector is not None and kind == "Real" and bool((np.diff(places) == 1).all())
+                shared = vector[places[0] : places[0] + len(places)] if vector is not None and is_run else None
+                blocks.append(self._one_block(function, references, places, shared))
         return blocks
 
     def _one_block(
@@ -254,10 +254,10 @@ class Instance:
         value_references = (ctypes.c_uint * n)(*references)
         if buffer is None:
             buffer = np.zeros(n, dtype=np.float64 if real else np.int32)
-        held = (ctypes.c_double * n if real else ctypes.c_int * n).from_buffer(buffer.data)
+        values = (ctypes.c_double * n if real else ctypes.c_int * n).from_buffer(buffer.data)
         # Made ready once, as all that is converted in every call takes longer than the call.
         component, count = self._component(), ctypes.c_size_t.from_param(n)
-        first_reference, first_value = ctypes.byref(value_references), ctypes.byref(held)
+        first_reference, first_value = ctypes.byref(value_references), ctypes.byref(values)
         c_function = self._unconverted(function)
 
         def call() -> None:
@@ -285,11 +285,11 @@ class Instance:
     def stepper(self) -> Callable[[float, float], None]:
         """Return the step: a function of current communication point and step size [s]."""
         do_step, component = self._unconverted("fmi2DoStep"), self._component()
-        at, by, no_going_back = ctypes.c_double(), ctypes.c_double(), ctypes.c_int.from_param(1)
+        start, size, no_going_back = ctypes.c_double(), ctypes.c_double(), ctypes.c_int.from_param(1)
 
         def step(time: float, step_size: float) -> None:
-            at.value, by.value = time, step_size
-            status = do_step(component, at, by, no_going_back)
+            start.value, size.value = time, step_size
+            status = do_step(component, start, size, no_going_back)
             if status:
                 self._check("fmi2DoStep", status, f" at time {time:.6g} s")
 

@@ -228,13 +228,13 @@ def _wire(instance: Instance, system: System, signals: Sequence[str]) -> _Wired:
         targets = [variables[c.target.removeprefix(prefix)] for c in feeding]
         return instance.block("Set", targets, [column[c.source] for c in feeding])
 
-    own = [signal for signal in signals if signal.startswith(prefix)]
-    read = [variables[signal.removeprefix(prefix)] for signal in own]
+    sources = [signal for signal in signals if signal.startswith(prefix)]
+    read = [variables[signal.removeprefix(prefix)] for signal in sources]
     return _Wired(
         instance=instance,
         inputs=blocks(delayed=False),
         delayed=blocks(delayed=True),
-        outputs=instance.block("Get", read, [column[signal] for signal in own]),
+        outputs=instance.block("Get", read, [column[signal] for signal in sources]),
         step=instance.stepper(),
     )
 

@@ -151,23 +151,23 @@ def _result(name: str, *, fmi_version: str, fmu: Path, inputs: Path, reference: 
         return ImporterResult(importer, "not run", f"not driven with FMI {fmi_version}")
     parent = safe_temporary_parent()
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=parent) as folder:
-        found = Path(folder) / "found.csv"
+        results = Path(folder) / "found.csv"
         # Importers unzip in the folder for temporary files, by whichever name they look it up.
         environment = {**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(parent))}
         command = [sys.executable, "-m", "strainfmu.fmu.checks.importers", name]
-        command += [str(path.resolve()) for path in (fmu, inputs, found)]
+        command += [str(path.resolve()) for path in (fmu, inputs, results)]
         try:
             done = subprocess.run(
                 command, cwd=folder, env=environment, capture_output=True, text=True, timeout=_TIME_LIMIT
             )
         except subprocess.TimeoutExpired:
             return ImporterResult(importer, "failed", f"not finished after {_TIME_LIMIT:g} s")
-        if not found.exists():
+        if not results.exists():
             lacks_library = "cannot open shared object file" in done.stderr
             outcome = "not run" if lacks_library else "failed"
             message = failure_message(done.stdout, done.stderr)
             return ImporterResult(importer, outcome, f"exit code {done.returncode}: {message}")
-        deviation, where = largest_deviation(read_table(found), reference)
+        deviation, where = largest_deviation(read_table(results), reference)
     outcome = "passed" if deviation <= RELATIVE_TOLERANCE else "failed"
     return ImporterResult(importer, outcome, f"largest difference {deviation:.1e} of the signal's size ({where})")
 
@@ -182,22 +182,22 @@ def failure_message(output: str, errors: str) -> str:
     return f"{words} ({importers})"
 
 
-def largest_deviation(found: Table, reference: Table) -> tuple[float, str]:
+def largest_deviation(results: Table, reference: Table) -> tuple[float, str]:
     """Return the largest difference, of the largest value of its signal, and the signal; infinite if one lacks.
 
     Signals that an importer does not give at all, as enumerations, are not compared; nor are rows it leaves empty.
     """
     worst, where = 0.0, "none"
     for name, expected in reference.items():
-        if name == "time" or name not in found:
+        if name == "time" or name not in results:
             continue
-        rows = [(a, b) for a, b in zip(found[name], expected, strict=True) if a]
+        rows = [(a, b) for a, b in zip(results[name], expected, strict=True) if a]
         size = max((abs(v) for cell in expected for v in cell), default=0.0) or 1.0
         errors = [np.max(np.abs(np.subtract(a, b))) for a, b in rows]
         error = float(np.max(errors)) / size if errors else np.inf  # NaN if one is
         if not error <= worst:
             worst, where = (error if np.isfinite(error) else np.inf), name
-    compared = sum(name in found for name in reference)
+    compared = sum(name in results for name in reference)
     return (worst, where) if compared > 1 else (np.inf, "no signal in common")
 
 

@@ -78,10 +78,10 @@ def _run_fmpy_arrays(fmu: Path, table: Table) -> Table:
     import fmpy
 
     description = fmpy.read_model_description(str(fmu), validate=False)
-    variables = {one.name: one for one in description.modelVariables}
-    outputs = [one for one in variables.values() if one.causality == "output"]
+    variables = {variable.name: variable for variable in description.modelVariables}
+    outputs = [variable for variable in variables.values() if variable.causality == "output"]
     time = [row[0] for row in table["time"]]
-    found: Table = {"time": table["time"], **{one.name: [] for one in outputs}}
+    results: Table = {"time": table["time"], **{variable.name: [] for variable in outputs}}
     with tempfile.TemporaryDirectory() as folder:
         instance = fmpy.instantiate_fmu(
             fmpy.extract(str(fmu), folder), description, "CoSimulation", debug_logging=True
@@ -95,10 +95,12 @@ def _run_fmpy_arrays(fmu: Path, table: Table) -> Table:
                 )
 
         def read_outputs() -> None:
-            for one in outputs:
-                getter = getattr(instance, f"get{_CALLS.get(one.type, one.type)}")
-                count = int(np.prod([int(dimension.start) for dimension in one.dimensions]))
-                found[one.name].append([float(value) for value in getter([one.valueReference], nValues=count)])
+            for variable in outputs:
+                getter = getattr(instance, f"get{_CALLS.get(variable.type, variable.type)}")
+                count = int(np.prod([int(dimension.start) for dimension in variable.dimensions]))
+                results[variable.name].append(
+                    [float(value) for value in getter([variable.valueReference], nValues=count)]
+                )
 
         instance.enterInitializationMode(startTime=time[0], stopTime=time[-1])
         set_inputs(0)
@@ -110,20 +112,20 @@ def _run_fmpy_arrays(fmu: Path, table: Table) -> Table:
             read_outputs()
         instance.terminate()
         instance.freeInstance()
-    return found
+    return results
 
 
 def run_ecos(fmu: Path, table: Table) -> Table:
     """Simulate with ecos (package ecospy), which needs libtbb.so.12: the system's, or the one of package tbb."""
-    beside = Path(sys.prefix, "lib", "libtbb.so.12")
-    if beside.exists():  # where pip puts it and no loader looks
-        ctypes.CDLL(str(beside), mode=ctypes.RTLD_GLOBAL)
+    library = Path(sys.prefix, "lib", "libtbb.so.12")
+    if library.exists():  # where pip puts it and no loader looks
+        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
     from ecospy import EcosSimulation, EcosSimulationStructure
 
     types = {name: variable.type for name, variable in _variables(fmu).items()}
     inputs, outputs = {name: types[name] for name in table if name != "time"}, _scalar_outputs(fmu)
     time = [row[0] for row in table["time"]]
-    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
+    results: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
     with EcosSimulationStructure() as structure:
         structure.add_model("x", str(fmu))
         with EcosSimulation(structure=structure, step_size=time[1] - time[0]) as simulation:
@@ -135,9 +137,9 @@ def run_ecos(fmu: Path, table: Table) -> Table:
                 simulation.step()
                 for name, type_ in outputs.items():
                     getter = getattr(simulation, f"get_{_ECOS_NAMES[type_]}")
-                    found[name].append([float(getter(f"x::{name}"))])
+                    results[name].append([float(getter(f"x::{name}"))])
             simulation.terminate()
-    return found
+    return results
 
 
 def run_libcosim(fmu: Path, table: Table) -> Table:
@@ -157,7 +159,7 @@ def run_libcosim(fmu: Path, table: Table) -> Table:
     manipulator, observer = CosimManipulator.create_override(), CosimObserver.create_last_value()
     execution.add_manipulator(manipulator)
     execution.add_observer(observer)
-    found: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
+    results: Table = {"time": table["time"], **{name: [[]] for name in outputs}}
     for row in range(len(time) - 1):
         for type_, cast in _CASTS.items():
             names = [name for name in table if name != "time" and variables[name].type == type_]
@@ -173,8 +175,8 @@ def run_libcosim(fmu: Path, table: Table) -> Table:
                 get_values = getattr(observer, f"last_{type_.lower()}_values")
                 values = get_values(slave, [variables[name].valueReference for name in names])
                 for name, value in zip(names, values, strict=True):
-                    found[name].append([float(value)])
-    return found
+                    results[name].append([float(value)])
+    return results
 
 
 def _variables(fmu: Path) -> dict[str, Any]:

@@ -21,20 +21,20 @@ def damaged_entries(path: Path) -> list[str]:
     Of any FMU the check sums of the archive are held against the content; of this project's also those inside
     the resources, which an entry that was exchanged or packed again does not satisfy.
     """
-    found = []
+    damaged = []
     with zipfile.ZipFile(path) as archive:
         names = [item.filename for item in archive.infolist() if not item.is_dir()]
         for name in names:
             try:
                 content = archive.read(name)
             except (zipfile.BadZipFile, zlib.error, EOFError, OSError):
-                found.append(f"{name}: {_ALTERED}")
+                damaged.append(f"{name}: {_ALTERED}")
             except (RuntimeError, NotImplementedError) as error:  # encrypted, or packed in a way of its own
-                found.append(f"{name}: cannot be read: {error}")
+                damaged.append(f"{name}: cannot be read: {error}")
             else:
                 if CONTENTS in names and not _is_whole(name, content):
-                    found.append(f"{name}: {_ALTERED}")
-    return found
+                    damaged.append(f"{name}: {_ALTERED}")
+    return damaged
 
 
 def _is_whole(name: str, content: bytes) -> bool:

@@ -94,8 +94,8 @@ def _other_costs(inverse_map: InverseMap, folder: Path, name: str) -> dict[str, 
     save_inverse_map(inverse_map, source)
     export_estimator(source, fmu, ExportOptions())
     import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
-    found = host_costs(fmu, fmu.with_suffix(""), inverse_map)
-    return {f"{row}, {name}": cost for row, cost in found.items() if "step" in row or "fit" in row}
+    costs = host_costs(fmu, fmu.with_suffix(""), inverse_map)
+    return {f"{row}, {name}": cost for row, cost in costs.items() if "step" in row or "fit" in row}
 
 
 def _instance(fmu: Path, unzipped: Path) -> Any:
@@ -127,7 +127,7 @@ def _steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     inputs, outputs = list(range(_FIRST_STRAIN, _FIRST_STRAIN + n)), list(range(m))
     values = inverse_map.mean_strain.tolist()
     c_inputs, c_outputs = (ctypes.c_uint * n)(*inputs), (ctypes.c_uint * m)(*outputs)
-    strain, found = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
+    strain, values_out = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
     dll, component = instance.dll, instance.component
 
     def with_lists() -> None:
@@ -138,7 +138,7 @@ def _steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     def with_arrays() -> None:
         dll.fmi2SetReal(component, c_inputs, n, strain)
         dll.fmi2DoStep(component, 0.0, 1e-3, 1)
-        dll.fmi2GetReal(component, c_outputs, m, found)
+        dll.fmi2GetReal(component, c_outputs, m, values_out)
 
     return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
 
@@ -148,7 +148,7 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
     values = inverse_map.mean_strain.tolist()
     c_input, c_output = (ctypes.c_uint * 1)(_FIRST_ARRAY), (ctypes.c_uint * 1)(0)
-    strain, found = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
+    strain, values_out = (ctypes.c_double * n)(*values), (ctypes.c_double * m)()
     flags, last = [ctypes.c_bool() for _ in range(3)], ctypes.c_double()
     dll, component = instance.dll, instance.component
     pointers = [*(ctypes.byref(flag) for flag in flags), ctypes.byref(last)]
@@ -161,7 +161,7 @@ def _steps_3(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], o
     def with_arrays() -> None:
         dll.fmi3SetFloat64(component, c_input, 1, strain, n)
         dll.fmi3DoStep(component, 0.0, 1e-3, True, *pointers)
-        dll.fmi3GetFloat64(component, c_output, 1, found, m)
+        dll.fmi3GetFloat64(component, c_output, 1, values_out, m)
 
     return {"FMPy, lists": with_lists, "arrays made once": with_arrays}
 
@@ -195,8 +195,8 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
     values = [repr(number) for number in numbers]
     times = run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
-    found = np.array(times.split(), dtype=float).tolist()
-    product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = found
+    costs = np.array(times.split(), dtype=float).tolist()
+    product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = costs
     more = f"with zeros and {sensors[0]} temperatures"
     searched = inverse_map.manifold is not None
     costs = {

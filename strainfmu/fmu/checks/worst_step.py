@@ -81,23 +81,23 @@ def worst_steps(map_path: Path, random_steps: int) -> dict[str, Mapping[str, Eve
     maps = {"linear": replace(inverse_map, manifold=None)}
     if inverse_map.manifold is not None:
         maps["nonlinear"] = inverse_map
-    found: dict[str, Mapping[str, EventCost]] = {}
+    costs_of: dict[str, Mapping[str, EventCost]] = {}
     with tempfile.TemporaryDirectory(prefix="strainfmu_", dir=safe_temporary_parent()) as folder:
         with as_file(files("fmus").joinpath("bench", "worst_step.c")) as host:
             program = compiled(host, Path(folder) / "worst_step")
         if program is None or not sys.platform.startswith("linux"):
             raise InputError("worst steps: expected Linux and a C compiler (cc, gcc or clang), got none")
-        for name, one in maps.items():
+        for name, inverse_map in maps.items():
             fmu = Path(folder) / f"{name}.fmu"
-            save_inverse_map(one, fmu.with_suffix(".h5"))
+            save_inverse_map(inverse_map, fmu.with_suffix(".h5"))
             export_estimator(fmu.with_suffix(".h5"), fmu, ExportOptions(platforms=("linux64",)))
             import_fmpy().extract(str(fmu), str(fmu.with_suffix("")))
             description = import_fmpy().read_model_description(str(fmu))
-            found[name] = _costs(program, one, fmu.with_suffix(""), description, random_steps)
+            costs_of[name] = _costs(program, inverse_map, fmu.with_suffix(""), description, random_steps)
             if any(variable.name == FILTER_TIME_CONSTANT for variable in description.modelVariables):
-                costs = _costs(program, one, fmu.with_suffix(""), description, random_steps, filtered=True)
-                found[f"{name}, filter"] = costs
-    return found
+                costs = _costs(program, inverse_map, fmu.with_suffix(""), description, random_steps, filtered=True)
+                costs_of[f"{name}, filter"] = costs
+    return costs_of
 
 
 def _costs(
@@ -124,12 +124,12 @@ def _costs(
         *(value for part in strain_parts(inverse_map) for value in part.tolist()),
     )
     command = [str(program), str(library), description.guid, (fmu / "resources").as_uri()]
-    found = {}
+    costs = {}
     for line in run([*command, *map(repr, numbers)]).splitlines():
         number, *times = line.split()
         median, *rare, largest = map(float, times)
-        found[(*EVENTS, AT_RANDOM)[int(number)]] = EventCost(median, largest, *rare)
-    return found
+        costs[(*EVENTS, AT_RANDOM)[int(number)]] = EventCost(median, largest, *rare)
+    return costs
 
 
 def processor_name() -> str:

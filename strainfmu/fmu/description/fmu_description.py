@@ -52,7 +52,7 @@ class FmuDescription:
     model_exchange : attributes of the ModelExchange element; None for an FMU without it.
     n_arrays : number of arrays that an interface of scalars stands for in FMI 3.0; None for one of the arrays.
     ports : to a CAN bus (FMI 3.0).
-    built : time at which the data inside were made, "" for none stated.
+    build_date : time at which the data inside were made, "" for none stated.
     numbers : number of each variable by name, its value reference but for scalars of FMI 3.0; None for its index
         in ``interface``.
     """
@@ -68,7 +68,7 @@ class FmuDescription:
     source_files: Sequence[str] = ()
     model_exchange: Mapping[str, str] | None = None
     n_arrays: int | None = None
-    built: str = ""
+    build_date: str = ""
     ports: Sequence[Port] = ()
     numbers: Mapping[str, int] | None = None
 
@@ -104,15 +104,15 @@ def model_identifier(model_name: str) -> str:
     return f"m_{identifier}" if identifier[0].isdigit() else identifier
 
 
-def generation_time(built: str = "") -> str:
-    """Return the time to stamp, as XML has it: SOURCE_DATE_EPOCH, else ``built``, "" for none, else 1980-01-01.
+def generation_time(build_date: str = "") -> str:
+    """Return the time to stamp, for XML: SOURCE_DATE_EPOCH, else ``build_date``, "" for none, else 1980-01-01.
 
     Raises
     ------
     InputError
         SOURCE_DATE_EPOCH is no number of seconds.
     """
-    return build_time() if stated_time() is not None else built or _NO_TIME
+    return build_time() if stated_time() is not None else build_date or _NO_TIME
 
 
 def root_attributes(fmu: FmuDescription) -> dict[str, str]:
@@ -125,7 +125,7 @@ def root_attributes(fmu: FmuDescription) -> dict[str, str]:
         "copyright": COPYRIGHT,
         "license": LICENSE,
         "generationTool": f"strainfmu {__version__}",
-        "generationDateAndTime": generation_time(fmu.built),
+        "generationDateAndTime": generation_time(fmu.build_date),
         "variableNamingConvention": "structured",
     }
 

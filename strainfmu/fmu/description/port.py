@@ -84,7 +84,7 @@ def add_port(variables: Element, structure: Element, port: Port, number: int) ->
     rx_clock, tx_data, tx_clock = first + _RX_CLOCK, first + _TX_DATA, first + _TX_CLOCK
     names = {"Rx_Data": first + _RX_DATA, "Tx_Data": tx_data, "Rx_Clock": rx_clock, "Tx_Clock": tx_clock}
     is_triggered = port.tx_clock == "triggered"
-    own = {
+    parts = {
         "Rx_Data": ("Binary", {"causality": "input", "clocks": str(rx_clock), **data}),
         "Tx_Data": ("Binary", {"causality": "output", "initial": "calculated", "clocks": str(tx_clock), **data}),
         "Rx_Clock": ("Clock", {"causality": "input", "intervalVariability": "triggered"}),
@@ -94,7 +94,7 @@ def add_port(variables: Element, structure: Element, port: Port, number: int) ->
         ),
     }
     texts = {"Rx_Data": "Operations received", "Tx_Data": "Operations to send"}
-    for member, (tag, attributes) in own.items():
+    for member, (tag, attributes) in parts.items():
         named = {"name": f"{port.network}.{member}", "valueReference": str(names[member])}
         text = texts.get(member, f"Clock of {port.network}.{member.replace('Clock', 'Data')}")
         element = SubElement(variables, tag, {**named, "description": text, **attributes})
@@ -107,7 +107,7 @@ def add_port(variables: Element, structure: Element, port: Port, number: int) ->
         SubElement(variables, "UInt64", {**counted, "description": text, **kind})
     clocked = {tx_data: "", tx_clock: ""} if is_triggered else {tx_data: str(tx_clock)}
     outputs = clocked | dict.fromkeys(counters, "")
-    place = sum(one.tag == "Output" for one in structure)
+    place = sum(element.tag == "Output" for element in structure)
     for offset, (reference, known) in enumerate(outputs.items()):
         output = Element("Output", {"valueReference": str(reference), "dependencies": known})
         structure.insert(place + offset, output)

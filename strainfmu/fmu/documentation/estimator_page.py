@@ -122,10 +122,10 @@ def _use(inverse_map: InverseMap) -> list[str]:
     needed = "<code>dynamic_pressure</code> [Pa]"
     if inverse_map.manifold is not None:
         needed += ", <code>mach_number</code> and <code>static_pressure</code> [Pa] or <code>altitude</code> [m]"
-    others = ", and the sensors, temperatures and parameters listed below" if _has_more(inverse_map) else ""
+    further = ", and the sensors, temperatures and parameters listed below" if _has_more(inverse_map) else ""
     return [
         f"Connect <code>strain</code> 1 to {inverse_map.n_strain_gauges} [m/m], NaN for a gauge that is lost, "
-        f"{needed}{others}.",
+        f"{needed}{further}.",
         "Step size: the time between two samples of strain. Any size is allowed, and sizes may vary.",
         "Use loads and coefficients where <code>health.usable</code> is true. While <code>health.state</code> is "
         "INVALID or UNIDENTIFIED they are NaN, with their standard deviations and air data, unless a filter holds "
@@ -174,10 +174,10 @@ def _example(inverse_map: InverseMap, run: ReferenceRun) -> list[str]:
             for name in COEFFICIENT_NAMES
         ]
         good += f"; the largest error of a coefficient in them is {np.max(np.array(errors)[:, is_ok]):.1f} sigma"
-    others = state[~fault.fails & ~is_ok]
-    if len(others):
-        good += f". In the others it is {_states(others)}"
-    if len(others) and inverse_map.manifold is not None and is_usual(run):
+    not_ok = state[~fault.fails & ~is_ok]
+    if len(not_ok):
+        good += f". In the others it is {_states(not_ok)}"
+    if len(not_ok) and inverse_map.manifold is not None and is_usual(run):
         good += f": loads are the linear map's until strain has fitted the tables {RETURN_AFTER} times in a row"
     return [
         f"A flight of {run.time[-1]:g} s that the snapshots cover, with its air data, is in "
@@ -203,7 +203,7 @@ def _numbers(values: FloatArray) -> str:
 
 
 def _validity(inverse_map: InverseMap) -> list[str]:
-    rows = [(one.quantity, one.text) for one in all_ranges(inverse_map)]
+    rows = [(limits.quantity, limits.text) for limits in all_ranges(inverse_map)]
     return [
         "The map was built from flight conditions in these ranges. Outside them the estimate is an extrapolation, "
         "and sigma need not hold.",

@@ -139,13 +139,13 @@ def _limits(panel: Panel) -> tuple[float, float]:
 
 def _points(time: FloatArray, values: FloatArray, y: Callable[[float], float], *, steps: bool) -> list[str]:
     """Return the points of a polyline; a corner more per step."""
-    found, before = [], None
+    points, before = [], None
     for t, value in zip(time.tolist(), values.tolist(), strict=True):
         if not np.isfinite(value):
             continue
         x = _x(t, time)
         if steps and before is not None:
-            found.append(f"{x:.1f},{before:.1f}")
+            points.append(f"{x:.1f},{before:.1f}")
         before = y(value)
-        found.append(f"{x:.1f},{before:.1f}")
-    return found
+        points.append(f"{x:.1f},{before:.1f}")
+    return points

@@ -14,7 +14,7 @@ from strainfmu.estimator.map.sensors import shown_units
 from strainfmu.fmu.documentation.index_page import Section
 from strainfmu.fmu.documentation.run_figure import Line, Panel, run_figure
 from strainfmu.fmu.reference_run.plant import Reference
-from strainfmu.fmu.reference_run.run import ReferenceRun, held
+from strainfmu.fmu.reference_run.run import ReferenceRun, as_recorded
 from strainfmu.interface.fmi_variables import COEFFICIENTS, Variable, shown_unit
 from strainfmu.interface.health_names import STATE
 from strainfmu.interface.sensor_variables import reading_names
@@ -58,7 +58,9 @@ def _fault_panel(inverse_map: InverseMap, run: ReferenceRun) -> Panel:
     fault = run.fault
     assert fault is not None
     scale, unit = shown_units(inverse_map.sensors)[fault.gauge]
-    reading = held(run.inputs[reading_names(inverse_map)[fault.gauge]]) / inverse_map.sensors.scale[fault.gauge]
+    reading = (
+        as_recorded(run.inputs[reading_names(inverse_map)[fault.gauge]]) / inverse_map.sensors.scale[fault.gauge]
+    )
     lines = [
         Line(name="reading", values=scale * reading),
         Line(name="without the fault", values=scale * (reading - fault.size * fault.fails), dashed=True),
@@ -84,17 +86,17 @@ def signals_panel(
     """
     variables = {variable.name: variable for variable in interface}
     signals = {**run.inputs, **run.outputs}
-    found = [variables[name] for name in names if name in signals]
-    if not found:
+    shown = [variables[name] for name in names if name in signals]
+    if not shown:
         return None
-    unit, factor = shown_unit(found[0])
+    unit, factor = shown_unit(shown[0])
     lines = [
         Line(
             name=names[variable.name],
             values=factor * signals[variable.name],
             steps=in_steps or variable.causality == "input" or variable.variability == "discrete",
         )
-        for variable in found
+        for variable in shown
     ]
     return Panel(title=f"{title} [{unit}]" if unit else title, lines=lines)
 
@@ -106,9 +108,9 @@ def signals_figure(
     in_steps: bool = False,
 ) -> str:
     """Return an SVG with a panel per group: legend by name of the signal, by title of the panel."""
-    found = [
+    all_panels = [
         signals_panel(run=run, interface=interface, title=title, names=names, in_steps=in_steps)
         for title, names in groups.items()
     ]
-    panels = [panel for panel in found if panel is not None]
+    panels = [panel for panel in all_panels if panel is not None]
     return run_figure(run.time, panels, f"Reference run: {', '.join(panel.title for panel in panels)}")

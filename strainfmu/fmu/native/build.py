@@ -101,10 +101,10 @@ def fmi_headers() -> Path:
     InputError
         fmpy is not installed.
     """
-    found = importlib.util.find_spec("fmpy")
-    if found is None or found.origin is None:
+    spec = importlib.util.find_spec("fmpy")
+    if spec is None or spec.origin is None:
         raise InputError("the FMI headers come with fmpy: pip install 'strainfmu[fmu]'")
-    return Path(found.origin).parent / "c-code"
+    return Path(spec.origin).parent / "c-code"
 
 
 def zig_compiler() -> list[str]:

@@ -75,7 +75,7 @@ def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
 
     ``library`` is a key of :data:`~strainfmu.estimator.library_sources.LIBRARIES`.
     """
-    found = {}
+    libraries = {}
     folder = resources.files("fmus").joinpath("native", BINARIES)
     if folder.is_dir():
         tuples = {name: platform for platform, name in FOLDERS.items()}
@@ -84,8 +84,8 @@ def shipped_libraries(library: str) -> dict[str, tuple[str, bytes]]:
             for file in item.iterdir() if item.is_dir() and platform in FOLDERS else ():
                 for suffix in _SUFFIXES:
                     if file.name == f"{library}{suffix}":
-                        found[platform] = (suffix, file.read_bytes())
-    return dict(sorted(found.items()))
+                        libraries[platform] = (suffix, file.read_bytes())
+    return dict(sorted(libraries.items()))
 
 
 def processor_library(universal: bytes, processor: int) -> bytes:
@@ -96,8 +96,8 @@ def processor_library(universal: bytes, processor: int) -> bytes:
     magic, count = struct.unpack_from(">2I", universal)
     if magic == 0xCAFEBABE:
         for index in range(count):
-            found, _, position, length, _ = struct.unpack_from(">5I", universal, 8 + 20 * index)
-            if found == processor:
+            kind, _, position, length, _ = struct.unpack_from(">5I", universal, 8 + 20 * index)
+            if kind == processor:
                 return universal[position : position + length]
     return universal
 
@@ -108,13 +108,13 @@ def _for_version(libraries: Mapping[str, tuple[str, bytes]], fmi_version: str) -
     In FMI 3.0 Apple's two processors have a folder each. In 2.0 importers look for both of them in ``darwin64``,
     whose library is universal; the name of 3.0, which 2.0.4 recommends, would repeat half of it.
     """
-    found = dict(libraries)
-    if "x86_64-darwin" in found and fmi_version == "3":
-        suffix, content = found["x86_64-darwin"]
-        found["x86_64-darwin"] = (suffix, processor_library(content, _X86_64))
-    elif "x86_64-darwin" in found:
-        found.pop("aarch64-darwin", None)
-    return found
+    usable = dict(libraries)
+    if "x86_64-darwin" in usable and fmi_version == "3":
+        suffix, content = usable["x86_64-darwin"]
+        usable["x86_64-darwin"] = (suffix, processor_library(content, _X86_64))
+    elif "x86_64-darwin" in usable:
+        usable.pop("aarch64-darwin", None)
+    return usable
 
 
 def chosen_libraries(

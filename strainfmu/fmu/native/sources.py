@@ -46,8 +46,8 @@ def native_sources(library: str, fmi_version: str, on_bus: bool = False) -> dict
     front = FRONTS[fmi_version]
     names = ["library.cmake", f"headers/{front}.h"]
     for folder in (*LIBRARIES[library], *(BESIDE[library] if on_bus else ()), front):
-        found = _files_below(native.joinpath(folder))
-        names += [f"{folder}/{name}" for name in found if name.endswith((".c", ".h"))]
+        files = _files_below(native.joinpath(folder))
+        names += [f"{folder}/{name}" for name in files if name.endswith((".c", ".h"))]
     sources = {name: native.joinpath(*name.split("/")).read_bytes() for name in sorted(names)}
     return sources | ({"ports.c": _NO_PORTS} if fmi_version == "3" and not on_bus else {})
 
@@ -59,25 +59,27 @@ def model_sources(library: str) -> dict[str, bytes]:
     the models include, directly or through others, and the file of the same name next to each.
     """
     native = resources.files("fmus").joinpath("native")
-    found = {
+    contents = {
         f"{folder}/{name}": native.joinpath(folder, *name.split("/")).read_bytes()
         for folder in LIBRARIES[library]
         for name in _files_below(native.joinpath(folder))
         if name.endswith((".c", ".h"))
     }
     needed = set[str]()
-    new = {name for name in found if not name.startswith(f"{_CORE}/")}
+    new = {name for name in contents if not name.startswith(f"{_CORE}/")}
     while new:
         needed |= new
-        headers = {header for name in new for header in _included(name, found[name])}
-        new = {name for one in headers for name in (one, f"{one.removesuffix('.h')}.c") if name in found} - needed
-    return {name: found[name] for name in sorted(needed)}
+        headers = {header for name in new for header in _included(name, contents[name])}
+        new = {
+            name for header in headers for name in (header, f"{header.removesuffix('.h')}.c") if name in contents
+        } - needed
+    return {name: contents[name] for name in sorted(needed)}
 
 
 def _included(name: str, content: bytes) -> set[str]:
     """Return the headers that a source includes, by names as its own."""
     folder = posixpath.dirname(name)
-    return {posixpath.normpath(posixpath.join(folder, one.decode())) for one in _INCLUDE.findall(content)}
+    return {posixpath.normpath(posixpath.join(folder, include.decode())) for include in _INCLUDE.findall(content)}
 
 
 def _files_below(folder: Traversable) -> Iterator[str]:
@@ -120,8 +122,8 @@ def build_description(model_identifier: str, source_files: Sequence[str]) -> byt
     root = Element("fmiBuildDescription", {"fmiVersion": "3.0"})
     configuration = SubElement(root, "BuildConfiguration", {"modelIdentifier": model_identifier})
     options = " ".join(("-std=c99", "-O2", *ARITHMETIC_FLAGS))
-    built = {"language": "C99", "compiler": "clang", "compilerOptions": options}
-    files = SubElement(configuration, "SourceFileSet", built)
+    source_set = {"language": "C99", "compiler": "clang", "compilerOptions": options}
+    files = SubElement(configuration, "SourceFileSet", source_set)
     for name in source_files:
         SubElement(files, "SourceFile", {"name": name})
     indent(root)

@@ -65,8 +65,8 @@ def free_precision(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
     columns = whitening @ jacobian
     size = np.linalg.norm(columns, axis=0)
-    left, value, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    free = left[:, value > _ALIKE * value[0]]
+    vectors, value, _ = np.linalg.svd(columns / np.where(size > 0.0, size, 1.0), full_matrices=False)
+    free = vectors[:, value > _ALIKE * value[0]]
     return np.asarray(whitening.T @ whitening - (whitening.T @ free) @ (free.T @ whitening))
 
 

@@ -64,7 +64,7 @@ def flight_path(inverse_map: InverseMap, n_rows: int) -> FlightPath:
     slowest = float(np.clip(slowest, mach_range[0], mach_range[1] - gain))
     swell = 0.5 * (1.0 - np.cos(2.0 * np.pi * np.arange(n_rows) / (n_rows - 1)))
     mach = slowest + gain * swell
-    pressure = np.array([pressure_and_temperature(one)[0] for one in (top - depth * swell).tolist()])
+    pressure = np.array([pressure_and_temperature(altitude)[0] for altitude in (top - depth * swell).tolist()])
     q = _dynamic_pressure(mach, pressure)
     return FlightPath(
         mach_number=mach,
@@ -96,14 +96,14 @@ def _readings(
     if manifold is not None:
         mach_range, of_q = manifold.mach_range, manifold.dynamic_pressure_error
         of_mach, of_pressure = manifold.mach_number_error, manifold.altitude_error
-    found = {DYNAMIC_PRESSURE: (q * (1.0 + _READING_ERROR * of_q), inverse_map.dynamic_pressure_range)}
+    readings = {DYNAMIC_PRESSURE: (q * (1.0 + _READING_ERROR * of_q), inverse_map.dynamic_pressure_range)}
     if not np.isnan(mach).any():
-        altitude = [altitude_of(one) for one in (pressure * (1.0 + _READING_ERROR * of_pressure)).tolist()]
-        found |= {
+        altitude = [altitude_of(value) for value in (pressure * (1.0 + _READING_ERROR * of_pressure)).tolist()]
+        readings |= {
             MACH_NUMBER: (mach + _READING_ERROR * of_mach, mach_range),
             ALTITUDE: (np.array(altitude), inverse_map.altitude_range),
         }
-    return {name: np.clip(rounded(values), *allowed) for name, (values, allowed) in found.items()}
+    return {name: np.clip(rounded(values), *allowed) for name, (values, allowed) in readings.items()}
 
 
 def rounded(values: FloatArray) -> FloatArray:

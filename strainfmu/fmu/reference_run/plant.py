@@ -198,19 +198,19 @@ def autopilot_reference(model: FlightModel, start: FlightStart, settings: Autopi
     inputs = {name: rounded(values) for name, values in inputs.items()}
     samples = []
     for k in range(len(time)):
-        given = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
-        suspect = int(given.pop("suspect_gauge"))
-        samples.append(AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **given))
+        at_row = {name: float(values[max(k - 1, 0)]) for name, values in inputs.items()}
+        suspect = int(at_row.pop("suspect_gauge"))
+        samples.append(AutopilotSample(chi_square_limit=1.0, suspect_gauge=suspect, **at_row))
     state = first_state(design=design, settings=settings, n_gauges=model.n_gauges, sample=samples[0], time=time[0])
     rows = []
     for k, (now, sample) in enumerate(zip(time, samples, strict=True)):
         if k > 0:
             state = next_state(design=design, settings=settings, state=state, sample=sample, time=now)
         rows.append([state.control_moment, state.angle, state.trusted, state.valid.count(False), *state.valid])
-    found = np.array(rows, dtype=float).T
+    columns = np.array(rows, dtype=float).T
     names = ("control_moment", "estimated_angle_of_attack", "trusted", "isolated_gauges")
     outputs = (*names, *valid_names(model.n_gauges))
-    run = ReferenceRun(np.array(time), inputs, dict(zip(outputs, found, strict=True)))
+    run = ReferenceRun(np.array(time), inputs, dict(zip(outputs, columns, strict=True)))
     return Reference("strainfmu.cosim.models.autopilot_law (numpy)", run, _AUTOPILOT_GROUPS)
 
 

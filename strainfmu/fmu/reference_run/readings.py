@@ -63,9 +63,9 @@ class Readings:
     fault: Fault
     known: dict[str, FloatArray]
 
-    def drawn(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+    def sample(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return (n, n_d) rows of the map [m/m] with errors and the fault, and the true outputs (n,) by name."""
-        strain, truth = self.flight.drawn(seed)
+        strain, truth = self.flight.sample(seed)
         strain[self.fault.fails, self.fault.gauge] += self.fault.size
         return strain, truth
 
@@ -73,9 +73,13 @@ class Readings:
 def reference_readings(inverse_map: InverseMap, n_rows: int) -> Readings:
     """Return the readings of a flight of ``n_rows``, over the flight state where the map has tables of it."""
     known = _known_inputs(inverse_map)
-    held = _with_known(inverse_map, known)
-    path = flight_path(held, n_rows)
-    flight = flight_of_states(held, path) if held.manifold is None else flight_of_tables(held, path)
+    with_states = _with_known(inverse_map, known)
+    path = flight_path(with_states, n_rows)
+    flight = (
+        flight_of_states(with_states, path)
+        if with_states.manifold is None
+        else flight_of_tables(with_states, path)
+    )
     gauge, size = failing_gauge(flight.residual_precision)
     row = np.arange(n_rows)
     first, end = (round(part * n_rows) for part in _FAULT)

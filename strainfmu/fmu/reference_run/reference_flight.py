@@ -39,7 +39,7 @@ class ReferenceFlight:
     load_strain_covariance: FloatArray
     air_data: Mapping[str, FloatArray] = field(default_factory=dict)
 
-    def drawn(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+    def sample(self, seed: int) -> tuple[FloatArray, dict[str, FloatArray]]:
         """Return (n, n_d) strains with errors [m/m], and the true outputs (n,) by name.
 
         All but the noise belongs to hardware and flow: it lasts, and its load is part of the truth.
@@ -59,7 +59,7 @@ class ReferenceFlight:
         return self.strain + strain + self.noise_std * noise, {**truth, **self.air_data}
 
 
-def white_noise(noise_std: FloatArray, own: FloatArray) -> FloatArray:
-    """Return (n_d,) ``noise_std`` as far as the covariance ``own`` (n_d, n_d) of the gauges includes it."""
-    included = np.linalg.eigvalsh(own / np.outer(noise_std, noise_std))[0]
+def white_noise(noise_std: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return (n_d,) ``noise_std`` as far as the ``covariance`` (n_d, n_d) of the gauges includes it."""
+    included = np.linalg.eigvalsh(covariance / np.outer(noise_std, noise_std))[0]
     return np.asarray(noise_std * np.sqrt(np.clip(included, 0.0, 1.0)))

@@ -100,25 +100,25 @@ def is_usual(run: ReferenceRun) -> bool:
 
 def _run(inverse_map: InverseMap, readings: Readings, seed: int) -> ReferenceRun:
     time = [round(STEP_SIZE * k, 10) for k in range(N_ROWS)]
-    rows, truth = readings.drawn(seed)
+    rows, truth = readings.sample(seed)
     rows = rounded(rows * inverse_map.sensors.scale + inverse_map.zero_offset)
     values = np.array(
         [
-            [*output_values(one, has_other_outputs(inverse_map)), float(TareState.IDLE)]
-            for one in _estimates(inverse_map, rows, readings.known)
+            [*output_values(estimate, has_other_outputs(inverse_map)), float(TareState.IDLE)]
+            for estimate in _estimates(inverse_map, rows, readings.known)
         ]
     )
     names = [variable.name for variable in estimator_interface(inverse_map) if variable.causality == "output"]
     estimated = [name for name in names if name != TARE_STATE]
-    signals = dict(zip([*estimated, TARE_STATE], held(values).T, strict=True))
+    signals = dict(zip([*estimated, TARE_STATE], as_recorded(values).T, strict=True))
     # As many states as gauges leave no residual: then chi-square is round-off, whose digits follow the processor.
     signals[CHI_SQUARE] = np.round(signals[CHI_SQUARE], CHI_SQUARE_DECIMALS)
     return ReferenceRun(
         np.array(time),
         {**dict(zip(reading_names(inverse_map), rows.T, strict=True)), **readings.known},
         signals,
-        truth={name: held(values) + 0.0 for name, values in truth.items()},
-        fault=replace(readings.fault, fails=held(readings.fault.fails)),
+        truth={name: as_recorded(values) + 0.0 for name, values in truth.items()},
+        fault=replace(readings.fault, fails=as_recorded(readings.fault.fails)),
     )
 
 
@@ -130,7 +130,7 @@ def _estimates(
     arguments = [
         step_arguments(inverse_map, {name: float(v[k]) for name, v in known.items()}) for k in range(len(rows))
     ]
-    return [step(row, **one) for row, one in zip(rows, arguments, strict=True)]
+    return [step(row, **flow) for row, flow in zip(rows, arguments, strict=True)]
 
 
 def step_arguments(inverse_map: InverseMap, known: Mapping[str, float]) -> dict[str, Any]:
@@ -142,16 +142,16 @@ def step_arguments(inverse_map: InverseMap, known: Mapping[str, float]) -> dict[
             zip(flow_parameters(inverse_map).names, parameter_std_names(inverse_map), strict=False)
         ),
     }
-    found: dict[str, Any] = {name: value for name, value in known.items() if name in FLOW_INPUTS}
+    arguments: dict[str, Any] = {name: value for name, value in known.items() if name in FLOW_INPUTS}
     for argument, names in grouped.items():
         if names:
-            found[argument] = {name: known[one] for name, one in names.items()}
+            arguments[argument] = {name: known[signal] for name, signal in names.items()}
     if temperatures:
-        found[TEMPERATURE] = [known[name] for name in temperatures]
-    return found
+        arguments[TEMPERATURE] = [known[name] for name in temperatures]
+    return arguments
 
 
-def held(values: NDArray[Any]) -> NDArray[Any]:
+def as_recorded(values: NDArray[Any]) -> NDArray[Any]:
     """Return (n, ..) ``values`` as an importer records them that holds inputs over a step."""
     return np.concatenate([values[:1], values[:-1]])
 

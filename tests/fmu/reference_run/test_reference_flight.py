@@ -24,7 +24,14 @@ from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.fmu.reference_run.flight_motion import flight_states, free_precision
 from strainfmu.fmu.reference_run.flight_path import altitude_of, flight_path
 from strainfmu.fmu.reference_run.readings import failing_gauge, reference_readings
-from strainfmu.fmu.reference_run.run import N_ROWS, ReferenceRun, held, is_usual, reference_run, signal_table
+from strainfmu.fmu.reference_run.run import (
+    N_ROWS,
+    ReferenceRun,
+    as_recorded,
+    is_usual,
+    reference_run,
+    signal_table,
+)
 from strainfmu.fmu.reference_run.strains import error_covariance, flight_of_states, largest_states, true_states
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import COEFFICIENTS
@@ -251,9 +258,9 @@ def test_errors_of_strain_have_the_covariance_of_the_map_and_the_loads_theirs() 
     """Over many draws, at one row: strain errors, and the loads that they come with."""
     case = inside(whole_scaled_map(1, seed=4, n=12, n_states=4))
     flight, count = flight_of_states(case, flight_path(case, 2)), 1000
-    drawn = [flight.drawn(seed) for seed in range(count)]
-    strain = np.array([one[0] for one, _ in drawn]) - flight.strain[0]
-    coefficients = np.array([[true[name][0] for name in COEFFICIENTS] for _, true in drawn])
+    sample = [flight.sample(seed) for seed in range(count)]
+    strain = np.array([one[0] for one, _ in sample]) - flight.strain[0]
+    coefficients = np.array([[true[name][0] for name in COEFFICIENTS] for _, true in sample])
     loads = coefficients * flight.load_per_coefficient[0] - flight.loads[0]
     spread, of_loads = np.sqrt(np.diag(flight.covariance[0])), np.sqrt(np.mean(loads**2, axis=0))
     for found, stated, size in (
@@ -319,7 +326,7 @@ def test_altitude_of_a_pressure() -> None:
 
 
 def test_an_importer_records_at_the_end_of_a_step() -> None:
-    assert held(np.array([3, 1, 4, 1])).tolist() == [3, 3, 1, 4]
+    assert as_recorded(np.array([3, 1, 4, 1])).tolist() == [3, 3, 1, 4]
 
 
 def test_a_flight_without_ranges_is_at_the_nominal_dynamic_pressure() -> None:
