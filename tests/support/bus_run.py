@@ -109,11 +109,12 @@ class PacedBridge:
         self._sender: FaultySender | None = None
         self._bridge, self._bus, self._thread = bridge, bus, thread
         self._free_until = clock.now
-        self._is_waiting = False
+        self._is_waiting, self._waits = False, threading.Event()
         inner, open_bus = bridge._received, bridge._open_bus
 
         def received(timeout: float) -> Any:
             self._is_waiting = True
+            self._waits.set()
             try:
                 return inner(min(timeout, TURN))  # the clock may have moved meanwhile
             finally:
@@ -150,6 +151,8 @@ class PacedBridge:
         while self.clock.now < end - 1e-6:
             self._settle()
             self.clock.move_to(end if self._is_free else min(end, self._due))
+            if not self._is_free and self._inbox is not None:  # an empty message ends its wait
+                self._inbox._waiting.put((None, self.clock.now))
         self._settle()
 
     def stand_still(self, seconds: float) -> None:
@@ -172,7 +175,11 @@ class PacedBridge:
 
     def _settle(self) -> None:
         """Wait until the bridge has taken all that was sent and has nothing due."""
-        wait_until(self._is_idle)
+        end = time.monotonic() + PATIENCE
+        while not self._is_idle():
+            assert time.monotonic() < end, "it did not happen"
+            self._waits.wait(TURN)
+            self._waits.clear()
 
     def _is_idle(self) -> bool:
         assert self._thread.is_alive(), "the bridge has ended"
