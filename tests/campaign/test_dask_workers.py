@@ -109,12 +109,13 @@ def test_no_address_is_one_line(address: str, tmp_path: Path, run: Run) -> None:
     assert message.startswith(f"strainfmu: --scheduler: '{address}' found, must be like tcp://host:8786;")
 
 
+@pytest.mark.slow
 def test_local_processes_listen_on_loopback_alone_and_give_the_same(
     undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     """Every listening TCP socket of the campaign's processes: 127.0.0.1 (0100007F in /proc/net/tcp).
 
-    It takes seconds: two processes start, and each imports what it needs.
+    Two processes start, and each imports what it needs.
     """
     table = Path("/proc/net/tcp")
     if not table.exists():

@@ -29,8 +29,9 @@ Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]
 
 
-def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path, request: pytest.FixtureRequest) -> None:
-    """A build stops at the map and its report. It takes seconds: it is the whole command, and draws its page."""
+@pytest.mark.usefixtures("undrawn")
+def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
+    """A build stops at the map and its report. It takes seconds: it is the whole command."""
     vehicle = ogive_with(
         tmp_path / "vehicle", 'case = 2\ngamma = "morozov"\nform = "absolute"\nsymmetry = "listed"'
     )
@@ -60,7 +61,6 @@ def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path, reque
         assert held[name]["sha256"] in page.text
     # A comment changes the file that the report was made from, and nothing else.
     vehicle.write_text(vehicle.read_text(encoding="utf-8") + "\n# seen\n", encoding="utf-8")
-    request.getfixturevalue("undrawn")  # its text alone is compared
     code, printed, _ = run("build", vehicle, "-o", tmp_path / "out")
     assert code == 0
     assert "map.h5: up to date, reused" in printed

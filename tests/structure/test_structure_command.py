@@ -138,6 +138,7 @@ def test_command_says_what_it_did(run: Run, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_full_mesh_gives_the_same(run: Run, clamped: Structure, tmp_path: Path) -> None:
     """Sector by sector against one factorisation of the whole: 1e-8 of the largest entry. Found: 1e-12.
 

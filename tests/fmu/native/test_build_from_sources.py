@@ -20,8 +20,8 @@ from strainfmu.fmu.plant_export import export_native_plant
 from strainfmu.interface.plant_variables import FlightStart, Motion
 
 KINDS = ("native", "native_3", "native_plant")
-BUILT = ("native", pytest.param("native_3", marks=pytest.mark.slow), "native_plant")
-"""FMI 3.0 is two more files beside the same model; the build from the repository compiles them in every run."""
+BUILT = [pytest.param(kind, marks=pytest.mark.slow if kind != "native_plant" else ()) for kind in KINDS]
+"""Of the sources of the estimator ``tests/fmu/test_c_folder.py`` builds programs in every run."""
 SUFFIX = library_file(this_platform()).suffix
 
 OPTIONS = {kind: {"CMAKE_C_FLAGS_RELEASE": "-O0"} for kind in ("native", "native_plant")}
@@ -116,9 +116,7 @@ def test_cmake_builds_the_libraries_from_the_repository(cmake: str, tmp_path: Pa
     assert {"estimator", "plant"} <= set(listed.stdout.split())
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(kind, marks=pytest.mark.slow if kind != "native_plant" else ()) for kind in KINDS]
-)
+@pytest.mark.parametrize("kind", BUILT)
 def test_an_importer_builds_the_library(
     native_fmus: dict[str, Path], kind: str, cmake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
