@@ -53,23 +53,22 @@ def test_what_once_was_wrong(profile: str, seed: int, what: str) -> None:
 @pytest.mark.parametrize("profile", PROFILES)
 @pytest.mark.parametrize("kind", [*KINDS, *LONG_KINDS])
 def test_one_kind_of_fault(profile: str, kind: str) -> None:
-    """Pauses of at most two minutes; the campaign that takes minutes has pauses of an hour."""
-    largest = 0.3 if "pause" in kind else 1.0
-    for seed in range(3):
-        random = np.random.default_rng((seed, 5))
-        end = 63 + int(random.integers(60))
-        found = run_scenario(profile, seed, [Act(kind, 60, end, largest * random.random())])
-        assert_nothing_false(found)
-        assert found.n_valid > 50
-        # A foreign frame that comes first is found by the true one behind it: then it counts for long.
-        assert found.foreign <= (profile != "fd64-sec" and kind in FOREIGN)
+    """A seed for each profile, pauses of two minutes at most; the slow campaign has more and longer ones."""
+    seed, largest = PROFILES.index(profile), 0.3 if "pause" in kind else 1.0
+    random = np.random.default_rng((seed, 5))
+    end = 63 + int(random.integers(60))
+    found = run_scenario(profile, seed, [Act(kind, 60, end, largest * random.random())])
+    assert_nothing_false(found)
+    assert found.n_valid > 50
+    # A foreign frame that comes first is found by the true one behind it: then it counts for long.
+    assert found.foreign <= (profile != "fd64-sec" and kind in FOREIGN)
 
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_two_to_five_faults_at_once(profile: str) -> None:
-    total = campaign(profile, range(40), report=lambda _, found: assert_nothing_false(found))
-    assert total["cycles"] > 9_000
-    assert total["valid"] > 5_000
+    total = campaign(profile, range(12), report=lambda _, found: assert_nothing_false(found))
+    assert total["cycles"] > 2_700
+    assert total["valid"] > 1_500
 
 
 @pytest.mark.slow
@@ -126,8 +125,8 @@ WITHOUT_ECHO = tuple(
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_sender_of_version_1_is_older_than_stated_only_where_an_earlier_run_is_replayed(profile: str) -> None:
     """It names neither session nor result: restarts wait for somebody, or say so."""
-    total = campaign(profile, range(30), kinds=WITHOUT_ECHO, session=None)
-    assert total["valid"] > 3_000
+    total = campaign(profile, range(12), kinds=WITHOUT_ECHO, session=None)
+    assert total["valid"] > 1_200
     assert total["too_old"] == total["mixed"] == total["unaccounted"] == 0
 
 

@@ -138,7 +138,7 @@ def _followed(function: str, name: str, text: str | None, doc: str) -> str:
     return "" if keyword is None else keyword.text
 
 
-def command_function(name: str, run: Callable[..., None], *, with_options: bool) -> Callable[..., None]:
+def command_function(name: str, run: Callable[..., None], *, with_options: bool = True) -> Callable[..., None]:
     """Return ``run`` with the signature and the help of a command, as its public functions describe them."""
     options = _options(name) if with_options else {}
     spelled = {option: spelling(name, option) for option in options}
