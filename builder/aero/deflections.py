@@ -82,16 +82,16 @@ def deflections_of(vehicle: Vehicle, surface: SurfaceMesh) -> tuple[Deflection, 
     scale = file_scale(path, float(np.ptp(read_surface(path).point[:, 0])), shape.unit, shape.length_m)
     known = read_surface(path, scale)
     node = _nodes_of(known, surface)
-    found = []
+    deflections = []
     for name, entry in vehicle.conditions.parameters.items():
         shifts = {entry.undeflected: np.zeros((surface.n_nodes, 3))}
-        for one in entry.surfaces:
-            shifts[one.value] = _shift(vehicle.beside(one.file), scale, known)[node]
+        for position in entry.surfaces:
+            shifts[position.value] = _shift(vehicle.beside(position.file), scale, known)[node]
         values = sorted(shifts)
-        found.append(
+        deflections.append(
             Deflection(name=name, value=np.array(values), shift=np.array([shifts[value] for value in values]))
         )
-    return tuple(found)
+    return tuple(deflections)
 
 
 def _nodes_of(known: SurfaceMesh, surface: SurfaceMesh) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

@@ -90,7 +90,7 @@ def surface_of_file(path: Path, unit: str | None, length: float | None) -> tuple
     extent = float(np.ptp(mesh.point[:, 0]))
     scale = file_scale(path, extent, unit, length)
     if length is not None and abs(scale * extent / length - 1.0) > SAME_LENGTH:
-        fitting = [name for name, one in METRES.items() if abs(one * extent / length - 1.0) <= SAME_LENGTH]
+        fitting = [name for name, metres in METRES.items() if abs(metres * extent / length - 1.0) <= SAME_LENGTH]
         hint = f"; in {fitting[0]} it is {METRES[fitting[0]] * extent:.4g} m" if fitting else ""
         raise InputError(f"{path}: expected a length of {length:g} m, got {scale * extent:.4g} m in {unit}{hint}")
     mesh = SurfaceMesh(scale * mesh.point, mesh.triangle)
@@ -110,8 +110,8 @@ def without_base(mesh: SurfaceMesh) -> SurfaceMesh:
     x = mesh.point[:, 0]
     at_end = (x[mesh.triangle] > x.max() - BASE_PLANE * np.ptp(x)).all(axis=1)
     aft = mesh.vector_area[:, 0] > BASE_NORMAL * mesh.area
-    kept = mesh.triangle[~(at_end & aft)]
-    used, number = np.unique(kept, return_inverse=True)
+    sides = mesh.triangle[~(at_end & aft)]
+    used, number = np.unique(sides, return_inverse=True)
     return SurfaceMesh(mesh.point[used], number.reshape(-1, 3).astype(np.int64))
 
 

@@ -164,18 +164,18 @@ def complete_flows(
     CampaignInterrupted, StrainfmuError
         As :func:`run_campaign`.
     """
-    of = fingerprint(engine.inputs())
+    engine_hash = fingerprint(engine.inputs())
     needed = set(keys)
-    at_hand = {**known, **(journal.flows(of) if journal else {})}
+    at_hand = {**known, **(journal.flows(engine_hash) if journal else {})}
     flows = {key: at_hand[key] for key in needed & at_hand.keys()}
     reused = len(flows)
     start, times = perf_counter(), []
     missing = needed - flows.keys()
 
-    def note_failure(one: FailedFlow) -> None:
+    def note_failure(failure: FailedFlow) -> None:
         if failed is None:
-            raise FlowReachError(one.cause)
-        failed[one.key] = one.cause
+            raise FlowReachError(failure.cause)
+        failed[failure.key] = failure.cause
 
     if missing:
         try:
@@ -184,19 +184,19 @@ def complete_flows(
                 closing(solve_flows(engine, missing, scheduling, reporter.note, failed=note_failure)) as solving,
             ):
                 progress(reused, len(needed))
-                for one in solving:
+                for solved in solving:
                     if journal:
-                        journal.append(of, one.flow)
-                    flows[one.flow.key] = one.flow
-                    times.append(one.seconds)
+                        journal.append(engine_hash, solved.flow)
+                    flows[solved.flow.key] = solved.flow
+                    times.append(solved.seconds)
                     progress(len(flows), len(needed))
         except KeyboardInterrupt as error:
             if journal is None:
                 raise
             journal.reread()
-            kept = needed & {**known, **journal.flows(of)}.keys()
-            where = f"are kept in {journal.path}" if kept else "are finished"
-            raise CampaignInterrupted(f"interrupted; {len(kept)} of {len(needed)} flows {where}") from error
+            saved = needed & {**known, **journal.flows(engine_hash)}.keys()
+            where = f"are kept in {journal.path}" if saved else "are finished"
+            raise CampaignInterrupted(f"interrupted; {len(saved)} of {len(needed)} flows {where}") from error
     if (line := cap_line(flows.values())) is not None:
         reporter.note(line)
     mean = float(np.mean(times)) if times else float("nan")
@@ -244,7 +244,7 @@ def snapshots_of_flows(
         settings={
             **campaign.settings,
             "inputs": dict(engine.inputs()),
-            **({"failed": [one.as_entry() for one in left_out]} if left_out else {}),
+            **({"failed": [failure.as_entry() for failure in left_out]} if left_out else {}),
         },
         condition=np.array([condition.as_row() for condition in conditions]),
         pressure=pressure,

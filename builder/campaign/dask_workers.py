@@ -75,7 +75,7 @@ def on_dask(
             client = stack.enter_context(_remote_client(address))
             note(f"scheduler {address}, {len(client.nthreads())} workers")
         finished: SimpleQueue[Any] = SimpleQueue()
-        futures = [client.submit(function, one, pure=False) for one in arguments]
+        futures = [client.submit(function, argument, pure=False) for argument in arguments]
         stack.callback(_abandon, client, futures)
         for future in futures:
             future.add_done_callback(finished.put)
@@ -91,7 +91,7 @@ def _result(future: Any, where: str) -> Any:
     from distributed import KilledWorker
 
     try:
-        found = future.result()
+        result = future.result()
     except CancelledError as error:
         raise StrainfmuError(f"{where}: the scheduler was lost; start again to go on") from error
     except KilledWorker as error:
@@ -106,7 +106,7 @@ def _result(future: Any, where: str) -> Any:
         raise StrainfmuError(
             f"{where}: '{cause.name}' is not installed there, strainfmu[campaign] must be"
         ) from error
-    return found
+    return result
 
 
 @contextmanager

@@ -59,8 +59,8 @@ def name_of(condition: FlightCondition) -> str:
 def failure_lines(failed: Sequence[FailedCondition]) -> list[str]:
     """Return one line per flow that failed: its conditions and the cause; the first LISTED of them."""
     by_cause: dict[str, list[FailedCondition]] = {}
-    for one in failed:
-        by_cause.setdefault(one.cause, []).append(one)
+    for failure in failed:
+        by_cause.setdefault(failure.cause, []).append(failure)
     lines = [
         f"not solved: {'; '.join(name_of(one.condition) for one in same)}: {cause}"
         for cause, same in list(by_cause.items())[:LISTED]

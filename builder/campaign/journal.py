@@ -50,16 +50,16 @@ class Journal:
         except OSError as error:
             raise StrainfmuError(f"{self.path}: could not be written: {error.strerror or error}") from error
         self._flows: dict[tuple[str, FlowKey], Flow] = {}
-        whole = self.reread()
-        if whole < os.fstat(self._stream.fileno()).st_size:
-            self._write(lambda: self._stream.truncate(whole))
-        self._stream.seek(whole)
+        sound_bytes = self.reread()
+        if sound_bytes < os.fstat(self._stream.fileno()).st_size:
+            self._write(lambda: self._stream.truncate(sound_bytes))
+        self._stream.seek(sound_bytes)
 
     def reread(self) -> int:
         """Take the flows from the disk, which after an interrupt may be one more; return the bytes they fill."""
         self._stream.seek(0)
-        self._flows, whole = read_records(self._stream.read())
-        return whole
+        self._flows, sound_bytes = read_records(self._stream.read())
+        return sound_bytes
 
     def __enter__(self) -> Journal:
         return self
@@ -74,7 +74,7 @@ class Journal:
 
     def flows(self, fingerprint: str) -> dict[FlowKey, Flow]:
         """Return the flows that were solved with the engine inputs of this fingerprint."""
-        return {key: flow for (of, key), flow in self._flows.items() if of == fingerprint}
+        return {key: flow for (engine_hash, key), flow in self._flows.items() if engine_hash == fingerprint}
 
     def append(self, fingerprint: str, flow: Flow) -> None:
         """Add one flow; it is on the disk when this returns.
@@ -142,13 +142,15 @@ def read_records(content: bytes) -> tuple[dict[tuple[str, FlowKey], Flow], int]:
 
 
 def _decode(payload: bytes) -> Flow:
-    with np.load(io.BytesIO(payload), allow_pickle=False) as held:
+    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
         return Flow(
-            key=tuple(held["key"].tolist()),
-            arrays={name.removeprefix("array."): held[name] for name in held.files if name.startswith("array.")},
-            momentum_error=float(held["momentum_error"]),
-            mass_error=float(held["mass_error"]) if "mass_error" in held.files else float("nan"),
-            repairs=int(held["repairs"]),
+            key=tuple(arrays["key"].tolist()),
+            arrays={
+                name.removeprefix("array."): arrays[name] for name in arrays.files if name.startswith("array.")
+            },
+            momentum_error=float(arrays["momentum_error"]),
+            mass_error=float(arrays["mass_error"]) if "mass_error" in arrays.files else float("nan"),
+            repairs=int(arrays["repairs"]),
         )
 
 
@@ -176,9 +178,9 @@ def _open_locked(path: Path) -> BinaryIO:
 
 
 def _write_whole(stream: BinaryIO, record: bytes) -> None:
-    left = memoryview(record)
-    while left:
-        left = left[stream.write(left) :]
+    rest = memoryview(record)
+    while rest:
+        rest = rest[stream.write(rest) :]
 
 
 def _lock(stream: BinaryIO) -> None:

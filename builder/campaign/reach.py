@@ -30,7 +30,7 @@ def flows_out_of_reach(engine: Engine, keys: Sequence[FlowKey], reporter: Report
     Once a flow failed, those after it at the same Mach number, the first number of a key, are passed over: they
     fail for the same reason, some of them after a minute.
     """
-    found, flows, wanted, failed = [], [], list(dict.fromkeys(keys)), set()
+    out_of_reach, flows, wanted, failed = [], [], list(dict.fromkeys(keys)), set()
     with reporter.stage(title) as progress:
         for number, key in enumerate(wanted):
             progress(number, len(wanted))
@@ -39,8 +39,8 @@ def flows_out_of_reach(engine: Engine, keys: Sequence[FlowKey], reporter: Report
             try:
                 flows.append(engine.solve(key))
             except InputError as error:
-                found.append(str(error))
+                out_of_reach.append(str(error))
                 failed.add(key[0])
     if (line := cap_line(flows)) is not None:
         reporter.note(line)
-    return found
+    return out_of_reach

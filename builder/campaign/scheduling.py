@@ -75,19 +75,19 @@ def solve_flows(
         solved = solve_on_dask(engine, missing, scheduling.address, workers, note)
     expected = fingerprint(engine.inputs())
     with closing(solved):
-        for one in solved:
-            if one.fingerprint != expected:
+        for result in solved:
+            if result.fingerprint != expected:
                 where = scheduling.address or "this machine"
                 raise StrainfmuError(
                     f"{where}: a worker has another version of the {engine.name} engine; install this "
                     "strainfmu on every worker"
                 )
-            if isinstance(one, SolvedFlow):
-                yield one
+            if isinstance(result, SolvedFlow):
+                yield result
             elif failed is None:
-                raise FlowReachError(one.cause)
+                raise FlowReachError(result.cause)
             else:
-                failed(one)
+                failed(result)
 
 
 def _in_this_process(engine: Engine, n_flows: int, scheduling: Scheduling) -> bool:

@@ -37,19 +37,19 @@ def vehicle_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
     if vehicle.is_of_revolution:
         return body_misfits(snapshots, vehicle.body())
     surface = outer_surface(vehicle, vehicle.resolution.map)[0]
-    expected, found = (np.ptp(one, axis=0) for one in (surface.point, snapshots.point))
+    expected, extent = (np.ptp(points, axis=0) for points in (surface.point, snapshots.point))
     return [
-        Misfit(entry=f"extent of the surface along {axis}", expected=f"{wanted:.6g} m", found=f"{held:.6g} m")
-        for axis, wanted, held in zip("xyz", expected, found, strict=True)
-        if abs(held - wanted) > SAME_LENGTH * expected.max()
+        Misfit(entry=f"extent of the surface along {axis}", expected=f"{wanted:.6g} m", found=f"{actual:.6g} m")
+        for axis, wanted, actual in zip("xyz", expected, extent, strict=True)
+        if abs(actual - wanted) > SAME_LENGTH * expected.max()
     ]
 
 
 def body_misfits(snapshots: Snapshots, body: BodyOfRevolution) -> list[Misfit]:
     """Return in what the body of ``snapshots`` is not ``body``: entries of its meridian, or its surface's size."""
-    held = snapshots.settings.get("profile", snapshots.settings.get("inputs", {}).get("profile"))
-    if held is not None and all("start_half_angle_deg" in piece for piece in held):
-        return profile_misfits(held, body)
+    profile = snapshots.settings.get("profile", snapshots.settings.get("inputs", {}).get("profile"))
+    if profile is not None and all("start_half_angle_deg" in piece for piece in profile):
+        return profile_misfits(profile, body)
     length = float(np.ptp(snapshots.point[:, 0]))
     if abs(length / body.length - 1.0) > SAME_LENGTH:
         return [Misfit(entry="length of the surface", expected=f"{body.length:.6g} m", found=f"{length:.6g} m")]
@@ -82,27 +82,30 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
         return [Misfit(entry="aerodynamics.engine", expected=engine_name, found=snapshots.engine)]
     engine = make_engine(vehicle, engine_name, vehicle.resolution.map, options.get("grid"))
     campaign = vehicle_campaign(vehicle, engine)
-    wanted, held = _plain(engine.inputs()), snapshots.settings.get("inputs", {})
-    found = _differences({**wanted, "profile": None}, {**held, "profile": None}, f"{engine_name} engine")
+    wanted, inputs = _plain(engine.inputs()), snapshots.settings.get("inputs", {})
+    misfits = _differences({**wanted, "profile": None}, {**inputs, "profile": None}, f"{engine_name} engine")
     if options.get("set"):
-        return found
+        return misfits
     conditions = _requested(snapshots)
     if len(conditions) != len(campaign.conditions):
         return [
-            *found,
+            *misfits,
             Misfit(entry="conditions", expected=f"{len(campaign.conditions)}", found=f"{len(conditions)}"),
         ]
-    for number, (one, other) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
-        if one != other:
-            return [*found, Misfit(entry=f"condition {number}", expected=str(other), found=str(one))]
-    return found
+    for number, (taken, wanted_condition) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
+        if taken != wanted_condition:
+            return [
+                *misfits,
+                Misfit(entry=f"condition {number}", expected=str(wanted_condition), found=str(taken)),
+            ]
+    return misfits
 
 
 def _requested(snapshots: Snapshots) -> list[FlightCondition]:
     """Return the conditions of the campaign in their order, those that could not be solved included."""
     conditions = snapshots.conditions()
-    for one in sorted(failed_conditions(snapshots), key=lambda one: one.number):
-        conditions.insert(one.number, one.condition)
+    for failure in sorted(failed_conditions(snapshots), key=lambda failure: failure.number):
+        conditions.insert(failure.number, failure.condition)
     return conditions
 
 
@@ -120,8 +123,8 @@ def as_flown(vehicle: Vehicle, snapshots: Snapshots) -> Vehicle:
     # Deflected surfaces are of the newtonian engine alone.
     no_surfaces: dict[str, Any] = {} if snapshots.engine == "newtonian" else {"surfaces": []}
     parameters = {
-        name: vehicle.conditions.parameters[name].model_copy(update={"values": apart(one), **no_surfaces})
-        for name, one in zip(snapshots.parameter_names, values, strict=True)
+        name: vehicle.conditions.parameters[name].model_copy(update={"values": apart(column), **no_surfaces})
+        for name, column in zip(snapshots.parameter_names, values, strict=True)
     }
     alpha, beta = np.degrees(alpha), np.degrees(beta)
     if vehicle.map.symmetry == "full":
@@ -150,7 +153,7 @@ def flow_record(snapshots: Snapshots) -> dict[str, Any]:
     inputs = {
         name: value for name, value in settings.get("inputs", {}).items() if name not in ("profile", "engine")
     }
-    sets = [f"{one['name']} ({one['conditions']})" for one in settings.get("sets", [])]
+    sets = [f"{entry['name']} ({entry['conditions']})" for entry in settings.get("sets", [])]
     return _plain(
         {
             "engine": snapshots.engine,
@@ -168,7 +171,7 @@ def flow_line(snapshots: Snapshots) -> str:
     settings = snapshots.settings
     grid = settings.get("inputs", {}).get("marching_grid")
     cells = "" if grid is None else f" on {grid['n_radial']} x {grid['n_circumferential']} cells"
-    sets = ", ".join(one["name"] for one in settings.get("sets", [])) or "unknown"
+    sets = ", ".join(entry["name"] for entry in settings.get("sets", [])) or "unknown"
     return f"{snapshots.engine} engine{cells}, {len(snapshots.condition)} conditions, of {sets}"
 
 
@@ -177,13 +180,13 @@ def replaced_line(path: Path, campaign: Campaign) -> str | None:
     if not path.is_file():
         return None
     try:
-        held = load_snapshots(path)
+        present = load_snapshots(path)
     except InputError:
         return None
-    same_source = held.settings.get("inputs") == _plain(campaign.engine.inputs())
-    if same_source and set(held.conditions()) <= set(campaign.conditions):
+    same_source = present.settings.get("inputs") == _plain(campaign.engine.inputs())
+    if same_source and set(present.conditions()) <= set(campaign.conditions):
         return None
-    return f"{path}: held {flow_line(held)}; replaced"
+    return f"{path}: held {flow_line(present)}; replaced"
 
 
 def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:
@@ -191,9 +194,9 @@ def _differences(expected: Any, found: Any, where: str) -> list[Misfit]:
     if isinstance(expected, dict) and isinstance(found, dict):
         names = sorted(expected.keys() | found.keys())
         return [
-            one
+            misfit
             for name in names
-            for one in _differences(expected.get(name), found.get(name), f"{where}, {name.replace('_', ' ')}")
+            for misfit in _differences(expected.get(name), found.get(name), f"{where}, {name.replace('_', ' ')}")
         ]
     return [] if expected == found else [Misfit(entry=where, expected=_short(expected), found=_short(found))]
 

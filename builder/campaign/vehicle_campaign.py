@@ -30,7 +30,7 @@ def vehicle_campaign(
     which the user set entries of the vehicle file aside (``set``, ``engine``, ``grid``); the file keeps them.
     """
     chosen = list(sets) or [_default_set(vehicle, engine)]
-    conditions = tuple(condition for one in chosen for condition in one.conditions)
+    conditions = tuple(condition for chosen_set in chosen for condition in chosen_set.conditions)
     return Campaign(
         vehicle=vehicle.name,
         engine=engine,
@@ -40,7 +40,7 @@ def vehicle_campaign(
         grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.is_of_revolution else None,
         settings={
             "strainfmu_version": __version__,
-            "sets": [{"name": one.name, "conditions": len(one.conditions)} for one in chosen],
+            "sets": [{"name": chosen_set.name, "conditions": len(chosen_set.conditions)} for chosen_set in chosen],
             "options": dict(options or {}),
             **({"parameters": list(vehicle.conditions.parameters)} if vehicle.conditions.parameters else {}),
             **({"profile": profile_record(vehicle.body())} if vehicle.is_of_revolution else {}),
@@ -49,7 +49,7 @@ def vehicle_campaign(
 
 
 def _default_set(vehicle: Vehicle, engine: Engine) -> ConditionSet:
-    own = engine.conditions()
-    if own is not None:
-        return ConditionSet(f"{engine.name} engine", tuple(own))
+    of_engine = engine.conditions()
+    if of_engine is not None:
+        return ConditionSet(f"{engine.name} engine", tuple(of_engine))
     return ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))

@@ -179,7 +179,7 @@ def _positions_header(core: Core) -> bytes:
         "air_data_used": [f"{name}_used" for name in NAVIGATION],
     }
     elements |= {
-        f"{name}_std": [f"{name}_std" for name in elements[name]]
+        f"{name}_std": [f"{element}_std" for element in elements[name]]
         for name in (COEFFICIENT_ARRAY, "loads", "air_data")
     }
     lines = [

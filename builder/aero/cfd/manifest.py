@@ -164,11 +164,11 @@ class ManifestEntries(FileEntries):
         ValidationError
             The case states an entry of a group, and not those that the group needs.
         """
-        found: dict[str, Any] = {}
+        entries: dict[str, Any] = {}
         for group in (_VALUES, _FRAME):
-            own = {name: value for name in group if (value := getattr(case, name)) is not None}
-            found |= own or {name: getattr(self, name) for name in group}
-        return FileEntries.model_validate(found)
+            stated = {name: value for name in group if (value := getattr(case, name)) is not None}
+            entries |= stated or {name: getattr(self, name) for name in group}
+        return FileEntries.model_validate(entries)
 
 
 @dataclass(frozen=True)
@@ -279,7 +279,7 @@ def _written(path: Path, entries: ManifestEntries, entry: CaseEntry, label: str)
         return entries.of_case(entry)
     except ValidationError as error:
         fault = _first_fault(error, None)
-        group = next((one for one in (_VALUES, _FRAME) if fault.startswith(one)), None)
+        group = next((start for start in (_VALUES, _FRAME) if fault.startswith(start)), None)
         rule = "" if group is None else f"; a case that states one of {', '.join(group)} states all that it needs"
         raise InputError(f"{path}: {label}: {fault}{rule}") from error
 
@@ -356,10 +356,10 @@ def _from_csv(path: Path, content: bytes) -> tuple[dict[str, Any], list[int]]:
         if len(cases) == 1:
             common = shared
         for group in (_VALUES, _FRAME):
-            own, first = ({name: one[name] for name in group if name in one} for one in (shared, common))
-            if own != first:
-                case |= own
-            if first and not own:
+            of_case, first = ({name: row[name] for name in group if name in row} for row in (shared, common))
+            if of_case != first:
+                case |= of_case
+            if first and not of_case:
                 name = next(iter(first))
                 raise InputError(
                     f"{path}: line {line}: column '{name}': nothing found, {first[name]!r} in the first line; "

@@ -41,16 +41,16 @@ def mirror(file: Path, field: SurfaceField, ratio: FloatArray) -> tuple[SurfaceF
             f"{file}: mirrored, but points lie on both sides of the symmetry plane: y from {y.min():.4g} to "
             f"{y.max():.4g} m"
         )
-    other = field.point * np.array([1.0, -1.0, 1.0])
-    whole = replace(field, point=np.concatenate([field.point, other]))
+    reflected = field.point * np.array([1.0, -1.0, 1.0])
+    both = replace(field, point=np.concatenate([field.point, reflected]))
     if field.normal is not None:
-        whole = replace(whole, normal=np.concatenate([field.normal, field.normal * np.array([1.0, -1.0, 1.0])]))
+        both = replace(both, normal=np.concatenate([field.normal, field.normal * np.array([1.0, -1.0, 1.0])]))
     if field.triangle is not None:
         image = np.where(np.abs(y) <= slack, 0, len(y)) + np.arange(len(y))
-        whole = replace(whole, triangle=np.concatenate([field.triangle, image[field.triangle][:, ::-1]]))
+        both = replace(both, triangle=np.concatenate([field.triangle, image[field.triangle][:, ::-1]]))
     if field.face is not None:
-        whole = replace(whole, face=np.concatenate([field.face, field.face + len(ratio)]))
-    return whole, np.concatenate([ratio, ratio])
+        both = replace(both, face=np.concatenate([field.face, field.face + len(ratio)]))
+    return both, np.concatenate([ratio, ratio])
 
 
 def orient(source: SurfaceMesh, surface: SurfaceMesh) -> SurfaceMesh:

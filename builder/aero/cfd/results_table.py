@@ -61,12 +61,12 @@ class TableEngine:
     def inputs(self) -> Mapping[str, Any]:
         common = self.manifest.entries.settings()
         written = {str(case.content): case.written.settings() for case in self.manifest.cases}
-        others = {content: how for content, how in written.items() if how != common}
+        exceptions = {content: how for content, how in written.items() if how != common}
         return {
             "engine": self.name,
             "method_version": METHOD_VERSION,
             "manifest": common,
-            **({"written": others} if others else {}),
+            **({"written": exceptions} if exceptions else {}),
             "surface": self.surface.digest(),
         }
 

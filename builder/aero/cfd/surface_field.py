@@ -98,15 +98,15 @@ def _vtk_field(path: Path, array: str | None, location: Location | None) -> Surf
         "node": surface.node_arrays,
         "cell": surface.cell_arrays,
     }
-    there: list[tuple[Location, str]] = [
+    available: list[tuple[Location, str]] = [
         (place, name) for place, arrays in arrays_at.items() if location in (None, place) for name in arrays
     ]
-    fitting = [(place, name) for place, name in there if array in (None, name)]
-    listed = ", ".join(f"'{name}' ({place})" for place, name in there) or "none"
+    fitting = [(place, name) for place, name in available if array in (None, name)]
+    listed = ", ".join(f"'{name}' ({place})" for place, name in available) or "none"
     if not fitting:
-        others = f"; no scalars of real numbers: {', '.join(surface.other_arrays)}" if surface.other_arrays else ""
+        unread = f"; no scalars of real numbers: {', '.join(surface.other_arrays)}" if surface.other_arrays else ""
         raise InputError(
-            f"{path}: no array {f'{array!r}' if array else 'of values'} found; there are: {listed}{others}"
+            f"{path}: no array {f'{array!r}' if array else 'of values'} found; there are: {listed}{unread}"
         )
     if len(fitting) > 1:
         entry = "location" if array else "array"
@@ -153,8 +153,8 @@ def _checked(path: Path, field: SurfaceField, metres_per_unit: float) -> Surface
         if face is None:
             values = values[used]
         else:
-            kept, face = np.unique(face, return_inverse=True)
-            values, face = values[kept], face.astype(np.int64)
+            used_faces, face = np.unique(face, return_inverse=True)
+            values, face = values[used_faces], face.astype(np.int64)
     if not np.isfinite(point).all():
         wild = np.isfinite(point).sum(axis=1) < 3
         raise InputError(f"{path}: point {_first(wild)} has a coordinate that is not finite")

@@ -76,12 +76,12 @@ def reconstruct(mesh: SurfaceMesh, face: IntArray, values: FloatArray) -> tuple[
     middle = _sum_by(face, weight[:, None] * corner.mean(axis=1), n_cells) / area[:, None]
     normal = _sum_by(face, mesh.vector_area, n_cells)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    here, there = _neighbours(mesh, face, normal, n_cells)
-    gradient = _gradient(middle, normal, values, here, there)
+    cell, neighbour = _neighbours(mesh, face, normal, n_cells)
+    gradient = _gradient(middle, normal, values, cell, neighbour)
     step = np.einsum("mki,mi->mk", corner - middle[face][:, None], gradient[face])
     low, high = values.copy(), values.copy()
-    np.minimum.at(low, here, values[there])
-    np.maximum.at(high, here, values[there])
+    np.minimum.at(low, cell, values[neighbour])
+    np.maximum.at(high, cell, values[neighbour])
     room = np.where(step > 0.0, (high - values)[face][:, None], (values - low)[face][:, None])
     fraction = np.divide(room, np.abs(step), out=np.ones_like(step), where=np.abs(step) > room)
     limit = np.ones(n_cells)
@@ -97,26 +97,26 @@ def _neighbours(mesh: SurfaceMesh, face: IntArray, normal: FloatArray, n_cells: 
     index = mesh.triangle.ravel(), np.repeat(face, 3)
     touches = sparse.csr_matrix((entries, index), shape=(mesh.n_nodes, n_cells))
     pairs = (touches.T @ touches).tocoo()
-    here, there = pairs.row.astype(np.int64), pairs.col.astype(np.int64)
-    kept = (here != there) & (np.einsum("pi,pi->p", normal[here], normal[there]) > MIN_COSINE)
-    return here[kept], there[kept]
+    cell, neighbour = pairs.row.astype(np.int64), pairs.col.astype(np.int64)
+    smooth = (cell != neighbour) & (np.einsum("pi,pi->p", normal[cell], normal[neighbour]) > MIN_COSINE)
+    return cell[smooth], neighbour[smooth]
 
 
 def _gradient(
-    middle: FloatArray, normal: FloatArray, values: FloatArray, here: IntArray, there: IntArray
+    middle: FloatArray, normal: FloatArray, values: FloatArray, cell: IntArray, neighbour: IntArray
 ) -> FloatArray:
     """Return the least-squares gradient (n_cells, 3) in each cell's tangent plane, weights 1/distance^2."""
-    step = middle[there] - middle[here]
+    step = middle[neighbour] - middle[cell]
     length = np.linalg.norm(step, axis=1, keepdims=True)
-    flat = step - normal[here] * np.einsum("pi,pi->p", step, normal[here])[:, None]
+    flat = step - normal[cell] * np.einsum("pi,pi->p", step, normal[cell])[:, None]
     size = np.linalg.norm(flat, axis=1, keepdims=True)
     # The way along the surface is as long as the way in space; only its direction is the tangent plane's.
     unit = np.divide(flat, size, out=np.zeros_like(flat), where=size > 0.0)
     slope = np.divide(
-        (values[there] - values[here])[:, None], length, out=np.zeros_like(length), where=length > 0.0
+        (values[neighbour] - values[cell])[:, None], length, out=np.zeros_like(length), where=length > 0.0
     )
-    matrix = _sum_by(here, np.einsum("pi,pj->pij", unit, unit), len(values))
-    right = _sum_by(here, unit * slope, len(values))
+    matrix = _sum_by(cell, np.einsum("pi,pj->pij", unit, unit), len(values))
+    right = _sum_by(cell, unit * slope, len(values))
     gradient: FloatArray = np.einsum("nij,nj->ni", np.linalg.pinv(matrix, rcond=_RANK_CUT, hermitian=True), right)
     return gradient
 
@@ -157,8 +157,8 @@ class _Cloud:
 
     def near(self, place: FloatArray, normal: FloatArray, count: int) -> IntArray:
         """Return the ``count`` points (t, k) nearest to places (t, 3) with normals (t, 3): distance and turn."""
-        found = self.tree.query(np.hstack([place, self.scale * normal]), k=min(count, len(self.point)))[1]
-        return np.asarray(found, dtype=np.int64).reshape(len(place), -1)
+        nearest = self.tree.query(np.hstack([place, self.scale * normal]), k=min(count, len(self.point)))[1]
+        return np.asarray(nearest, dtype=np.int64).reshape(len(place), -1)
 
 
 def cloud_map(point: FloatArray, normal: FloatArray | None, surface: SurfaceMesh) -> sparse.csr_array:
@@ -175,12 +175,12 @@ def cloud_map(point: FloatArray, normal: FloatArray | None, surface: SurfaceMesh
     extent = float(np.linalg.norm(np.ptp(surface.point, axis=0)))
     piece = part_of_node(surface)
     nearest = cKDTree(surface.point).query(point)[1]
-    found = closest_points(surface, point, surface.node_normal[nearest] if normal is None else _unit(normal))
-    _check_distance(point, found.gap, extent)
-    onto = interpolation_at(surface, found)
-    corner = surface.triangle[found.triangle]
+    closest = closest_points(surface, point, surface.node_normal[nearest] if normal is None else _unit(normal))
+    _check_distance(point, closest.gap, extent)
+    onto = interpolation_at(surface, closest)
+    corner = surface.triangle[closest.triangle]
     if normal is None:
-        settled = np.einsum("nk,nk->n", found.weight, 1.0 - _is_doubled(surface, extent)[corner]) > _ON_EDGE
+        settled = np.einsum("nk,nk->n", closest.weight, 1.0 - _is_doubled(surface, extent)[corner]) > _ON_EDGE
         normal = onto @ surface.node_normal
     else:
         settled = np.ones(len(point), dtype=bool)
@@ -222,27 +222,27 @@ def _interpolate(cloud: _Cloud, target: FloatArray, normal: FloatArray, extent: 
     distance, nearest = cKDTree(cloud.point).query(target)
     if distance.max() > WIDEST_GAP * extent:
         raise _uncovered(target[int(np.argmax(distance))], extent)
-    weight, found = _triangle_weights(cloud, target, normal)
-    left = np.flatnonzero(~found)
-    if not len(left):
+    weight, inside = _triangle_weights(cloud, target, normal)
+    outside = np.flatnonzero(~inside)
+    if not len(outside):
         return weight
-    step = _inward(cloud, target[left], normal[left])
-    one, first = _triangle_weights(cloud, target[left] + step, normal[left])
-    two, second = _triangle_weights(cloud, target[left] + 2.0 * step, normal[left])
+    step = _inward(cloud, target[outside], normal[outside])
+    first_weight, first = _triangle_weights(cloud, target[outside] + step, normal[outside])
+    second_weight, second = _triangle_weights(cloud, target[outside] + 2.0 * step, normal[outside])
     both = first & second
-    carried = sparse.diags_array(np.where(both, 2.0, np.where(first, 1.0, 0.0))) @ one
-    carried = carried - sparse.diags_array(np.where(both, 1.0, 0.0)) @ two
-    carried = carried + sparse.diags_array(np.where(first, 0.0, 1.0)) @ _pick(nearest[left], len(cloud.point))
-    return sparse.csr_array(weight + _pick(left, len(target)).T @ carried)
+    carried = sparse.diags_array(np.where(both, 2.0, np.where(first, 1.0, 0.0))) @ first_weight
+    carried = carried - sparse.diags_array(np.where(both, 1.0, 0.0)) @ second_weight
+    carried = carried + sparse.diags_array(np.where(first, 0.0, 1.0)) @ _pick(nearest[outside], len(cloud.point))
+    return sparse.csr_array(weight + _pick(outside, len(target)).T @ carried)
 
 
 def _triangle_weights(cloud: _Cloud, target: FloatArray, normal: FloatArray) -> tuple[sparse.csr_array, BoolArray]:
     """Return weights (t, n) of linear interpolation, and whether a triangle of points holds the target (t,)."""
     rows, columns, weights = [], [], []
-    left = np.arange(len(target))
+    pending = np.arange(len(target))
     for count in _CANDIDATES:
-        waiting = [left[:0]]
-        for chunk in np.array_split(left, -(-len(left) // _CHUNK)) if len(left) else []:
+        waiting = [pending[:0]]
+        for chunk in np.array_split(pending, -(-len(pending) // _CHUNK)) if len(pending) else []:
             near = cloud.near(target[chunk], normal[chunk], count)
             flat, usable = _unroll(cloud, near, target[chunk], normal[chunk])
             chosen, usable = _spread(flat, usable)
@@ -253,11 +253,11 @@ def _triangle_weights(cloud: _Cloud, target: FloatArray, normal: FloatArray) -> 
             columns.append(near[row, column])
             weights.append(weight[row, column])
             waiting.append(chunk[~weight.any(axis=1)])
-        left = np.concatenate(waiting)
-    found = np.ones(len(target), dtype=bool)
-    found[left] = False
+        pending = np.concatenate(waiting)
+    inside = np.ones(len(target), dtype=bool)
+    inside[pending] = False
     entries = np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))
-    return sparse.csr_array(entries, shape=(len(target), len(cloud.point))), found
+    return sparse.csr_array(entries, shape=(len(target), len(cloud.point))), inside
 
 
 def _frame(normal: FloatArray) -> FloatArray:
@@ -324,9 +324,9 @@ def _delaunay(flat: FloatArray, usable: BoolArray) -> FloatArray:
         weight[row, triple[best[row], corner]] = barycentric[row, best[row], corner]
     # A point at the target itself settles it, whatever triangles can be made.
     at_target = usable & (square <= 1e-12 * square.max(axis=1, keepdims=True))
-    here = at_target.any(axis=1)
-    weight[here] = 0.0
-    weight[here, at_target[here].argmax(axis=1)] = 1.0
+    coincident = at_target.any(axis=1)
+    weight[coincident] = 0.0
+    weight[coincident, at_target[coincident].argmax(axis=1)] = 1.0
     return weight
 
 
@@ -338,8 +338,8 @@ def _inward(cloud: _Cloud, target: FloatArray, normal: FloatArray) -> FloatArray
     third = np.sort(distance, axis=1)[:, min(2, distance.shape[1] - 1)]
     length = np.where(np.isfinite(third), 1.02 * third, 0.0)
     toward = np.where(usable[:, :, None], _unit(flat), 0.0).sum(axis=1)
-    way: FloatArray = np.einsum("tij,ti->tj", _frame(normal), _unit(toward)) * length[:, None]
-    return way
+    step: FloatArray = np.einsum("tij,ti->tj", _frame(normal), _unit(toward)) * length[:, None]
+    return step
 
 
 def _unit(vector: FloatArray) -> FloatArray:
@@ -370,9 +370,9 @@ KEPT = 2
 class _Known(Generic[T]):
     """A mesh or a field that equals another one of the same digest, for what is kept."""
 
-    def __init__(self, digest: str, held: T) -> None:
+    def __init__(self, digest: str, value: T) -> None:
         self.digest = digest
-        self.held: T = held
+        self.value: T = value
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Known) and self.digest == other.digest
@@ -393,8 +393,8 @@ def on_surface(field: SurfaceField, ratio: FloatArray, surface: SurfaceMesh) -> 
     if field.triangle is None:
         # Where one-sided points are carried on, the line may leave what the file holds.
         return np.clip(_cloud(_points(field), target) @ ratio, ratio.min(), ratio.max())
-    found = SurfaceMesh(field.point, field.triangle)
-    source = _oriented(_known(found), target)
+    mesh = SurfaceMesh(field.point, field.triangle)
+    source = _oriented(_known(mesh), target)
     if field.face is not None:
         source, ratio = reconstruct(source, field.face, ratio)
     transfer, gap = _transfer(_known(source), target)
@@ -415,15 +415,15 @@ def _points(field: SurfaceField) -> _Known[SurfaceField]:
 
 @lru_cache(maxsize=KEPT)
 def _cloud(source: _Known[SurfaceField], target: _Known[SurfaceMesh]) -> sparse.csr_array:
-    return cloud_map(source.held.point, source.held.normal, target.held)
+    return cloud_map(source.value.point, source.value.normal, target.value)
 
 
 @lru_cache(maxsize=KEPT)
 def _oriented(source: _Known[SurfaceMesh], target: _Known[SurfaceMesh]) -> SurfaceMesh:
-    return orient(source.held, target.held)
+    return orient(source.value, target.value)
 
 
 @lru_cache(maxsize=KEPT)
 def _transfer(source: _Known[SurfaceMesh], target: _Known[SurfaceMesh]) -> tuple[PressureMap, SurfaceGap]:
-    transfer = pressure_map(source.held, target.held)
-    return transfer, surface_gap(transfer, source.held, target.held)
+    transfer = pressure_map(source.value, target.value)
+    return transfer, surface_gap(transfer, source.value, target.value)

@@ -82,17 +82,17 @@ class FullBodyEngine:
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:
         grid = sections_grid(self.body, self.n_x, self.n_roll)
         ratio = pressure_at_stations(pieces(flow), grid)
-        angle, at = flow.arrays["roll_angle"], node_roll_angles(self.body, grid)
+        angle, roll = flow.arrays["roll_angle"], node_roll_angles(self.body, grid)
         if condition.sideslip_angle < 0.0:
-            at = -at
+            roll = -roll
         if condition.angle_of_attack < 0.0 and self.body.is_symmetric_up_and_down:
-            at = np.pi - at
+            roll = np.pi - roll
         turn = 2.0 * np.pi
-        angles, at = np.concatenate([angle - turn, angle, angle + turn]), np.mod(at, turn)
-        found = np.empty(at.shape)
+        angles, roll = np.concatenate([angle - turn, angle, angle + turn]), np.mod(roll, turn)
+        at_nodes = np.empty(roll.shape)
         for station, row in enumerate(np.tile(ratio, (1, 3))):
-            found[station] = Akima1DInterpolator(angles, row, method="makima")(at[station])
-        return found.ravel()
+            at_nodes[station] = Akima1DInterpolator(angles, row, method="makima")(roll[station])
+        return at_nodes.ravel()
 
 
 def _arrays(solution: FullFlowSolution) -> dict[str, FloatArray]:

@@ -83,7 +83,11 @@ class NewtonianEngine:
             "surface": self.surface.digest(),
             "stagnation": self.stagnation,
             "leeward": self.leeward,
-            **({"deflections": {one.name: one.digest() for one in self.deflections}} if self.deflections else {}),
+            **(
+                {"deflections": {deflection.name: deflection.digest() for deflection in self.deflections}}
+                if self.deflections
+                else {}
+            ),
         }
 
     def conditions(self) -> None:
@@ -112,7 +116,7 @@ class NewtonianEngine:
 
     def _moved(self, parameters: tuple[float, ...]) -> SurfaceMesh:
         """Return the surface at values of the flow parameters; those that are not given leave it as it is."""
-        shifts = [one.at(value) for one, value in zip(self.deflections, parameters, strict=False)]
+        shifts = [deflection.at(value) for deflection, value in zip(self.deflections, parameters, strict=False)]
         return SurfaceMesh(self.surface.point + sum(shifts), self.surface.triangle) if shifts else self.surface
 
     def pressure_ratio(self, flow: Flow, condition: FlightCondition) -> FloatArray:

@@ -61,10 +61,10 @@ def hinge_fields(entry: MapEntry) -> dict[str, Any]:
         return {}
     return {
         "hinge_lines": HingeLines(
-            name=tuple(one.name for one in hinges),
-            region=tuple(one.region for one in hinges),
-            point=np.array([one.point_m for one in hinges]),
-            direction=np.array([_unit(one.direction) for one in hinges]),
+            name=tuple(hinge.name for hinge in hinges),
+            region=tuple(hinge.region for hinge in hinges),
+            point=np.array([hinge.point_m for hinge in hinges]),
+            direction=np.array([_unit(hinge.direction) for hinge in hinges]),
         )
     }
 
@@ -79,8 +79,8 @@ def _inside(mesh: SurfaceMesh, region: Region) -> Pieces:
 
 
 def _unit(direction: tuple[float, float, float]) -> FloatArray:
-    found: FloatArray = np.array(direction) / np.linalg.norm(direction)
-    return found
+    unit: FloatArray = np.array(direction) / np.linalg.norm(direction)
+    return unit
 
 
 Surface = SurfaceGrid | SurfaceMesh
@@ -125,9 +125,9 @@ def other_load_operator(surface: Surface, entry: MapEntry, moment_station: float
         A place that ``entry`` states is not on the surface.
     """
     rows = [_ASKED[family].rows(surface, entry, moment_station) for family in FAMILIES]
-    found = np.concatenate(rows)
-    is_zero = isinstance(surface, SurfaceGrid) and len(found) == len(BODY.loads)
-    return found[:0] if is_zero else found
+    operator = np.concatenate(rows)
+    is_zero = isinstance(surface, SurfaceGrid) and len(operator) == len(BODY.loads)
+    return operator[:0] if is_zero else operator
 
 
 def other_load_fields(entry: MapEntry) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def coefficient_scale(dynamic_pressure: float, reference: ReferenceQuantities) -
 
 def coefficient_scales_at(conditions: Iterable[FlightCondition], reference: ReferenceQuantities) -> FloatArray:
     """Return (N, 5) factors from loads [N, N m] to coefficients, a row per flight condition."""
-    return np.array([coefficient_scale(one.dynamic_pressure, reference) for one in conditions])
+    return np.array([coefficient_scale(condition.dynamic_pressure, reference) for condition in conditions])
 
 
 def coefficients_of(

@@ -44,14 +44,14 @@ def part_below(pieces: Pieces, value: FloatArray, level: float) -> Pieces:
         turned = np.take_along_axis(pieces.share[rows], order[:, :, None], axis=1)
         turned = np.take_along_axis(turned, order[:, None, :], axis=2)
         first, second = (np.zeros((len(rows), 3)) for _ in range(2))
-        for cut, other in ((first, 1), (second, 2)):
-            part = (level - at[:, 0]) / (at[:, other] - at[:, 0])
-            cut[:, 0], cut[:, other] = 1.0 - part, part
+        for cut, end in ((first, 1), (second, 2)):
+            part = (level - at[:, 0]) / (at[:, end] - at[:, 0])
+            cut[:, 0], cut[:, end] = 1.0 - part, part
         unit = [np.broadcast_to(np.eye(3)[k], (len(rows), 3)) for k in range(3)]
-        found = [[unit[0], first, second]] if alone == 1 else [[first, unit[1], unit[2]], [first, unit[2], second]]
-        for one in found:
+        parts = [[unit[0], first, second]] if alone == 1 else [[first, unit[1], unit[2]], [first, unit[2], second]]
+        for corners in parts:
             nodes.append(np.take_along_axis(pieces.triangle[rows], order, axis=1))
-            shares.append(np.stack(one, axis=1) @ turned)
+            shares.append(np.stack(corners, axis=1) @ turned)
     return Pieces(np.concatenate(nodes), np.concatenate(shares))
 
 

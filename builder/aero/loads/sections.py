@@ -89,9 +89,9 @@ def bending_operator(surface: SurfaceGrid | SurfaceMesh, entry: MapEntry) -> Flo
         A station lies outside the body.
     """
     rows = np.zeros((len(entry.bending_moments), surface.n_nodes))
-    for row, (number, one) in zip(rows, enumerate(entry.bending_moments, start=1), strict=True):
-        section = section_operator(surface, (one.station_m,), f"map.bending_moments.{number}.station_m")
-        angle = radians(one.roll_angle_deg)
+    for row, (number, moment) in zip(rows, enumerate(entry.bending_moments, start=1), strict=True):
+        section = section_operator(surface, (moment.station_m,), f"map.bending_moments.{number}.station_m")
+        angle = radians(moment.roll_angle_deg)
         row[:] = cos(angle) * section[3] + sin(angle) * section[4]
     return rows
 
@@ -101,12 +101,12 @@ def bending_fields(entry: MapEntry) -> dict[str, Any]:
     asked = entry.bending_moments
     if not asked:
         return {}
-    angles = [radians(one.roll_angle_deg) for one in asked]
+    angles = [radians(moment.roll_angle_deg) for moment in asked]
     return {
         "bending_lines": HingeLines(
-            name=tuple(one.name for one in asked),
-            region=tuple(f"ahead of x = {one.station_m:g} m" for one in asked),
-            point=np.array([(one.station_m, 0.0, 0.0) for one in asked]),
+            name=tuple(moment.name for moment in asked),
+            region=tuple(f"ahead of x = {moment.station_m:g} m" for moment in asked),
+            point=np.array([(moment.station_m, 0.0, 0.0) for moment in asked]),
             direction=np.array([(0.0, cos(angle), -sin(angle)) for angle in angles]),
         )
     }

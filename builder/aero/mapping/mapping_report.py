@@ -149,11 +149,11 @@ def surface_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh)
     back = closest_points(target, source.point, np.zeros_like(source.point))
     # Of the source's nodes those on hardly any area are left out: the target's tip may be cut.
     order = np.argsort(-back.gap, kind="stable")
-    beyond = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
-    there, here = int(np.argmax(transfer.found.gap)), int(order[np.argmax(beyond)])
-    if back.gap[here] > transfer.found.gap[there]:
-        return SurfaceGap(float(back.gap[here]), source.point[here])
-    return SurfaceGap(float(transfer.found.gap[there]), target.point[there])
+    relevant = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
+    target_node, source_node = int(np.argmax(transfer.found.gap)), int(order[np.argmax(relevant)])
+    if back.gap[source_node] > transfer.found.gap[target_node]:
+        return SurfaceGap(float(back.gap[source_node]), source.point[source_node])
+    return SurfaceGap(float(transfer.found.gap[target_node]), target.point[target_node])
 
 
 def _box(mesh: SurfaceMesh) -> FloatArray:
@@ -202,9 +202,9 @@ def check_mapping(report: MappingReport, tolerances: MappingTolerances) -> None:
             "interpolation changes the moment by {} of force times length",
         ),
     )
-    for found, allowed, text in checks:
-        if not found <= allowed:
-            loss = text.format(f"{100 * found:.3g} %")
+    for value, allowed, text in checks:
+        if not value <= allowed:
+            loss = text.format(f"{100 * value:.3g} %")
             raise InputError(f"mapping: {loss}, at most {100 * allowed:.3g} % is allowed; {likely_cause(report)}")
     if report.source_closed and not report.target_closed:
         raise InputError(f"mapping: {_BASE_INCLUDED}")
@@ -231,8 +231,8 @@ def likely_cause(report: MappingReport) -> str:
         pairs = [f"{_AXES[i]} {source[i]:.3g} m (expected {target[i]:.3g} m)" for i in range(3)]
         return f"the axes are in another order: extents {', '.join(pairs)}; body axes are x aft, y starboard, z up"
     for i in range(3):
-        others = [k for k in range(3) if k != i]
-        if _same_size(source[others], target[others]) and abs(2.0 * source[i] / target[i] - 1.0) < _SAME_SIZE:
+        axes = [k for k in range(3) if k != i]
+        if _same_size(source[axes], target[axes]) and abs(2.0 * source[i] / target[i] - 1.0) < _SAME_SIZE:
             return f"the source is half as wide along {_AXES[i]}: a half model, mirror it first"
     pairs = [f"{_AXES[i]} {source[i]:.4g} m (expected {target[i]:.4g} m)" for i in range(3)]
     return f"the shapes differ: extents {', '.join(pairs)}"

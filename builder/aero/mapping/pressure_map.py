@@ -55,11 +55,11 @@ def consistent_map(source: SurfaceMesh, target_point: FloatArray, target_normal:
     return interpolation_at(source, closest_points(source, target_point, target_normal))
 
 
-def interpolation_at(source: SurfaceMesh, found: ClosestPoints) -> sparse.csr_array:
+def interpolation_at(source: SurfaceMesh, closest: ClosestPoints) -> sparse.csr_array:
     """Return the interpolation of nodal values of ``source`` at points found before, sparse (n, n_source)."""
-    rows = np.repeat(np.arange(len(found.gap)), 3)
-    columns = source.triangle[found.triangle].ravel()
-    return sparse.csr_array((found.weight.ravel(), (rows, columns)), shape=(len(found.gap), source.n_nodes))
+    rows = np.repeat(np.arange(len(closest.gap)), 3)
+    columns = source.triangle[closest.triangle].ravel()
+    return sparse.csr_array((closest.weight.ravel(), (rows, columns)), shape=(len(closest.gap), source.n_nodes))
 
 
 def nodal_force_operator(mesh: SurfaceMesh) -> sparse.csr_array:
@@ -91,19 +91,19 @@ def conservative_force_map(source: SurfaceMesh, target: SurfaceMesh) -> sparse.c
     InputError
         A target triangle in use has no area.
     """
-    found = closest_points(target, source.point, source.node_normal)
-    corner = target.point[target.triangle[found.triangle]]
-    d = source.point - np.einsum("nk,nki->ni", found.weight, corner)
+    closest = closest_points(target, source.point, source.node_normal)
+    corner = target.point[target.triangle[closest.triangle]]
+    d = source.point - np.einsum("nk,nki->ni", closest.weight, corner)
     r = corner - corner.mean(axis=1, keepdims=True)
     square = np.einsum("nki,nki->n", r, r)
     inertia = square[:, None, None] * np.eye(3) - np.einsum("nki,nkj->nij", r, r)
-    flat = target.area[found.triangle] <= 1e-12 * square
+    flat = target.area[closest.triangle] <= 1e-12 * square
     if flat.any():
-        triangle = int(found.triangle[np.flatnonzero(flat)[0]])
+        triangle = int(closest.triangle[np.flatnonzero(flat)[0]])
         raise InputError(f"surface: triangle {triangle} has no area and cannot take forces")
     couple = np.linalg.solve(inertia, _cross_matrix(d))
-    block = found.weight[:, :, None, None] * np.eye(3) - _cross_matrix(r) @ couple[:, None]
-    rows = 3 * target.triangle[found.triangle][:, :, None, None] + np.arange(3)[:, None]
+    block = closest.weight[:, :, None, None] * np.eye(3) - _cross_matrix(r) @ couple[:, None]
+    rows = 3 * target.triangle[closest.triangle][:, :, None, None] + np.arange(3)[:, None]
     columns = 3 * np.arange(source.n_nodes)[:, None, None, None] + np.arange(3)
     index = (np.broadcast_to(rows, block.shape).ravel(), np.broadcast_to(columns, block.shape).ravel())
     return sparse.csr_array((block.ravel(), index), shape=(3 * target.n_nodes, 3 * source.n_nodes))
@@ -177,7 +177,7 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     The conservative correction A^-1 L^T (L A^-1 L^T)^-1, with nodal areas A and the target's load operator L,
     minimises sum_i A_i (q_i - p_i)^2 under L q = the source's loads.
     """
-    found = closest_points(source, target.point, target.node_normal)
+    closest = closest_points(source, target.point, target.node_normal)
     middle = float(0.5 * (target.point[:, 0].min() + target.point[:, 0].max()))
     own_loads = mesh_load_operator(source, middle)
     loads = mesh_load_operator(target, middle) if grid is None else load_operator(grid, middle)
@@ -193,8 +193,8 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     inverse = np.linalg.pinv(gram, rcond=_RANK_CUT, hermitian=True)
     correction = per_area.T @ (scale[:, None] * inverse * scale)
     return PressureMap(
-        found=found,
-        interpolation=interpolation_at(source, found),
+        found=closest,
+        interpolation=interpolation_at(source, closest),
         source_loads=own_loads,
         target_loads=loads,
         correction=correction,

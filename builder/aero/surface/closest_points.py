@@ -66,8 +66,8 @@ def closest_points(source: SurfaceMesh, point: FloatArray, normal: FloatArray) -
     normal : (n, 3) their outward unit normals; a zero vector fits everywhere.
     """
     search = _Search(source)
-    found = [search.find(point[block], normal[block]) for block in _blocks(len(point))]
-    triangle, weight, gap, fits = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    blocks = [search.find(point[block], normal[block]) for block in _blocks(len(point))]
+    triangle, weight, gap, fits = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     return ClosestPoints(triangle=triangle, weight=weight, gap=gap, fits=fits)
 
 

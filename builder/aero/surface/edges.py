@@ -57,11 +57,11 @@ def prepare_surface(mesh: SurfaceMesh, feature_angle: float) -> tuple[SurfaceMes
         The surface is open elsewhere (a half model), more than two triangles share an edge, or it has one side
         only (a Moebius strip).
     """
-    whole = _merged(mesh)
-    edges = _edges(whole)
-    _check_closed(whole, edges)
-    outward, turned = turn_outward(whole, edges)
-    notes = [] if turned == 0 else [f"{turned} of {len(whole.triangle)} triangles were turned to face outward"]
+    merged = _merged(mesh)
+    edges = _edges(merged)
+    _check_closed(merged, edges)
+    outward, turned = turn_outward(merged, edges)
+    notes = [] if turned == 0 else [f"{turned} of {len(merged.triangle)} triangles were turned to face outward"]
     return split_at_edges(outward, feature_angle), tuple(notes)
 
 
@@ -75,21 +75,21 @@ def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
     So a node's normal and pressure belong to one side of an edge. At a pointed tip, where no single edge is sharp
     but the normals all round differ by more than the angle from their mean, each triangle gets a node of its own.
     """
-    whole = _merged(mesh)
-    edges = _edges(whole)
-    unit = whole.vector_area / np.maximum(whole.area, np.finfo(float).tiny)[:, None]
+    merged = _merged(mesh)
+    edges = _edges(merged)
+    unit = merged.vector_area / np.maximum(merged.area, np.finfo(float).tiny)[:, None]
     flat = np.einsum("ei,ei->e", unit[edges.left], unit[edges.right]) >= np.cos(angle)
     smooth = flat & ~edges.turned
-    corner = 3 * np.arange(len(whole.triangle))[:, None] + np.arange(3)
+    corner = 3 * np.arange(len(merged.triangle))[:, None] + np.arange(3)
     ends = []
     for k in range(2):
         node = edges.node[smooth, k][:, None]
         left, right = edges.left[smooth], edges.right[smooth]
         ends.append(
-            (corner[left][whole.triangle[left] == node], corner[right][whole.triangle[right] == node]),
+            (corner[left][merged.triangle[left] == node], corner[right][merged.triangle[right] == node]),
         )
-    here, there = (np.concatenate(side) for side in zip(*ends, strict=True))
-    count, fan = connected(here, there, corner.size)
+    first_end, second_end = (np.concatenate(side) for side in zip(*ends, strict=True))
+    count, fan = connected(first_end, second_end, corner.size)
     corners_normal = np.repeat(unit, 3, axis=0)
     mean = np.zeros((count, 3))
     np.add.at(mean, fan, corners_normal)
@@ -100,7 +100,7 @@ def split_at_edges(mesh: SurfaceMesh, angle: float) -> SurfaceMesh:
     alone = pointed[fan]
     fan[alone] = count + np.arange(np.count_nonzero(alone))
     _, first, number = np.unique(fan, return_index=True, return_inverse=True)
-    return SurfaceMesh(whole.point[whole.triangle.ravel()[first]], number.reshape(-1, 3).astype(np.int64))
+    return SurfaceMesh(merged.point[merged.triangle.ravel()[first]], number.reshape(-1, 3).astype(np.int64))
 
 
 def turn_outward(mesh: SurfaceMesh, edges: _Edges | None = None) -> tuple[SurfaceMesh, int]:
@@ -117,10 +117,10 @@ def turn_outward(mesh: SurfaceMesh, edges: _Edges | None = None) -> tuple[Surfac
     edges = _edges(mesh) if edges is None else edges
     m = len(mesh.triangle)
     # Two copies of every triangle, as it is (t) and turned over (m + t). Neighbours that agree join equal copies.
-    other = np.where(edges.turned, m, 0)
-    here = np.concatenate([edges.left, edges.left + m])
-    there = np.concatenate([edges.right + other, edges.right + m - other])
-    count, copy = connected(here, there, 2 * m)
+    opposite = np.where(edges.turned, m, 0)
+    first_copy = np.concatenate([edges.left, edges.left + m])
+    second_copy = np.concatenate([edges.right + opposite, edges.right + m - opposite])
+    count, copy = connected(first_copy, second_copy, 2 * m)
     if (copy[:m] == copy[m:]).any():
         where = mesh.point[mesh.triangle[int(np.flatnonzero(copy[:m] == copy[m:])[0]), 0]]
         raise InputError(f"surface: the part at {_place(where)} has one side only, like a Moebius strip")

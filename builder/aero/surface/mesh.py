@@ -115,10 +115,10 @@ def mesh_of_grid(grid: SurfaceGrid) -> SurfaceMesh:
     station, around = np.meshgrid(np.arange(n_x - 1), np.arange(n_roll), indexing="ij")
     keep = (np.diff(grid.x) > 0.0)[station]
     station, around = station[keep], around[keep]
-    here, there = station * n_roll, (station + 1) * n_roll
+    ring, next_ring = station * n_roll, (station + 1) * n_roll
     after = (around + 1) % n_roll
-    low = np.stack([here + around, there + around, there + after], axis=1)
-    high = np.stack([here + around, there + after, here + after], axis=1)[grid.radius[station] > 0.0]
+    low = np.stack([ring + around, next_ring + around, next_ring + after], axis=1)
+    high = np.stack([ring + around, next_ring + after, ring + after], axis=1)[grid.radius[station] > 0.0]
     return SurfaceMesh(point, np.concatenate([low, high]).astype(np.int64))
 
 

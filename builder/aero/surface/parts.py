@@ -11,12 +11,14 @@ from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import IntArray
 
 
-def connected(here: IntArray, there: IntArray, count: int) -> tuple[int, IntArray]:
+def connected(first_node: IntArray, second_node: IntArray, count: int) -> tuple[int, IntArray]:
     """Return the number of parts that ``count`` things fall into, and the part (count,) of each.
 
     ``here`` and ``there`` (k,) are pairs of things that belong together; parts are numbered by their first thing.
     """
-    graph = sparse.coo_array((np.ones(len(here), dtype=bool), (here, there)), shape=(count, count))
+    graph = sparse.coo_array(
+        (np.ones(len(first_node), dtype=bool), (first_node, second_node)), shape=(count, count)
+    )
     number, part = connected_components(graph, directed=False)
     return int(number), part.astype(np.int64)
 
@@ -36,5 +38,5 @@ def merge_nodes(mesh: SurfaceMesh, distance: float) -> SurfaceMesh:
     _, index = connected(near[:, 0], near[:, 1], mesh.n_nodes)
     first = np.unique(index, return_index=True)[1]
     triangle = index[mesh.triangle]
-    kept = (triangle != np.roll(triangle, 1, axis=1)).all(axis=1)
-    return SurfaceMesh(mesh.point[first], triangle[kept])
+    proper = (triangle != np.roll(triangle, 1, axis=1)).all(axis=1)
+    return SurfaceMesh(mesh.point[first], triangle[proper])

@@ -47,17 +47,17 @@ def pierced_places(mesh: SurfaceMesh) -> FloatArray:
     centroid = corner.mean(axis=1)
     reach = np.linalg.norm(corner - centroid[:, None], axis=2).max(axis=1)
     size_class = np.floor(np.log2(np.maximum(reach / reach.max(), _CLASSES))).astype(int)
-    found = []
+    places = []
     for which in np.unique(size_class):
         member = np.flatnonzero(size_class == which)
         tree = cKDTree(centroid[member])
         near = tree.query_ball_point(middle, half + float(reach[member].max()))
-        owner = np.repeat(np.arange(len(edge)), [len(one) for one in near])
-        flat = np.fromiter((k for one in near for k in one), dtype=np.int64, count=len(owner))
+        owner = np.repeat(np.arange(len(edge)), [len(triangles) for triangles in near])
+        flat = np.fromiter((k for triangles in near for k in triangles), dtype=np.int64, count=len(owner))
         triangle: IntArray = member[flat]
         apart = ~_share_a_node(place[edge[owner]], corner_place[triangle])
-        found.append(_crossings(mesh.point[edge[owner[apart]]], corner[triangle[apart]]))
-    return np.concatenate(found)
+        places.append(_crossings(mesh.point[edge[owner[apart]]], corner[triangle[apart]]))
+    return np.concatenate(places)
 
 
 def _share_a_node(edge: IntArray, triangle: IntArray) -> BoolArray:

@@ -195,8 +195,8 @@ def host_costs(fmu: Path, unzipped: Path, inverse_map: InverseMap) -> dict[str, 
     numbers = (pressure, names["zero[1]"], *sensors, names.get(FILTER_TIME_CONSTANT, 0), REPEATS)
     values = [repr(number) for number in numbers]
     times = run([str(program), str(libraries[0]), description.guid, resources, *values, *strains])
-    costs = np.array(times.split(), dtype=float).tolist()
-    product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = costs
+    seconds = np.array(times.split(), dtype=float).tolist()
+    product, step, varied, faulty, warm, warm_varied, cold, filtered, instantiation = seconds
     more = f"with zeros and {sensors[0]} temperatures"
     searched = inverse_map.manifold is not None
     costs = {

@@ -58,8 +58,8 @@ def read_cart3d(path: Path) -> Triangulation:
     header = numbers_of(path, header_line, first_line)
     if len(header) != n_header or (header != np.round(header)).any() or (header < 1).any():
         expected = "nVerts nTris nScalars" if annotated else "nVerts nTris"
-        found = header_line.decode("ascii", "replace").strip()[:60]
-        raise InputError(f"{path}: line {first_line}: {found!r} found, must be {expected}, each at least 1")
+        text = header_line.decode("ascii", "replace").strip()[:60]
+        raise InputError(f"{path}: line {first_line}: {text!r} found, must be {expected}, each at least 1")
     counts = [int(value) for value in header]
     values = numbers_of(path, body, first_line + 1)
     return _divide(path, values, counts[0], counts[1], counts[2] if annotated else 0)
@@ -68,10 +68,10 @@ def read_cart3d(path: Path) -> Triangulation:
 def _divide(path: Path, values: FloatArray, n_point: int, n_triangle: int, n_scalar: int) -> Triangulation:
     """Cut the numbers behind the header into vertices, triangles, components and scalars."""
     bare = 3 * n_point + 3 * n_triangle
-    whole = bare + n_triangle + n_scalar * n_point
-    if len(values) != whole and not (n_scalar == 0 and len(values) == bare):
+    complete = bare + n_triangle + n_scalar * n_point
+    if len(values) != complete and not (n_scalar == 0 and len(values) == bare):
         raise InputError(
-            f"{path}: {len(values)} numbers behind the header, must be {whole} for {n_point} vertices, "
+            f"{path}: {len(values)} numbers behind the header, must be {complete} for {n_point} vertices, "
             f"{n_triangle} triangles, {n_scalar} scalars"
         )
     point = values[: 3 * n_point].reshape(-1, 3)

@@ -93,10 +93,10 @@ def _axis_column(path: Path, header: list[str], k: int, metres_per_unit: float, 
                 raise InputError(f"{path}: column '{name}' found, but the manifest gives another length_unit")
             return index
     above = _names_above_numbers(lines)
-    there = shown_columns(above, above) if above else shown_columns(header, _known_columns())
+    columns = shown_columns(above, above) if above else shown_columns(header, _known_columns())
     raise InputError(
         f"{path}: no column '{_AXES[k]}' found ('{_AXES[k]}', '{_AXES[k]}_m', 'Points:{k}' ... allowed, in the "
-        f"first line); there are: {there}"
+        f"first line); there are: {columns}"
     )
 
 

@@ -64,12 +64,12 @@ def _text_corners(path: Path, content: bytes) -> FloatArray:
             f"{path}: neither an ASCII STL (begins with 'solid') nor a binary one (its length does not fit its "
             "count of triangles: cut short?)"
         )
-    found = _FACET.findall(content)
+    facets = _FACET.findall(content)
     begun = len(re.findall(rb"^\s*facet\s", content, re.IGNORECASE | re.MULTILINE))
-    if len(found) != begun or b"endsolid" not in content[-400:].lower():
-        raise InputError(f"{path}: {begun} facets begun, {len(found)} complete; cut short or damaged STL")
+    if len(facets) != begun or b"endsolid" not in content[-400:].lower():
+        raise InputError(f"{path}: {begun} facets begun, {len(facets)} complete; cut short or damaged STL")
     try:
-        return np.array(found, dtype=np.float64).reshape(-1, 3, 3)
+        return np.array(facets, dtype=np.float64).reshape(-1, 3, 3)
     except ValueError as error:
         raise InputError(f"{path}: a vertex is no number: {error}") from error
 

@@ -37,14 +37,16 @@ def write_surface(path: Path, mesh: SurfaceMesh, closed: bool = False) -> None:
     if suffix not in SURFACE_FORMATS:
         raise InputError(f"{path}: '{path.suffix}' found, a surface is written as {', '.join(SURFACE_FORMATS)}")
     body = merge_nodes(mesh, _SAME_PLACE * _extent(mesh))
-    whole = close_openings(body) if closed else body
-    component = np.repeat([1, 2], [len(body.triangle), len(whole.triangle) - len(body.triangle)]).astype(np.int64)
+    surface = close_openings(body) if closed else body
+    component = np.repeat([1, 2], [len(body.triangle), len(surface.triangle) - len(body.triangle)]).astype(
+        np.int64
+    )
     if suffix == ".stl":
-        write_stl(path, whole.point, whole.triangle)
+        write_stl(path, surface.point, surface.triangle)
     elif suffix == ".tri":
-        write_cart3d(path, whole.point, whole.triangle, component)
+        write_cart3d(path, surface.point, surface.triangle, component)
     else:
-        write_vtk(path, whole, {})
+        write_vtk(path, surface, {})
 
 
 def open_edges(mesh: SurfaceMesh) -> IntArray:

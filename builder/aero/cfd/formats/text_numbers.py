@@ -56,7 +56,7 @@ def _refuse_first_bad_word(path: Path, content: bytes, first_line: int) -> None:
             except ValueError:
                 good = False
             if not good:
-                found = repr(word.decode("ascii", "replace")[:40]) if numbers_ahead else "other text"
-                raise InputError(f"{path}: line {number}: {found} found, must be a finite number")
+                shown = repr(word.decode("ascii", "replace")[:40]) if numbers_ahead else "other text"
+                raise InputError(f"{path}: line {number}: {shown} found, must be a finite number")
             numbers_ahead = True
     raise InputError(f"{path}: a number is not finite")

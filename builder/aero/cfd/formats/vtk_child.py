@@ -60,8 +60,10 @@ def load(path: str) -> Any:
         name = kind.group(1).decode() if kind else ""
         readers = {"PolyData": vtkXMLPolyDataReader, "UnstructuredGrid": vtkXMLUnstructuredGridReader}
         if name not in readers:
-            found = f"VTK XML of type {name!r}" if kind else "no VTK header"
-            raise Refusal(f"{found} found, must be legacy VTK or VTK XML of type PolyData or UnstructuredGrid")
+            description = f"VTK XML of type {name!r}" if kind else "no VTK header"
+            raise Refusal(
+                f"{description} found, must be legacy VTK or VTK XML of type PolyData or UnstructuredGrid"
+            )
         reader = readers[name]()
     reader.SetFileName(path)
     reader.Update()
@@ -70,8 +72,8 @@ def load(path: str) -> Any:
         raise Refusal(f"damaged or cut short; VTK reports: {complaint.group(1).strip()[:160]}")
     data = reader.GetOutputDataObject(0)
     if not isinstance(data, (vtkPolyData, vtkUnstructuredGrid)):
-        found = data.GetClassName() if data is not None else "nothing"
-        raise Refusal(f"{found} found, must be polydata or an unstructured grid")
+        description = data.GetClassName() if data is not None else "nothing"
+        raise Refusal(f"{description} found, must be polydata or an unstructured grid")
     return data
 
 
@@ -125,7 +127,7 @@ def triangulate(point: NDArray[np.float64], data: Any) -> tuple[NDArray[np.int64
     faces = []
     for number, corners, strips in area_cells(data):
         array = vtkCellArray()
-        lengths = np.array([len(one) for one in corners], dtype=np.int64)
+        lengths = np.array([len(corner) for corner in corners], dtype=np.int64)
         flat = np.concatenate(corners) if corners else np.zeros(0, np.int64)
         if len(flat) and (flat.min() < 0 or flat.max() >= len(point)):
             wrong = flat.min() if flat.min() < 0 else flat.max()
@@ -157,7 +159,7 @@ def triangulate(point: NDArray[np.float64], data: Any) -> tuple[NDArray[np.int64
 
 def fields(attributes: Any, count: int, where: str) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
     """Return the scalar arrays of real numbers by name, and the names of all others."""
-    scalars, others = {}, []
+    scalars, unread = {}, []
     for i in range(attributes.GetNumberOfArrays()):
         array = attributes.GetAbstractArray(i)
         name = array.GetName() or f"array {i + 1}"
@@ -167,8 +169,8 @@ def fields(attributes: Any, count: int, where: str) -> tuple[dict[str, NDArray[n
         if real:
             scalars[name] = vtk_to_numpy(array).astype(np.float64)
         else:
-            others.append(name)
-    return scalars, others
+            unread.append(name)
+    return scalars, unread
 
 
 def image(path: str) -> bytes:

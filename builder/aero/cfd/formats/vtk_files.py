@@ -83,13 +83,13 @@ def check_whole(path: Path, content: bytes) -> None:
         count = int(tuples[-1]) * components if tuples else 0
     if binary:
         size = _BYTES.get(groups["type"].decode(), 1) if groups.get("type") else 4
-        found, expected, what = len(block), int(count * size), "bytes"
+        count_read, expected, what = len(block), int(count * size), "bytes"
     else:
-        found, expected, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
-    if found < expected:
+        count_read, expected, what = len(block.split(b"METADATA")[0].split()), count, "numbers"
+    if count_read < expected:
         heading = last.group(0).split(b"\n")[0].decode("ascii", "replace")
-        raise InputError(f"{path}: cut short: {found} {what} found behind '{heading}', must be {expected}")
-    if not binary and found == expected and not content[-1:].isspace():
+        raise InputError(f"{path}: cut short: {count_read} {what} found behind '{heading}', must be {expected}")
+    if not binary and count_read == expected and not content[-1:].isspace():
         raise InputError(f"{path}: cut short: the last number has no line end behind it")
 
 

@@ -163,21 +163,21 @@ def _spherical_start(
 
     Returns the plane there, on ``grid``, stations and p/p_inf (n, n_phi) up to it and the residual of the sphere.
     """
-    own = tip_grid(grid)
-    begun = start_behind_cap(cap, rays, flow, own)
+    fine = tip_grid(grid)
+    begun = start_behind_cap(cap, rays, flow, fine)
     plane, stations, pressures = begun.plane, [begun.stations], [begun.pressure]
     end = min(plane.x + TIP_GRID_LENGTH * cap.radius, float(walls[-1].x[-1]))
     at, unused = np.empty((2, rays.sine.size))
     for wall in walls:
         to = min(end, float(wall.x[-1]))
         if to > plane.x:
-            x, pressure = advance(plane, wall, to, flow, own)
+            x, pressure = advance(plane, wall, to, flow, fine)
             stations.append(x)
             pressures.append(pressure)
         # A cut at the very end of the cap needs no march, and the wall there all the same.
         if wall.x[0] <= plane.x <= wall.x[-1]:
             find_wall(plane.x, wall, at, unused)
-    corner.regrid(plane, at, own, grid)
+    corner.regrid(plane, at, fine, grid)
     return plane, (np.concatenate(stations), np.concatenate(pressures)), begun.residual
 
 
@@ -234,17 +234,17 @@ def _through_fan(
     force = plane.force.copy()
     advance(plane, corner.straight_on(before, x_corner + distance), x_corner + distance, flow, finest)
     plane.force = force
-    behind = corner.let_fan_in(plane, before, after, stream, finest)
-    stations, pressures = [np.array([x_corner + 0.5 * distance])], [GAMMA * behind[None]]
+    downstream = corner.let_fan_in(plane, before, after, stream, finest)
+    stations, pressures = [np.array([x_corner + 0.5 * distance])], [GAMMA * downstream[None]]
     at, unused = np.empty((2, radius.size))
-    for own, coarser in pairwise(reversed(levels)):
+    for finer, coarser in pairwise(reversed(levels)):
         distance = min(2.0 * distance, length)
         if x_corner + distance > plane.x:
-            x, ratio = advance(plane, after, x_corner + distance, flow, own)
+            x, ratio = advance(plane, after, x_corner + distance, flow, finer)
             stations.append(x)
             pressures.append(ratio)
         find_wall(plane.x, after, at, unused)
-        corner.regrid(plane, at, own, coarser)
+        corner.regrid(plane, at, finer, coarser)
     return np.concatenate(stations), np.concatenate(pressures)
 
 
@@ -310,7 +310,7 @@ def _lowest_mach_number(pieces: list[list[Wall]], rays: Rays, flow: Flow, grid: 
 
     def is_solved(tenths: int) -> bool:
         mach_number, ratio = tenths / 10.0, tenths / 10.0 / flow.mach_number
-        u, v, w = (ratio * one for one in flow.stream[:3])
+        u, v, w = (ratio * component for component in flow.stream[:3])
         stream = Stream(u=u, v=v, w=w, enthalpy=float(total_enthalpy(mach_number)))
         try:
             _start(pieces, rays, Flow(mach_number, stream, flow.name), grid, None)

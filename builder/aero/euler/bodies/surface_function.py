@@ -122,8 +122,8 @@ class CappedBody:
         angle = np.arccos(1.0 - stations[on_cap] / self.cap.radius)
         x = np.append(np.interp(angle, self.tip_angle, self.tip_station), stations[~on_cap] + self.shift)
         # A pointed tip has no place for the steepest parts of the sphere.
-        kept = np.append(np.diff(x) > 0.0, True)
-        return x[kept], pressure[kept]
+        distinct = np.append(np.diff(x) > 0.0, True)
+        return x[distinct], pressure[distinct]
 
 
 def capped_body(pieces: list[list[Wall]], needed_angle: Callable[[], float]) -> CappedBody | None:
@@ -153,11 +153,11 @@ def capped_body(pieces: list[list[Wall]], needed_angle: Callable[[], float]) -> 
     end_angle = float(np.arctan2(1.0, slopes[last, 0]))
     cap = Cap(radius / sin(end_angle), end_angle)
     shift = end - cap.radius * (1.0 - cos(end_angle))
-    behind = first.x > end
+    beyond_cap = first.x > end
     begun = Wall(
-        np.append(end, first.x[behind]) - shift,
-        np.vstack([radii[last], first.radius[behind]]),
-        np.vstack([slopes[last], first.slope[behind]]),
+        np.append(end, first.x[beyond_cap]) - shift,
+        np.vstack([radii[last], first.radius[beyond_cap]]),
+        np.vstack([slopes[last], first.slope[beyond_cap]]),
     )
     rest = [[wall._replace(x=wall.x - shift) for wall in piece] for piece in pieces]
     return CappedBody(

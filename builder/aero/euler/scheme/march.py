@@ -120,11 +120,11 @@ def crossing_steps(
 @compiled
 def shortest(step: FloatArray) -> float:
     """Return the smallest value of step (n_phi, n_r)."""
-    found = step[0, 0]
+    least = step[0, 0]
     for j in range(step.shape[0]):
         for i in range(step.shape[1]):
-            found = min(found, step[j, i])
-    return found
+            least = min(least, step[j, i])
+    return least
 
 
 @compiled

@@ -91,8 +91,8 @@ class Nodes:
     @cached_property
     def along(self) -> tuple[FloatArray, FloatArray]:
         """d/dtheta (n_theta, n_theta) of a function that is even about the axis, and of one that is odd."""
-        whole = _chebyshev(2 * NODES_ALONG)[1] / self.reach
-        near, far = whole[:NODES_ALONG, :NODES_ALONG], whole[:NODES_ALONG, : NODES_ALONG - 1 : -1]
+        matrix = _chebyshev(2 * NODES_ALONG)[1] / self.reach
+        near, far = matrix[:NODES_ALONG, :NODES_ALONG], matrix[:NODES_ALONG, : NODES_ALONG - 1 : -1]
         return near + far, near - far
 
     @cached_property
@@ -276,9 +276,9 @@ def _as_polynomials(nodes: Nodes, layer: Layer, residual: float) -> SphereFlow:
 
     def coefficients(values: Values, first: int) -> FloatArray:
         """Return (2 n, ..) of values (n, ..) at the nodes; ``first`` is 0 for even functions, 1 for odd."""
-        found = np.zeros((2 * n, *values.shape[1:]))
-        found[first::2] = np.linalg.solve(along[:, first::2], values)
-        return np.asarray(found if values.ndim == 1 else np.linalg.solve(across, found.T).T)
+        values_of = np.zeros((2 * n, *values.shape[1:]))
+        values_of[first::2] = np.linalg.solve(along[:, first::2], values)
+        return np.asarray(values_of if values.ndim == 1 else np.linalg.solve(across, values_of.T).T)
 
     delta, u, v, s = (np.real(values) for values in layer)
     return SphereFlow(

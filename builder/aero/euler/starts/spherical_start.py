@@ -223,9 +223,12 @@ def _wear_cap(
     """Return stations (n,) [m] and p/p_inf (n, n_phi) on the cap; the force of ``plane`` becomes the cap's."""
     rays = plane.rays
 
-    def ratio(at: FloatArray) -> FloatArray:
+    def ratio(angles: FloatArray) -> FloatArray:
         """Return p/p_inf (n, n_phi) at angles (n,) [rad] at the cap's centre."""
-        rows = [_from_wind(one, np.array(sin(one)), rays.cell_sine, rays.cell_cosine, stream)[0] for one in at]
+        rows = [
+            _from_wind(angle, np.array(sin(angle)), rays.cell_sine, rays.cell_cosine, stream)[0]
+            for angle in angles
+        ]
         return GAMMA * sphere.wall_pressure(np.stack(rows))
 
     edge = np.linspace(0.0, angle, RINGS + 1)
