@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.colours import ends_beyond, colour_ends
 from builder.figures.drawing.gauge_marks import draw_strokes
 from builder.figures.drawing.unrolled import at_roll_angles
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 COEFFICIENT_TITLES = {
     name: f"{label} ${name}$ [1]"
     for name, label in (
-        *zip(COEFFICIENTS, (one.label for one in LOADS.values()), strict=True),
+        *zip(COEFFICIENTS, (load.label for load in LOADS.values()), strict=True),
         (ROLLING, "Rolling moment"),
     )
 }
@@ -50,7 +50,7 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
         ratio = surface.as_map(at_nodes)
         closed = np.concatenate([ratio, ratio[:, :1]], axis=1)
         ends = colour_ends(snapshots.surface, at_nodes)
-        drawn = axis.pcolormesh(
+        image = axis.pcolormesh(
             surface.x, roll, closed.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends
         )
         leeward = degrees(conditions[index].leeward_roll_angle) % 360.0
@@ -60,7 +60,7 @@ def pressure_unrolled(snapshots: Snapshots, surface: SurfaceGrid, title: str) ->
         axis.set_title(str(conditions[index]), fontsize=9)
         axis.set_ylabel("roll angle [deg]")
         axis.set_yticks([0, 90, 180, 270, 360])
-        figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=beyond(drawn, ratio))
+        figure.colorbar(image, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=ends_beyond(image, ratio))
     axes[-1].set_xlabel("station x from the nose tip [m]")
     figure.suptitle(f"Surface pressure, unrolled: {title}")
     return figure
@@ -76,9 +76,9 @@ def pressure_on_body(snapshots: Snapshots, surface: SurfaceGrid, title: str) -> 
         at_nodes = snapshots.pressure[index] / condition.ambient_pressure
         ratio = surface.as_map(at_nodes)
         for axis, side, towards in zip(row, ("leeward", "windward"), (0.0, np.pi), strict=True):
-            drawn = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
+            image = _draw_body(axis, ratio, surface, condition.leeward_roll_angle + towards)
             axis.set_title(f"{condition}, from {side}", fontsize=8)
-            figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
+            figure.colorbar(image, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01)
         row[0].set_ylabel("across [mm]")
     for axis in axes[-1]:
         axis.set_xlabel("station x from the nose tip [m]")
@@ -106,7 +106,7 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     """Draw position and direction of the strain gauges: unrolled, and seen from behind."""
     n = inverse_map.n_strain_gauges
     figure = blank_figure(10.0, 4.2)
-    unrolled, behind = figure.subplots(1, 2, width_ratios=(3, 1))
+    unrolled, end_view = figure.subplots(1, 2, width_ratios=(3, 1))
     position, direction = inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n]
     draw_strokes(unrolled, position, direction, 14.0)
     unrolled.set_xlim(0.0, surface.x[-1])
@@ -117,12 +117,14 @@ def gauges(inverse_map: InverseMap, surface: SurfaceGrid) -> Figure:
     unrolled.legend(loc="upper center", ncols=3)
     unrolled.grid(alpha=0.3)
     circle = np.linspace(0.0, 2.0 * np.pi, 200)
-    behind.plot(1e3 * surface.radius[-1] * np.sin(circle), 1e3 * surface.radius[-1] * np.cos(circle), color="grey")
-    behind.plot(1e3 * position[:, 1], 1e3 * position[:, 2], ".", color="black")
-    behind.set_aspect("equal")
-    behind.set_xlabel("y, starboard [mm]")
-    behind.set_ylabel("z, up [mm]")
-    behind.set_title("seen from behind, looking forward", fontsize=9)
+    end_view.plot(
+        1e3 * surface.radius[-1] * np.sin(circle), 1e3 * surface.radius[-1] * np.cos(circle), color="grey"
+    )
+    end_view.plot(1e3 * position[:, 1], 1e3 * position[:, 2], ".", color="black")
+    end_view.set_aspect("equal")
+    end_view.set_xlabel("y, starboard [mm]")
+    end_view.set_ylabel("z, up [mm]")
+    end_view.set_title("seen from behind, looking forward", fontsize=9)
     figure.suptitle(f"{n} strain gauges on the inner surface: {inverse_map.vehicle}")
     return figure
 
@@ -137,8 +139,8 @@ def overview(
     condition = snapshots.conditions()[index]
     at_nodes = snapshots.pressure[index] / condition.ambient_pressure
     facing = condition.leeward_roll_angle + np.pi
-    drawn = _draw_body(body, surface.as_map(at_nodes), surface, facing)
-    figure.colorbar(drawn, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
+    image = _draw_body(body, surface.as_map(at_nodes), surface, facing)
+    figure.colorbar(image, ax=body, label="$p/p_\\infty$ [1]", pad=0.01)
     position = inverse_map.gauge_position
     away = np.arctan2(position[:, 1], position[:, 2]) - facing
     front = np.cos(away) > -1e-6  # with those on the outline
@@ -174,10 +176,12 @@ def _draw_strain(axis: Any, recording: Recording, inverse_map: InverseMap) -> No
     from matplotlib.colors import Normalize
 
     station = inverse_map.gauge_position[: inverse_map.n_strain_gauges, 0]
-    drawn = ScalarMappable(Normalize(station.min(), station.max()), COLOUR_MAP)
+    colours = ScalarMappable(Normalize(station.min(), station.max()), COLOUR_MAP)
     for gauge, x in enumerate(station, start=1):
-        axis.plot(recording.time, 1e6 * recording[f"plant.strain[{gauge}]"], color=drawn.to_rgba(x), linewidth=0.5)
-    axis.figure.colorbar(drawn, ax=axis, label="station x [m]", pad=0.01)
+        axis.plot(
+            recording.time, 1e6 * recording[f"plant.strain[{gauge}]"], color=colours.to_rgba(x), linewidth=0.5
+        )
+    axis.figure.colorbar(colours, ax=axis, label="station x [m]", pad=0.01)
     axis.set_title(f"Strain of {len(station)} gauges, with noise [$\\mu$m/m]", fontsize=9, loc="left")
     axis.grid(alpha=0.3)
 

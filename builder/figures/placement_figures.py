@@ -45,7 +45,7 @@ def _counts(axis: Any, curves: Curves, number: int) -> None:
     axis.plot(curves.counts, curves.lost[:, number], ":", color="tab:blue", label="placed, worst loss of one")
     axis.plot([curves.own_count], [1.0], "*", color="black", markersize=9, label=curves.own_name)
     axis.set_xscale("log")
-    axis.set_xticks(curves.counts, [str(one) for one in curves.counts], fontsize=7)
+    axis.set_xticks(curves.counts, [str(count) for count in curves.counts], fontsize=7)
     axis.minorticks_off()
     axis.set_xlabel("gauges [1]", fontsize=8)
     axis.set_ylim(*_limits((curves.placed, curves.lost)))
@@ -55,7 +55,7 @@ def _counts(axis: Any, curves: Curves, number: int) -> None:
 def _sweep(axis: Any, sweep: Sweep, number: int) -> None:
     for name, sigma in sweep.sigmas.items():
         axis.plot(sweep.values, sigma[:, number], markersize=4, label=name, **STYLES.get(name, IN_USE))
-    axis.set_xticks(sweep.values, [f"{one:g}" for one in sweep.values], fontsize=7)
+    axis.set_xticks(sweep.values, [f"{value:g}" for value in sweep.values], fontsize=7)
     axis.set_xlabel(sweep.label, fontsize=8)
     axis.set_ylim(*_limits(tuple(sweep.sigmas.values())))
     axis.grid(alpha=0.3)
@@ -63,6 +63,6 @@ def _sweep(axis: Any, sweep: Sweep, number: int) -> None:
 
 def _limits(sigmas: tuple[FloatArray, ...]) -> tuple[float, float]:
     """Return the range of an axis that all of ``sigmas`` and the layout in use, 1, are in."""
-    low, high = (float(limit([limit(one) for one in sigmas])) for limit in (np.nanmin, np.nanmax))
+    low, high = (float(limit([limit(sigma) for sigma in sigmas])) for limit in (np.nanmin, np.nanmax))
     low, high = min(low, 1.0), max(high, 1.0)
     return low - 0.08 * (high - low), high + 0.08 * (high - low)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.colours import ends_beyond, colour_ends
 from builder.figures.drawing.unrolled import at_roll_angles
 from strainfmu.arrays import FloatArray
 
@@ -35,10 +35,12 @@ def surface_maps(snapshots: Snapshots) -> Figure:
     axes = figure.subplots(len(machs), 2, sharex=True, sharey=True, squeeze=False)
     incidence = snapshots.total_incidence
     for row, mach in zip(axes, machs, strict=True):
-        here = np.flatnonzero(snapshots.condition[:, 0] == mach)
-        for axis, index in zip(row, (here[incidence[here].argmin()], here[incidence[here].argmax()]), strict=True):
-            drawn, extend = _draw_unrolled(axis, snapshots, int(index))
-            figure.colorbar(drawn, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=extend)
+        at_mach = np.flatnonzero(snapshots.condition[:, 0] == mach)
+        for axis, index in zip(
+            row, (at_mach[incidence[at_mach].argmin()], at_mach[incidence[at_mach].argmax()]), strict=True
+        ):
+            image, extend = _draw_unrolled(axis, snapshots, int(index))
+            figure.colorbar(image, ax=axis, label="$p/p_\\infty$ [1]", pad=0.01, extend=extend)
             axis.set_title(f"{snapshots.conditions()[index]}", fontsize=8)
         row[0].set_ylabel("roll from leeward [deg]")
     for axis in axes[-1]:
@@ -61,15 +63,15 @@ def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> tuple[Any, st
         away = np.linspace(-180.0, 180.0, 181)
         requested = np.mod(np.radians(away) + condition.leeward_roll_angle, 2.0 * np.pi)
         shown = at_roll_angles(grid.as_map(ratio), grid.roll_angle, requested)
-        drawn = axis.pcolormesh(grid.x, away, shown.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends)
-        return drawn, beyond(drawn, ratio)
+        image = axis.pcolormesh(grid.x, away, shown.T, shading="gouraud", cmap=COLOUR_MAP, rasterized=True, **ends)
+        return image, ends_beyond(image, ratio)
     x, y, z = snapshots.point.T
     away = np.degrees(np.arctan2(y, z) - condition.leeward_roll_angle)
     corner = np.mod(away[snapshots.triangle] + 180.0, 360.0) - 180.0
     inside = np.ptp(corner, axis=1) < 180.0  # a triangle across the seam would span the whole width
     number = np.arange(3 * int(inside.sum())).reshape(-1, 3)
     at_corner = snapshots.triangle[inside].ravel()
-    drawn = axis.tripcolor(
+    image = axis.tripcolor(
         x[at_corner],
         corner[inside].ravel(),
         number,
@@ -79,7 +81,7 @@ def _draw_unrolled(axis: Any, snapshots: Snapshots, index: int) -> tuple[Any, st
         rasterized=True,
         **ends,
     )
-    return drawn, beyond(drawn, ratio)
+    return image, ends_beyond(image, ratio)
 
 
 def centre_lines(snapshots: Snapshots) -> Figure:
@@ -214,9 +216,9 @@ def in_plane_forces(snapshots: Snapshots) -> tuple[FloatArray, FloatArray, Float
 
 def _one_per_incidence(snapshots: Snapshots, mach: float, limit: int | None = MAX_LINES) -> NDArray[np.intp]:
     """Return one snapshot of each total incidence at ``mach``, ascending; at most ``limit``, evenly spread."""
-    here = np.flatnonzero(snapshots.condition[:, 0] == mach)
-    _, first = np.unique(np.round(snapshots.total_incidence[here], 6), return_index=True)
-    chosen = here[first]
+    at_mach = np.flatnonzero(snapshots.condition[:, 0] == mach)
+    _, first = np.unique(np.round(snapshots.total_incidence[at_mach], 6), return_index=True)
+    chosen = at_mach[first]
     return chosen if limit is None else _spread(chosen, limit)
 
 

@@ -45,18 +45,18 @@ def mesh_and_gauges(structure: Structure) -> Figure:
     figure = blank_figure(12.0, max(5.0, 1.0 + 2.6 * len(layouts)))
     columns = figure.add_gridspec(1, 2, width_ratios=(2.4, 1.0))
     rows, side = columns[0].subgridspec(len(layouts), 1), columns[1].subgridspec(2, 1)
-    close, behind = figure.add_subplot(side[0]), figure.add_subplot(side[1])
+    close, end_view = figure.add_subplot(side[0]), figure.add_subplot(side[1])
     edge = _unrolled_edges(structure)
     limit = 360.0 if len(edge) <= MAX_EDGES else float(np.sort(edge[:, :, 1].max(axis=1))[MAX_EDGES])
-    whole: Any = None
+    side_view: Any = None
     for row, layout in enumerate(layouts):
-        whole = figure.add_subplot(rows[row], sharex=whole)
-        _draw_layout(whole, structure, layout, edge[edge[:, :, 1].max(axis=1) <= limit])
-    whole.set_xlabel("station x from the nose tip [m]")
+        side_view = figure.add_subplot(rows[row], sharex=side_view)
+        _draw_layout(side_view, structure, layout, edge[edge[:, :, 1].max(axis=1) <= limit])
+    side_view.set_xlabel("station x from the nose tip [m]")
     distinct = distinct_gauges(structure)
     x = structure.gauge_position[distinct, 0]
     _draw_close_up(close, structure, int(distinct[np.abs(x - structure.point[:, 0].mean()).argmin()]))
-    _draw_from_behind(behind, structure, distinct)
+    _draw_from_behind(end_view, structure, distinct)
     part = "" if limit == 360.0 else f", drawn up to roll angle {limit:.0f} deg"
     figure.suptitle(
         f"Surface under pressure, {len(structure.point)} nodes{part}, and strain gauges: {structure.vehicle}, "
@@ -158,7 +158,7 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
         influence = MICROSTRAIN_PER_KPA * response.of(gauges).influence(x, np.radians(roll))
         for axis, gauge, values in zip(row, gauges.tolist(), influence, strict=False):
             largest = float(np.abs(values).max())
-            drawn = axis.pcolormesh(
+            image = axis.pcolormesh(
                 x,
                 roll,
                 values.T,
@@ -169,12 +169,15 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
                 rasterized=True,
             )
             position = structure.gauge_position[gauge]
-            at = float(roll_degrees(position[None])[0])
-            axis.plot(position[0], at, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False)
-            axis.set_title(
-                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {position[0]:.3g} m, {at:.4g} deg", fontsize=8
+            gauge_roll = float(roll_degrees(position[None])[0])
+            axis.plot(
+                position[0], gauge_roll, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False
             )
-            figure.colorbar(drawn, ax=axis, pad=0.01)
+            axis.set_title(
+                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {position[0]:.3g} m, {gauge_roll:.4g} deg",
+                fontsize=8,
+            )
+            figure.colorbar(image, ax=axis, pad=0.01)
         row[0].set_ylabel("roll angle [deg]")
         for axis in row[len(gauges) :]:
             axis.set_visible(False)
@@ -193,15 +196,15 @@ def pattern_gauges(structure: Structure) -> list[IntArray]:
     """Return per kind (axial, hoop, inclined) a few gauges spread from nose to base, nearest to 180 deg."""
     distinct = distinct_gauges(structure)
     kinds = gauge_kinds(structure.gauge_position[distinct], structure.gauge_direction[distinct])
-    found = []
+    groups = []
     for chosen in kinds.values():
         alike = distinct[chosen]
         station = np.round(structure.gauge_position[alike, 0], 6)
         away = np.abs(roll_degrees(structure.gauge_position[alike]) - 180.0)
         stations, first = np.unique(station[np.lexsort((away, station))], return_index=True)
         number = np.unique([int(fraction * len(stations)) for fraction in PATTERN_POSITIONS])
-        found.append(alike[np.lexsort((away, station))][first[number]])
-    return found
+        groups.append(alike[np.lexsort((away, station))][first[number]])
+    return groups
 
 
 def waves(structure: Structure, response: SmoothResponse) -> Figure:
@@ -215,11 +218,11 @@ def waves(structure: Structure, response: SmoothResponse) -> Figure:
     axes = figure.subplots(1, len(layouts), squeeze=False)[0]
     strongest = MICROSTRAIN_PER_KPA * wave_response(response).max()
     labels = wave_names(int(response.harmonic.max()))
-    drawn: Any = None
+    image: Any = None
     for axis, layout in zip(axes, layouts, strict=True):
         gauges = structure.gauges_of(layout)
         values = MICROSTRAIN_PER_KPA * wave_response(response.of(gauges))
-        drawn = axis.imshow(
+        image = axis.imshow(
             np.maximum(values, 1e-30),
             norm=LogNorm(strongest / HEAT_MAP_RANGE, strongest),
             cmap=colormaps[COLOUR_MAP].with_extremes(under="white"),
@@ -233,7 +236,7 @@ def waves(structure: Structure, response: SmoothResponse) -> Figure:
         axis.set_xticks(range(len(labels)), labels, rotation=90, fontsize=7)
         axis.set_xlabel("wave round the axis: cos(m phi), sin(m phi)")
         axis.set_title(layout, fontsize=9)
-    figure.colorbar(drawn, ax=list(axes), extend="min", pad=0.01, label="maximum |strain| [um/m per kPa rms]")
+    figure.colorbar(image, ax=list(axes), extend="min", pad=0.01, label="maximum |strain| [um/m per kPa rms]")
     figure.suptitle(f"Response of each gauge per harmonic of the pressure: {structure.vehicle}", fontsize=11)
     return figure
 
@@ -244,24 +247,24 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
     decay, classes = figure.subplots(1, 2)
     layouts = structure.layouts
     width = 0.8 / len(layouts)
-    found = {layout: symmetry_responses(response.of(structure.gauges_of(layout))) for layout in layouts}
-    strongest = MICROSTRAIN_PER_KPA * max(one.norm for per_class in found.values() for one in per_class)
+    responses = {layout: symmetry_responses(response.of(structure.gauges_of(layout))) for layout in layouts}
+    strongest = MICROSTRAIN_PER_KPA * max(strain.norm for per_class in responses.values() for strain in per_class)
     floor = 0.1 * THRESHOLD * strongest
     for number, layout in enumerate(layouts):
         values = MICROSTRAIN_PER_KPA * response.of(structure.gauges_of(layout)).singular_values()
         decay.semilogy(
             np.arange(1, len(values) + 1), values, ".-", color=f"C{number}", linewidth=1.0, label=layout
         )
-        at = np.arange(len(SYMMETRIES)) + (number - 0.5 * (len(layouts) - 1)) * width
-        norms = np.array([MICROSTRAIN_PER_KPA * one.norm for one in found[layout]])
+        places = np.arange(len(SYMMETRIES)) + (number - 0.5 * (len(layouts) - 1)) * width
+        norms = np.array([MICROSTRAIN_PER_KPA * strain.norm for strain in responses[layout]])
         classes.bar(
-            at, np.maximum(norms, floor) - floor, 0.9 * width, bottom=floor, color=f"C{number}", label=layout
+            places, np.maximum(norms, floor) - floor, 0.9 * width, bottom=floor, color=f"C{number}", label=layout
         )
-        for x, one in zip(at, found[layout], strict=True):
-            if one.blind:
+        for x, strain in zip(places, responses[layout], strict=True):
+            if strain.blind:
                 classes.text(
                     x,
-                    1.3 * max(MICROSTRAIN_PER_KPA * one.norm, floor),
+                    1.3 * max(MICROSTRAIN_PER_KPA * strain.norm, floor),
                     "blind",
                     rotation=90,
                     ha="center",
@@ -276,7 +279,9 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
     decay.legend(fontsize=8)
     classes.set_yscale("log")
     classes.set_ylim(floor, 3.0 * strongest)
-    classes.set_xticks(range(len(SYMMETRIES)), [str(one).replace(", ", ",\n") for one in SYMMETRIES], fontsize=8)
+    classes.set_xticks(
+        range(len(SYMMETRIES)), [str(symmetry).replace(", ", ",\n") for symmetry in SYMMETRIES], fontsize=8
+    )
     classes.set_ylabel("maximum singular value [um/m per kPa rms]")
     classes.set_title(
         "per symmetry of the pressure about y = 0 and z = 0\n"

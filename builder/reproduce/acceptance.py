@@ -35,25 +35,25 @@ RATIO_LIMIT = 0.2
 
 def _within_factor(key: str, factor: float) -> Callable[[Found], bool]:
     published = PUBLISHED[key].low or 0.0
-    return lambda one: published / factor <= one.low <= published * factor
+    return lambda ours: published / factor <= ours.low <= published * factor
 
 
 CRITERIA = (
-    Criterion("five modes hold at least 99 % of the energy", "energy", lambda one: one.low >= 99.0),
+    Criterion("five modes hold at least 99 % of the energy", "energy", lambda ours: ours.low >= 99.0),
     Criterion(
         "Case 1, Configuration 1: median within a factor 1.5 of 7.5 %", "field_1", _within_factor("field_1", 1.5)
     ),
     Criterion(
         "Case 1, Configuration 2: median within a factor 1.5 of 5.5 %", "field_2", _within_factor("field_2", 1.5)
     ),
-    Criterion("M6 a0 b5: range overlaps 4 to 12 %", "off_set", lambda one: one.low <= 12.0 and one.high >= 4.0),
-    Criterion("M5 a6 b6: C_N under 2 %", "c_n", lambda one: one.high < 2.0),
-    Criterion("M5 a6 b6: C_Y under 2 %", "c_y", lambda one: one.high < 2.0),
-    Criterion("M5 a6 b6: M_P under 3.4 %", "m_p", lambda one: one.high < 3.4),
-    Criterion("M5 a6 b6: M_Y under 3.4 %", "m_y", lambda one: one.high < 3.4),
-    Criterion("M5 a6 b6: mean error of C_A 5 +- 3 %", "c_a_mean", lambda one: 2.0 <= one.low <= 8.0),
-    Criterion("gamma by the source's rule in [1, 10]", "gamma", lambda one: 1.0 <= one.low <= 10.0),
-    Criterion("lambda_1 / lambda_8 at least 1e4", "decay", lambda one: one.low >= 1e4),
+    Criterion("M6 a0 b5: range overlaps 4 to 12 %", "off_set", lambda ours: ours.low <= 12.0 and ours.high >= 4.0),
+    Criterion("M5 a6 b6: C_N under 2 %", "c_n", lambda ours: ours.high < 2.0),
+    Criterion("M5 a6 b6: C_Y under 2 %", "c_y", lambda ours: ours.high < 2.0),
+    Criterion("M5 a6 b6: M_P under 3.4 %", "m_p", lambda ours: ours.high < 3.4),
+    Criterion("M5 a6 b6: M_Y under 3.4 %", "m_y", lambda ours: ours.high < 3.4),
+    Criterion("M5 a6 b6: mean error of C_A 5 +- 3 %", "c_a_mean", lambda ours: 2.0 <= ours.low <= 8.0),
+    Criterion("gamma by the source's rule in [1, 10]", "gamma", lambda ours: 1.0 <= ours.low <= 10.0),
+    Criterion("lambda_1 / lambda_8 at least 1e4", "decay", lambda ours: ours.low >= 1e4),
 )
 
 
@@ -75,8 +75,8 @@ def verdicts(studies: Studies) -> list[Verdict]:
         rows.append(
             Verdict(
                 criterion.text,
-                {key: one.shown(unit) for key, one in ours.items()},
-                {key: criterion.holds(one) for key, one in ours.items()},
+                {key: number.shown(unit) for key, number in ours.items()},
+                {key: criterion.holds(number) for key, number in ours.items()},
             )
         )
     return [rows[0], _of_ratio(studies), *rows[1:]]
@@ -90,8 +90,8 @@ def _of_ratio(studies: Studies) -> Verdict:
         model = TETRAHEDRA if key == "paper_like" else HEXAHEDRA
         ratios = {row.reading: row.ratio for row in studies.measured.readings if row.model == model}
         holds[key] = abs(ratios[SHIPPED.name] / published - 1.0) <= RATIO_LIMIT
-        inside = [one for one in ratios.values() if abs(one / published - 1.0) <= RATIO_LIMIT]
+        inside = [ratio for ratio in ratios.values() if abs(ratio / published - 1.0) <= RATIO_LIMIT]
         ours[key] = f"{ratios[SHIPPED.name]:.2f}; within it {len(inside)} of {len(ratios)} readings: " + (
-            ", ".join(f"{one:.2f}" for one in inside) or "none"
+            ", ".join(f"{ratio:.2f}" for ratio in inside) or "none"
         )
     return Verdict(f"K1/K2 of the shipped rows within {100.0 * RATIO_LIMIT:g} % of {published:.2f}", ours, holds)

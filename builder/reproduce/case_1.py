@@ -98,7 +98,7 @@ def case_1_map(modes: PressureModes, setup: SetUp, names: list[str], internal: f
 
 
 def study_case_1(
-    of: Case1Map,
+    case: Case1Map,
     pressures: Pressures,
     tested: FloatArray,
     conditions: tuple[FlightCondition, ...],
@@ -106,21 +106,23 @@ def study_case_1(
     draws: int = DRAWS_PER_CONDITION,
 ) -> Case1Study:
     """Estimate from ``draws`` noisy strains of each of ``tested`` (N, n_p) [Pa], pressures at ``conditions``."""
-    modes, solved = of.modes, of.solved
-    true = of.coefficients(tested)
-    estimate = _estimates(of, tested - pressures.internal, draws, seed)
+    modes, solved = case.modes, case.solved
+    true = case.coefficients(tested)
+    estimate = _estimates(case, tested - pressures.internal, draws, seed)
     difference = (estimate - true[:, None]).reshape(-1, MODES)
-    spread = np.ptp(of.coefficients(pressures.p1), axis=0)
+    spread = np.ptp(case.coefficients(pressures.p1), axis=0)
     of_noise = np.sqrt(np.diag(solved.state_covariance)) / spread
     weights = 1.0 if modes.weights is None else modes.weights
     size = np.sum(weights * tested**2, axis=1)
     # The remainder of the projection, not a difference of two squares, which would lose digits.
-    left = tested - modes.mean - true @ of.basis.T
-    truncated = np.sum(weights * left**2, axis=1)
+    rest = tested - modes.mean - true @ case.basis.T
+    truncated = np.sum(weights * rest**2, axis=1)
     square = np.sum(difference.reshape(len(tested), draws, MODES) ** 2, axis=2) + truncated[:, None]
-    without_noise = (tested - pressures.internal) @ of.data_operator.T @ solved.strain_gain.T + solved.state_offset
+    without_noise = (
+        tested - pressures.internal
+    ) @ case.data_operator.T @ solved.strain_gain.T + solved.state_offset
     exact = np.sum((without_noise - true) ** 2, axis=1) + truncated
-    n_gauges, std = len(of.data_operator), modes.coefficient_std[:MODES]
+    n_gauges, std = len(case.data_operator), modes.coefficient_std[:MODES]
     relative = relative_condition(
         solved.state_operator,
         strain_norm=PUBLISHED_STRAIN * np.sqrt(n_gauges),
@@ -137,20 +139,20 @@ def study_case_1(
         field_error=np.sqrt(square / size[:, None]).ravel(),
         noise_free_error=np.sqrt(exact / size),
         truncation=np.sqrt(truncated / size),
-        coefficient_error=_coefficient_error(of, pressures, tested, conditions, estimate),
+        coefficient_error=_coefficient_error(case, pressures, tested, conditions, estimate),
     )
 
 
-def _estimates(of: Case1Map, net: FloatArray, draws: int, seed: int) -> FloatArray:
+def _estimates(case: Case1Map, net: FloatArray, draws: int, seed: int) -> FloatArray:
     """Return (N, draws, r) estimated coefficients [Pa] from noisy strains of ``net`` (N, n_p) [Pa]."""
-    strain = net @ of.data_operator.T
-    noise = of.sigma * np.random.default_rng(seed).normal(size=(len(net), draws, strain.shape[1]))
-    estimate: FloatArray = (strain[:, None] + noise) @ of.solved.strain_gain.T + of.solved.state_offset
+    strain = net @ case.data_operator.T
+    noise = case.sigma * np.random.default_rng(seed).normal(size=(len(net), draws, strain.shape[1]))
+    estimate: FloatArray = (strain[:, None] + noise) @ case.solved.strain_gain.T + case.solved.state_offset
     return estimate
 
 
 def _coefficient_error(
-    of: Case1Map,
+    case: Case1Map,
     pressures: Pressures,
     tested: FloatArray,
     conditions: tuple[FlightCondition, ...],
@@ -159,8 +161,8 @@ def _coefficient_error(
     """Return (n, 5) the normalised differences; loads are due to p - p_internal."""
     scale = pressures.scale(conditions)
     true = pressures.coefficients(tested - pressures.internal, conditions)
-    of_mean = pressures.loads @ (of.modes.mean - pressures.internal)
-    loads = of_mean + estimate @ (pressures.loads @ of.basis).T
+    of_mean = pressures.loads @ (case.modes.mean - pressures.internal)
+    loads = of_mean + estimate @ (pressures.loads @ case.basis).T
     floor = COEFFICIENT_FLOOR * np.abs(
         pressures.coefficients(pressures.p1 - pressures.internal, P1.conditions)
     ).max(axis=0)
@@ -188,21 +190,21 @@ class FieldExample:
 
 
 def field_example(
-    of: Case1Map, tested: FloatArray, internal: float, seed: int = SEED, draws: int = DRAWS
+    case: Case1Map, tested: FloatArray, internal: float, seed: int = SEED, draws: int = DRAWS
 ) -> FieldExample:
     """Return the estimates of one ``tested`` field (n_p,) [Pa] over ``draws`` of noise."""
-    estimate = _estimates(of, (tested - internal)[None], draws, seed)[0]
-    modes = of.modes
-    true = of.coefficients(tested)
+    estimate = _estimates(case, (tested - internal)[None], draws, seed)[0]
+    modes = case.modes
+    true = case.coefficients(tested)
     weights = np.ones(len(tested)) if modes.weights is None else modes.weights
-    projection = modes.mean + of.basis @ true
+    projection = modes.mean + case.basis @ true
     truncated = float(weights @ (tested - projection) ** 2)
     size = float(weights @ tested**2)
     errors = np.sqrt((np.sum((estimate - true) ** 2, axis=1) + truncated) / size)
     middle = int(np.argsort(errors)[len(errors) // 2])
     return FieldExample(
         reference=tested,
-        estimate=modes.mean + of.basis @ estimate[middle],
+        estimate=modes.mean + case.basis @ estimate[middle],
         projection=projection,
         errors=errors,
         shown=float(errors[middle]),

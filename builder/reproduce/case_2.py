@@ -50,12 +50,12 @@ LITERAL = LoadReading("p over the open fore-body, moments about the nose tip", 0
 
 def load_readings(moment_station: float) -> tuple[LoadReading, ...]:
     """Return the readings that are compared; ``moment_station`` [m] is the vehicle file's."""
-    here = f"x = {moment_station:g} m"
+    station = f"x = {moment_station:g} m"
     return (
         LITERAL,
-        LoadReading(f"p over the open fore-body, moments about {here}", moment_station, True),
+        LoadReading(f"p over the open fore-body, moments about {station}", moment_station, True),
         LoadReading("p - p_internal, moments about the nose tip", 0.0, False),
-        LoadReading(f"p - p_internal, moments about {here} (vehicle file)", moment_station, False),
+        LoadReading(f"p - p_internal, moments about {station} (vehicle file)", moment_station, False),
     )
 
 
@@ -141,7 +141,7 @@ class GammaStudy:
     eigenvalues: FloatArray
 
 
-def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: int = SEED) -> GammaStudy:
+def study_gamma(case: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: int = SEED) -> GammaStudy:
     """Return gamma by the source's rule and by three others.
 
     Parameters
@@ -156,15 +156,19 @@ def study_gamma(of: Case2Map, ensemble: FloatArray, flight: FloatArray, seed: in
     def noisy(strain: FloatArray, draws: int) -> DataSpectrum:
         repeated = np.repeat(np.atleast_2d(strain), draws, axis=0)
         return measured_data(
-            of.spectrum.eigenvalues,
-            of.spectrum.whitened_data(repeated + of.sigma * random.normal(size=repeated.shape), of.mean_strain),
+            case.spectrum.eigenvalues,
+            case.spectrum.whitened_data(
+                repeated + case.sigma * random.normal(size=repeated.shape), case.mean_strain
+            ),
         )
 
     data = noisy(ensemble, DRAWS_PER_CONDITION)
-    found: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
-    found["morozov, expected"] = _gamma("morozov", expected_data(of.spectrum.eigenvalues, len(of.spectrum.left)))
-    found["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
-    return GammaStudy(by_rule=found, eigenvalues=of.spectrum.eigenvalues)
+    by_rule: dict[str, float] = {rule: _gamma(rule, data) for rule in RULES}
+    by_rule["morozov, expected"] = _gamma(
+        "morozov", expected_data(case.spectrum.eigenvalues, len(case.spectrum.left))
+    )
+    by_rule["morozov, M5 a6 b6"] = _gamma("morozov", noisy(flight, DRAWS))
+    return GammaStudy(by_rule=by_rule, eigenvalues=case.spectrum.eigenvalues)
 
 
 def _gamma(rule: Rule, data: DataSpectrum) -> float:
@@ -174,9 +178,9 @@ def _gamma(rule: Rule, data: DataSpectrum) -> float:
         return float("nan")
 
 
-def drawn_modes(of: Case2Map) -> FloatArray:
+def drawn_modes(case: Case2Map) -> FloatArray:
     """Return (n_p, 5) the eigenvectors that the source draws, of unit Euclidean norm."""
-    modes = of.modes(max(DRAWN_MODES))[:, [k - 1 for k in DRAWN_MODES]]
+    modes = case.modes(max(DRAWN_MODES))[:, [k - 1 for k in DRAWN_MODES]]
     unit: FloatArray = modes / np.linalg.norm(modes, axis=0)
     return unit
 
@@ -196,7 +200,7 @@ class FieldStudy(FieldExample):
 
 
 def study_field(
-    of: Case2Map,
+    case: Case2Map,
     tested: FloatArray,
     gamma: float,
     noisy: bool,
@@ -206,17 +210,17 @@ def study_field(
     seed: int = SEED,
 ) -> FieldStudy:
     """Estimate one ``tested`` field (n_p,) [Pa]; without noise there is one draw."""
-    solved = of.at(gamma)
-    strain = of.data_operator @ (tested - of.internal)
+    solved = case.at(gamma)
+    strain = case.data_operator @ (tested - case.internal)
     noise = np.zeros((1, len(strain)))
     if noisy:
-        noise = of.sigma * np.random.default_rng(seed).normal(size=(draws, len(strain)))
+        noise = case.sigma * np.random.default_rng(seed).normal(size=(draws, len(strain)))
     states = (strain + noise) @ solved.strain_gain.T + solved.state_offset
-    error = of.prior.mean + states @ of.prior.factor.T - tested
+    error = case.prior.mean + states @ case.prior.factor.T - tested
     relative = np.linalg.norm(error, axis=1) / np.linalg.norm(tested)
     middle = int(np.argsort(relative)[len(relative) // 2])
-    kept = max(1, of.modes_above(gamma))
-    projection = of.projection(tested, kept)
+    n_kept = max(1, case.modes_above(gamma))
+    projection = case.projection(tested, n_kept)
     odd_parts = [odd_part(field, grid) for field in (tested, error[middle])]
     return FieldStudy(
         reference=tested,
@@ -224,7 +228,9 @@ def study_field(
         projection=projection,
         errors=relative,
         shown=float(relative[middle]),
-        load_error=np.stack([_load_errors(error, tested, of.internal, grid, one) for one in readings], axis=-1),
+        load_error=np.stack(
+            [_load_errors(error, tested, case.internal, grid, reading) for reading in readings], axis=-1
+        ),
         odd_fraction=np.array([np.linalg.norm(odd) for odd in odd_parts]) / np.linalg.norm(tested),
     )
 

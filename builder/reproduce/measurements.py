@@ -70,14 +70,14 @@ def reading_rows(models: Mapping[str, StrainModel], pressures: Pressures) -> lis
         setup = SetUp(key=model.name, inversion=model, data=model, sigma=sigma)
         for reading in READINGS:
             names = [reading.configuration(number) for number in (1, 2)]
-            medians = [_median(euclidean, setup, one, pressures) for one in names]
+            medians = [_median(euclidean, setup, layout, pressures) for layout in names]
             rows.append(_reading_row(model, reading.name, names, (euclidean, area), medians))
     return rows
 
 
 def _median(modes: PressureModes, setup: SetUp, names: list[str], pressures: Pressures) -> float:
-    of = case_1_map(modes, setup, names, pressures.internal)
-    study = study_case_1(of, pressures, pressures.p1, P1.conditions)
+    case = case_1_map(modes, setup, names, pressures.internal)
+    study = study_case_1(case, pressures, pressures.p1, P1.conditions)
     return float(np.median(study.field_error))
 
 
@@ -96,7 +96,7 @@ def _reading_row(
     medians: list[float],
 ) -> ReadingRow:
     """Return a row; ``names`` and ``medians`` by configuration, ``pod`` Euclidean and weighted by area."""
-    k, by_area = ([relative_condition_of(model, modes, one) for one in names] for modes in pod)
+    k, by_area = ([relative_condition_of(model, modes, layout) for layout in names] for modes in pod)
     return ReadingRow(
         model=model.name,
         reading=label,
@@ -133,18 +133,18 @@ def hoop_rows(models: Mapping[str, StrainModel], true: StrainModel, pressures: P
     names = SHIPPED.configuration(2)
     rows = []
     for model in models.values():
-        found = []
+        ratios = []
         for kind in ("hoop", "axial"):
             chosen = [name for name in names if name.startswith(kind)]
             strain, expected = net @ model.of(chosen).T, net @ true.of(chosen).T
-            found.append((np.sum(strain * expected) / np.sum(expected**2), np.std(strain - expected) / sigma))
+            ratios.append((np.sum(strain * expected) / np.sum(expected**2), np.std(strain - expected) / sigma))
         rows.append(
             HoopRow(
                 model=model.name,
-                hoop_gain=float(found[0][0]),
-                axial_gain=float(found[1][0]),
-                hoop_error=float(found[0][1]),
-                axial_error=float(found[1][1]),
+                hoop_gain=float(ratios[0][0]),
+                axial_gain=float(ratios[1][0]),
+                hoop_error=float(ratios[0][1]),
+                axial_error=float(ratios[1][1]),
             )
         )
     return rows
@@ -187,8 +187,8 @@ def crime_rows(
             data=data,
             sigma=noise_sigma(inversion, pressures.p1 - pressures.internal),
         )
-        of = case_2_map(prior, setup, names, pressures.internal)
-        error = _noise_free_error(of, tested)
+        case = case_2_map(prior, setup, names, pressures.internal)
+        error = _noise_free_error(case, tested)
         size = float(np.linalg.norm(tested))
         rows.append(
             CrimeRow(
@@ -197,17 +197,17 @@ def crime_rows(
                 field_error=float(np.linalg.norm(error)) / size,
                 odd_error=float(np.linalg.norm(odd_part(error, grid))) / size,
                 odd_strain=float(
-                    np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(of.state_operator)
+                    np.linalg.norm(inversion.of(names) @ odd_factor) / np.linalg.norm(case.state_operator)
                 ),
             )
         )
     return rows
 
 
-def _noise_free_error(of: Case2Map, tested: FloatArray) -> FloatArray:
-    solved = of.at(NOISE_FREE_GAMMA)
-    states = solved.strain_gain @ (of.data_operator @ (tested - of.internal)) + solved.state_offset
-    error: FloatArray = of.prior.mean + of.prior.factor @ states - tested
+def _noise_free_error(case: Case2Map, tested: FloatArray) -> FloatArray:
+    solved = case.at(NOISE_FREE_GAMMA)
+    states = solved.strain_gain @ (case.data_operator @ (tested - case.internal)) + solved.state_offset
+    error: FloatArray = case.prior.mean + case.prior.factor @ states - tested
     return error
 
 
@@ -251,12 +251,12 @@ def class_rows(
             ClassRow(
                 model=model.name,
                 layout=layout,
-                symmetry=str(one.symmetry),
-                response=one.norm,
-                rank=one.rank,
-                prior_fraction=fractions[str(one.symmetry)],
+                symmetry=str(response.symmetry),
+                response=response.norm,
+                rank=response.rank,
+                prior_fraction=fractions[str(response.symmetry)],
             )
-            for one in responses
+            for response in responses
         ]
     return rows
 
@@ -264,8 +264,11 @@ def class_rows(
 def _class_fractions(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
     """Return the fraction of the prior's variance in each symmetry class."""
     mirrors, total = grid_mirrors(grid), float(np.sum(prior.factor**2))
-    parts = ((one, symmetric_part(prior.factor, mirrors, one.even_in_y, one.even_in_z)) for one in SYMMETRIES)
-    return {str(one): float(np.sum(part**2)) / total for one, part in parts}
+    parts = (
+        (symmetry, symmetric_part(prior.factor, mirrors, symmetry.even_in_y, symmetry.even_in_z))
+        for symmetry in SYMMETRIES
+    )
+    return {str(symmetry): float(np.sum(part**2)) / total for symmetry, part in parts}
 
 
 @dataclass(frozen=True, kw_only=True)

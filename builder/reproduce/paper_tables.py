@@ -52,11 +52,13 @@ def parity_numbers(rows: list[ParityRow]) -> Table:
         ("study.published.low", Column("published low")),
         ("study.published.high", Column("published high")),
         ("name", Column("set-up")),
-        (lambda one: one.study.ours[one.name].low, Column("our low")),
-        (lambda one: one.study.ours[one.name].high, Column("our high")),
+        (lambda entry: entry.study.ours[entry.name].low, Column("our low")),
+        (lambda entry: entry.study.ours[entry.name].high, Column("our high")),
     )
-    each = [_Of(row.published.key, setup, row) for row in rows for setup in TITLES]
-    return records_table("parity_numbers", "Published numbers and ours, both ends of every range", each, columns)
+    rows_of = [_Of(row.published.key, setup, row) for row in rows for setup in TITLES]
+    return records_table(
+        "parity_numbers", "Published numbers and ours, both ends of every range", rows_of, columns
+    )
 
 
 def verdict_table(verdicts: list[Verdict]) -> Table:
@@ -189,12 +191,12 @@ def gamma_table(studies: Studies) -> Table:
         ("name", Column("layout")),
         *((partial(_entry, "study.by_rule", rule), Column(rule, "1", ".3g")) for rule in rules),
     )
-    each = [
+    rows_of = [
         _Of(title, layout, studies.gamma[f"{key}{suffix}"])
         for key, title in TITLES.items()
         for suffix, layout in (("", "published"), ("-45", "'45'"))
     ]
-    return records_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", each, columns)
+    return records_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", rows_of, columns)
 
 
 def coverage_table(studies: Studies) -> Table:
@@ -206,9 +208,9 @@ def coverage_table(studies: Studies) -> Table:
         *((partial(_entry, "study.covered", i), Column(f"q_{i + 1} covered", "%", ".1f")) for i in range(5)),
         ("study.scaling", Column("scaling of K")),
     )
-    each = [_Of(title, n, studies.case_1[f"{key}-{n}"]) for key, title in TITLES.items() for n in (1, 2)]
+    rows_of = [_Of(title, n, studies.case_1[f"{key}-{n}"]) for key, title in TITLES.items() for n in (1, 2)]
     caption = "Case 1: samples within the 3 sigma of the noise alone (99.73 % if noise were the only error)"
-    return records_table("coverage", caption, each, columns)
+    return records_table("coverage", caption, rows_of, columns)
 
 
 def scatter_table(studies: Studies) -> Table:

@@ -37,12 +37,12 @@ class Published:
 
 def _read(path: Path) -> dict[str, Published]:
     """Return the rows of a CSV file by key; an integer stays one, an empty cell is no number."""
-    found: dict[str, Published] = {}
+    published: dict[str, Published] = {}
     with path.open(newline="", encoding="utf-8") as stream:
         for row in csv.DictReader(stream):
             low, high = (json.loads(row.pop(end) or "null") for end in ("low", "high"))
-            found[row["key"]] = Published(**row, low=low, high=high)
-    return found
+            published[row["key"]] = Published(**row, low=low, high=high)
+    return published
 
 
 PUBLISHED = _read(Path(__file__).with_name("published.csv"))

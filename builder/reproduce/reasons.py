@@ -68,14 +68,14 @@ def _ratio(studies: Studies) -> str:
 
 def _field(number: int) -> Callable[[Studies], str]:
     def why(studies: Studies) -> str:
-        of = {key: studies.case_1[f"{key}-{number}"] for key in TITLES}
-        left, exact, whole = (
-            ", ".join(f"{100.0 * float(np.median(getattr(one, name))):.1f}" for one in of.values())
+        results = {key: studies.case_1[f"{key}-{number}"] for key in TITLES}
+        truncated, exact, whole = (
+            ", ".join(f"{100.0 * float(np.median(getattr(study, name))):.1f}" for study in results.values())
             for name in ("truncation", "noise_free_error", "field_error")
         )
-        covered = 100.0 * float(of[SAME_MESH].covered.mean())
+        covered = 100.0 * float(results[SAME_MESH].covered.mean())
         return (
-            f"Medians in the order of the columns: five modes alone leave {left} %; estimated without noise "
+            f"Medians in the order of the columns: five modes alone leave {truncated} %; estimated without noise "
             f"{exact} %; with noise {whole} %. Most of the error is not noise: the strain of the truncated modes "
             f"aliases into the coefficients. So the 3 sigma of the noise alone cover {covered:.0f} % of the "
             "samples, not 99.7 %."
@@ -95,11 +95,11 @@ def _worst(studies: Studies) -> str:
 
 def _example(name: str) -> Callable[[Studies], str]:
     def why(studies: Studies) -> str:
-        of = studies.examples[f"{SAME_MESH}-{name}"]
-        left = np.linalg.norm(of.projection - of.reference) / np.linalg.norm(of.reference)
+        example = studies.examples[f"{SAME_MESH}-{name}"]
+        truncated = np.linalg.norm(example.projection - example.reference) / np.linalg.norm(example.reference)
         return (
             "The source shows one draw; ours is the range of 100 draws. On our body five modes alone leave "
-            f"{100.0 * float(left):.1f} % at this condition."
+            f"{100.0 * float(truncated):.1f} % at this condition."
         )
 
     return why

@@ -71,9 +71,9 @@ def _of_case_2(studies: Studies, grid: SurfaceGrid) -> dict[str, tuple[Callable[
     }
     for what, n_modes in (("noise_free", 54), ("noisy", None), ("off_set", None)):
         for setup in (PAPER_LIKE, SAME_MESH, INDEPENDENT):
-            kept = n_modes or int((studies.gamma[setup].eigenvalues >= PUBLISHED_GAMMA).sum())
+            n_kept = n_modes or int((studies.gamma[setup].eigenvalues >= PUBLISHED_GAMMA).sum())
             made[f"field_{what}_{setup}"] = (
-                partial(_field_of_case_2, studies, setup, what, kept, grid),
+                partial(_field_of_case_2, studies, setup, what, n_kept, grid),
                 f"Source's field comparison, {what.replace('_', ' ')}, set-up {setup.replace('_', ' ')}.",
             )
     made["draw_ranges"] = (partial(_draw_ranges, studies), "Errors of the hundred draws.")
@@ -107,9 +107,9 @@ def _reconstruction_errors(studies: Studies) -> Figure:
 
 
 def _field_of_case_1(studies: Studies, setup: str, example: str, number: int, grid: SurfaceGrid) -> Figure:
-    found = studies.examples[f"{setup}-{example}"]
-    title = f"{EXAMPLES[example]}, Configuration {number}, {TITLES[setup]}: error {100.0 * found.shown:.1f} %"
-    return case_1.field_comparison(found.reference, found.estimate, grid, title)
+    field = studies.examples[f"{setup}-{example}"]
+    title = f"{EXAMPLES[example]}, Configuration {number}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
+    return case_1.field_comparison(field.reference, field.estimate, grid, title)
 
 
 def _eigenvalue_decay(studies: Studies) -> Figure:
@@ -122,18 +122,18 @@ def _eigenvalue_decay(studies: Studies) -> Figure:
 
 
 def _field_of_case_2(studies: Studies, setup: str, what: str, n_modes: int, grid: SurfaceGrid) -> Figure:
-    found = studies.fields[f"{setup}-{what}"]
+    field = studies.fields[f"{setup}-{what}"]
     condition = EXAMPLES[FIELDS[what][0]]
     fields = {
-        "reference": found.reference,
-        f"projected, r = {n_modes}": found.projection,
-        "estimate": found.estimate,
+        "reference": field.reference,
+        f"projected, r = {n_modes}": field.projection,
+        "estimate": field.estimate,
     }
     side = "from leeward", condition.leeward_roll_angle % (2.0 * np.pi)
     if what.startswith("off_set"):
         side = "from port (-y)", SIDES["from port (-y)"]
-    title = f"{condition}, {TITLES[setup]}: error {100.0 * found.shown:.1f} %"
-    return case_2.field_comparison(fields, found.estimate - found.reference, grid, side, title)
+    title = f"{condition}, {TITLES[setup]}: error {100.0 * field.shown:.1f} %"
+    return case_2.field_comparison(fields, field.estimate - field.reference, grid, side, title)
 
 
 def _draw_ranges(studies: Studies) -> Figure:
@@ -149,8 +149,12 @@ def _draw_ranges(studies: Studies) -> Figure:
 
 
 def _published_range(what: str) -> tuple[float, float] | None:
-    one = PUBLISHED.get(what)
-    return None if one is None or one.low is None or one.high is None else (one.low, one.high)
+    published = PUBLISHED.get(what)
+    return (
+        None
+        if published is None or published.low is None or published.high is None
+        else (published.low, published.high)
+    )
 
 
 def _noise_free_errors(studies: Studies) -> Figure:

@@ -177,11 +177,11 @@ def _models(stages: _Stages, snapshots: Snapshots) -> tuple[dict[str, StrainMode
         TETRAHEDRA: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, False, progress),
         RECOVERED: lambda progress: tetrahedral_model(vehicle, sizes, snapshots, True, progress),
     }
-    others = list(SPANS.items())[1:]
-    for i, (_, span) in enumerate(others, start=1):
+    further = list(SPANS.items())[1:]
+    for i, (_, span) in enumerate(further, start=1):
         solvers[f"{FOURIER}_span_{i}"] = partial(fourier_model, _with_span(vehicle, span))
     made = {name: _model(stages, name, solve) for name, solve in solvers.items()}
-    spans = {label: made.pop(f"{FOURIER}_span_{i}") for i, (label, _) in enumerate(others, start=1)}
+    spans = {label: made.pop(f"{FOURIER}_span_{i}") for i, (label, _) in enumerate(further, start=1)}
     return made, spans
 
 
@@ -208,9 +208,9 @@ def _studies(
     spans: dict[str, StrainModel],
     grid: SurfaceGrid,
 ) -> Studies:
-    of = pressures(snapshots, fine)
+    of_flights = pressures(snapshots, fine)
     setups: dict[str, SetUp] = make_setups(
-        models[TETRAHEDRA], models[HEXAHEDRA], models[FOURIER], of.p1 - of.internal
+        models[TETRAHEDRA], models[HEXAHEDRA], models[FOURIER], of_flights.p1 - of_flights.internal
     )
     inputs = {
         "schema_version": STUDIES_VERSION,
@@ -227,12 +227,14 @@ def _studies(
     case_1 = stages.ensure(
         "case_1.h5",
         inputs,
-        staged("Case 1", lambda path, progress: run_case_1(setups, of, path, progress)),
+        staged("Case 1", lambda path, progress: run_case_1(setups, of_flights, path, progress)),
     )
     case_2 = stages.ensure(
         "case_2.h5",
         inputs,
-        staged("Case 2", lambda path, progress: run_case_2(setups, of, grid, stages.layouts, path, progress)),
+        staged(
+            "Case 2", lambda path, progress: run_case_2(setups, of_flights, grid, stages.layouts, path, progress)
+        ),
     )
     area = mesh_of_grid(grid).node_area
     measured = stages.ensure(
@@ -244,7 +246,7 @@ def _studies(
                 models=models,
                 spans=spans,
                 setups=setups,
-                pressures=of,
+                pressures=of_flights,
                 grid=grid,
                 layouts=stages.layouts,
                 area=area,

@@ -74,9 +74,9 @@ def pressures(snapshots: Snapshots, fine: Snapshots) -> Pressures:
     if grid is None or not np.array_equal(snapshots.point, fine.point):
         raise InputError("snapshots: both files must be on the same stations and roll angles")
     n_1, n_2 = len(P1.conditions), len(P2.conditions)
-    for held, sets in ((snapshots, (P1.conditions, P2.conditions)), (fine, (HELD_OUT.conditions,))):
-        expected = [one.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for one in part]
-        if not np.array_equal(held.condition, expected):
+    for solved, sets in ((snapshots, (P1.conditions, P2.conditions)), (fine, (HELD_OUT.conditions,))):
+        expected = [condition.as_tuple() for part in (*sets, tuple(EXAMPLES.values())) for condition in part]
+        if not np.array_equal(solved.condition, expected):
             raise InputError("snapshots: the conditions do not follow the source's protocol")
     reference = snapshots.reference_quantities
     area = _node_area(mesh_of_grid(grid).node_area, grid.n_roll)

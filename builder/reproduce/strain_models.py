@@ -86,7 +86,7 @@ def tetrahedral_sector(sector: SweptSector) -> SweptSector:
 
 def _kuhn_tetrahedra() -> IntArray:
     """Return (6, 4) local corners of the tetrahedra, each of positive volume."""
-    found = []
+    tetrahedra = []
     for order in permutations(range(3)):
         corner, path = [0, 0, 0], [_CORNER[0, 0, 0]]
         for axis in order:
@@ -94,15 +94,15 @@ def _kuhn_tetrahedra() -> IntArray:
             path.append(_CORNER[corner[0], corner[1], corner[2]])
         # An odd order of the axes turns the tetrahedron inside out.
         odd = sum(a > b for i, a in enumerate(order) for b in order[i + 1 :]) % 2
-        found.append([path[0], path[2], path[1], path[3]] if odd else path)
-    return np.array(found, dtype=np.int64)
+        tetrahedra.append([path[0], path[2], path[1], path[3]] if odd else path)
+    return np.array(tetrahedra, dtype=np.int64)
 
 
 def _cut(quadrilaterals: IntArray, triangles: IntArray) -> IntArray:
     """Return the rows of ``triangles`` (t, 3) that are halves of ``quadrilaterals`` (f, 4)."""
-    halves = {frozenset(four) - {one} for four in quadrilaterals.tolist() for one in four}
-    kept = [frozenset(three) in halves for three in triangles.tolist()]
-    return triangles[np.array(kept, dtype=bool)]
+    halves = {frozenset(four) - {corner} for four in quadrilaterals.tolist() for corner in four}
+    is_cut = [frozenset(three) in halves for three in triangles.tolist()]
+    return triangles[np.array(is_cut, dtype=bool)]
 
 
 def element_strain_rows(mesh: SolidMesh, gauges: Gauges) -> csr_array:
@@ -309,6 +309,6 @@ def _some(snapshots: Snapshots) -> Snapshots:
     n = len(snapshots.condition)
     chosen = np.unique(np.linspace(0, n - 1, CHECKED_SNAPSHOTS).astype(int))
     per_snapshot = ("condition", "pressure", "internal_pressure", "solved", "momentum_error", "repairs")
-    kept = {name: getattr(snapshots, name)[chosen] for name in per_snapshot}
+    chosen_fields = {name: getattr(snapshots, name)[chosen] for name in per_snapshot}
     mass_error = None if snapshots.mass_error is None else snapshots.mass_error[chosen]
-    return replace(snapshots, flow=np.arange(len(chosen)), mass_error=mass_error, **kept)
+    return replace(snapshots, flow=np.arange(len(chosen)), mass_error=mass_error, **chosen_fields)

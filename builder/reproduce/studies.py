@@ -128,26 +128,26 @@ def run_case_1(
     """Study Case 1 in all set-ups and both configurations, and write the studies to ``path``."""
     modes = pod_of(pressures.p1, None)
     example_1 = EXAMPLES["m5_a6_b5"]
-    kept = np.array([flow_key(one) != flow_key(example_1) for one in P1.conditions])
-    without = pod_of(pressures.p1[kept], None)
-    found: dict[str, Any] = {}
+    is_other = np.array([flow_key(condition) != flow_key(example_1) for condition in P1.conditions])
+    without = pod_of(pressures.p1[is_other], None)
+    studies: dict[str, Any] = {}
     for done, (key, setup) in enumerate(setups.items(), start=1):
         fields = pressures.fine_examples if setup.held_out else pressures.examples
         tested = (pressures.held_out, HELD_OUT) if setup.held_out else (pressures.p1, P1)
         maps = {n: case_1_map(modes, setup, SHIPPED.configuration(n), pressures.internal) for n in (1, 2)}
-        for number, of in maps.items():
-            found[f"study/{key}-{number}"] = study_case_1(of, pressures, tested[0], tested[1].conditions)
+        for number, case in maps.items():
+            studies[f"study/{key}-{number}"] = study_case_1(case, pressures, tested[0], tested[1].conditions)
         used = without if setup.held_out else modes
         first = case_1_map(used, setup, SHIPPED.configuration(1), pressures.internal)
-        for name, of in (("m5_a6_b5", first), ("m7_a2_b8", maps[2])):
-            found[f"example/{key}-{name}"] = _example(of, name, fields, pressures.internal)
+        for name, case in (("m5_a6_b5", first), ("m7_a2_b8", maps[2])):
+            studies[f"example/{key}-{name}"] = _example(case, name, fields, pressures.internal)
         if progress is not None:
             progress(done, len(setups))
-    save_studies(found, path)
+    save_studies(studies, path)
 
 
-def _example(of: Case1Map, name: str, fields: FloatArray, internal: float) -> FieldExample:
-    return field_example(of, fields[list(EXAMPLES).index(name)], internal)
+def _example(case: Case1Map, name: str, fields: FloatArray, internal: float) -> FieldExample:
+    return field_example(case, fields[list(EXAMPLES).index(name)], internal)
 
 
 def run_case_2(
@@ -161,7 +161,7 @@ def run_case_2(
     """Study Case 2 in all set-ups, the published layout and "45", and write the studies to ``path``."""
     readings = load_readings(pressures.reference.moment_station)
     priors = {False: prior_of_snapshots(pressures.p2), True: prior_of_snapshots(pressures.p2[~left_out()])}
-    found: dict[str, Any] = {}
+    studies: dict[str, Any] = {}
     for done, (key, setup) in enumerate(setups.items(), start=1):
         prior = priors[setup.held_out]
         maps = {name: case_2_map(prior, setup, names, pressures.internal) for name, names in layouts.items()}
@@ -170,21 +170,21 @@ def run_case_2(
         flight = fields[list(EXAMPLES).index("m5_a6_b6")] - pressures.internal
         for layout, suffix in ((LAYOUT_2, ""), (LAYOUT_45, "-45")):
             read = maps[layout].data_operator.T
-            found[f"gamma/{key}{suffix}"] = study_gamma(maps[layout], ensemble @ read, flight @ read)
+            studies[f"gamma/{key}{suffix}"] = study_gamma(maps[layout], ensemble @ read, flight @ read)
         for what, (condition, layout, gamma, noisy) in FIELDS.items():
             tested = fields[list(EXAMPLES).index(condition)]
-            found[f"field/{key}-{what}"] = study_field(maps[layout], tested, gamma, noisy, grid, readings)
+            studies[f"field/{key}-{what}"] = study_field(maps[layout], tested, gamma, noisy, grid, readings)
         if key == SAME_MESH:
-            found["modes/drawn"] = DrawnModes(modes=drawn_modes(maps[LAYOUT_2]))
+            studies["modes/drawn"] = DrawnModes(modes=drawn_modes(maps[LAYOUT_2]))
         if progress is not None:
             progress(done, len(setups))
-    save_studies(found, path)
+    save_studies(studies, path)
 
 
 def left_out() -> NDArray[np.bool_]:
     """Return (243,) which of P2 share the flow of the example M5 a6 b6: itself and its mirror images."""
     example = flow_key(EXAMPLES["m5_a6_b6"])
-    return np.array([flow_key(one) == example for one in P2.conditions])
+    return np.array([flow_key(condition) == example for condition in P2.conditions])
 
 
 def run_measurements(
@@ -235,8 +235,8 @@ def run_measurements(
 def best_reading(rows: list[ReadingRow], model: str) -> Reading:
     """Return the reading whose K1/K2 is nearest to the published one."""
     published = PUBLISHED["k_ratio"].low or 0.0
-    own = {row.reading: abs(np.log(row.ratio / published)) for row in rows if row.model == model}
-    return min(READINGS, key=lambda reading: own[reading.name])
+    distance = {row.reading: abs(np.log(row.ratio / published)) for row in rows if row.model == model}
+    return min(READINGS, key=lambda reading: distance[reading.name])
 
 
 def _crimes(
@@ -268,7 +268,7 @@ def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
         A file is missing or damaged.
     """
     try:
-        held = json.loads(measurements.read_text(encoding="utf-8"))
+        saved = json.loads(measurements.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(f"{measurements}: cannot be read") from error
     kinds: dict[str, Any] = {
@@ -279,12 +279,12 @@ def load_all(case_1: Path, case_2: Path, measurements: Path) -> Studies:
         "classes": ClassRow,
         "scatter": ScatterRow,
     }
-    rows = {name: [kind(**row) for row in held[name]] for name, kind in kinds.items()}
+    rows = {name: [kind(**row) for row in saved[name]] for name, kind in kinds.items()}
     return Studies(
         case_1=load_studies(Case1Study, case_1, "study"),
         examples=load_studies(FieldExample, case_1, "example"),
         gamma=load_studies(GammaStudy, case_2, "gamma"),
         fields=load_studies(FieldStudy, case_2, "field"),
         modes=load_studies(DrawnModes, case_2, "modes")["drawn"].modes,
-        measured=Measurements(**{**held, **rows}),
+        measured=Measurements(**{**saved, **rows}),
     )

@@ -35,34 +35,34 @@ WIDTH = 10.0
 """Of all figures [in]."""
 
 
-def influence_coefficients(found: Estimate) -> list[tuple[str, FloatArray, FloatArray, FloatArray]]:
+def influence_coefficients(estimate: Estimate) -> list[tuple[str, FloatArray, FloatArray, FloatArray]]:
     """Return the cases of one force: name, and strain per force (n_d,) measured, by the drawing and as calibrated.
 
     Strain of own weight and zeros are taken off as estimated; all in m/m per N, NaN of readings that are not used.
     """
-    model = found.model
-    errors, test = model.errors(found.vector), model.test
-    by_load = model.load_strains(found.parameters)
-    drawn = model.load_strains(model.structure.exactly_built())
+    model = estimate.model
+    errors, test = model.errors(estimate.vector), model.test
+    by_load = model.load_strains(estimate.parameters)
+    by_drawing = model.load_strains(model.structure.exactly_built())
     rows = []
     for k, case in enumerate(test.cases):
-        own = [n for n, (of, _) in enumerate(model.loads) if of == k]
-        forces = [n for n in own if cell_force(model.loads[n][1].load) > 0.0]
-        others = [n for n in own if n not in forces]
-        if len(forces) != 1 or not all(isinstance(model.loads[n][1].load, OF_MASS) for n in others):
+        numbers = [n for n, (of, _) in enumerate(model.loads) if of == k]
+        forces = [n for n in numbers if cell_force(model.loads[n][1].load) > 0.0]
+        of_mass = [n for n in numbers if n not in forces]
+        if len(forces) != 1 or not all(isinstance(model.loads[n][1].load, OF_MASS) for n in of_mass):
             continue
         force = cell_force(model.loads[forces[0]][1].load)
-        rest = by_load[others].sum(axis=0) + errors.zero[model.groups.index(case.group)]
-        use = found.used[k] | (case.check & found.used.any(axis=0))
+        rest = by_load[of_mass].sum(axis=0) + errors.zero[model.groups.index(case.group)]
+        use = estimate.used[k] | (case.check & estimate.used.any(axis=0))
         measured = np.where(use, case.reading - rest, np.nan) / force
-        predicted = (found.after[k] - rest) / force
-        rows.append((case.name, measured, drawn[forces[0]] / force, predicted))
+        predicted = (estimate.after[k] - rest) / force
+        rows.append((case.name, measured, by_drawing[forces[0]] / force, predicted))
     return rows
 
 
-def influence_figure(found: Estimate) -> Figure | None:
+def influence_figure(estimate: Estimate) -> Figure | None:
     """Draw measured influence coefficients over those by the drawing and as calibrated; None without forces."""
-    rows = influence_coefficients(found)
+    rows = influence_coefficients(estimate)
     if not rows:
         return None
     figure = blank_figure(WIDTH, 4.6)
@@ -84,13 +84,13 @@ def influence_figure(found: Estimate) -> Figure | None:
     return figure
 
 
-def residual_figure(found: Estimate) -> Figure:
+def residual_figure(estimate: Estimate) -> Figure:
     """Draw measured less predicted in standard deviations, case by case and gauge by gauge."""
-    test, names = found.model.test, found.model.structure.gauges.names
+    test, names = estimate.model.test, estimate.model.structure.gauges.names
     figure = blank_figure(WIDTH, 1.8 + 0.24 * len(test.cases))
     axis = figure.subplots()
     axis.set_facecolor("0.8")
-    image = axis.imshow(found.residuals, aspect="auto", cmap="RdBu_r", vmin=-LARGEST, vmax=LARGEST)
+    image = axis.imshow(estimate.residuals, aspect="auto", cmap="RdBu_r", vmin=-LARGEST, vmax=LARGEST)
     axis.set_yticks(range(len(test.cases)), [case.name for case in test.cases], fontsize=7)
     step = max(1, len(names) // 60)
     axis.set_xticks(range(0, len(names), step), names[::step], rotation=90, fontsize=6)
@@ -100,15 +100,15 @@ def residual_figure(found: Estimate) -> Figure:
 
 def steps_figure(cases: Sequence[SteppedCase], names: Sequence[str]) -> Figure | None:
     """Draw strain over load, loading and unloading, of the gauges that strain most; None without steps."""
-    drawn = list(cases)[:STEPPED]
-    if not drawn:
+    shown = list(cases)[:STEPPED]
+    if not shown:
         return None
-    columns = min(3, len(drawn))
-    figure = blank_figure(WIDTH, 3.4 * -(-len(drawn) // columns))
-    axes = figure.subplots(-(-len(drawn) // columns), columns, squeeze=False)
-    for axis in axes.ravel()[len(drawn) :]:
+    columns = min(3, len(shown))
+    figure = blank_figure(WIDTH, 3.4 * -(-len(shown) // columns))
+    axes = figure.subplots(-(-len(shown) // columns), columns, squeeze=False)
+    for axis in axes.ravel()[len(shown) :]:
         axis.set_visible(False)
-    for axis, case in zip(axes.ravel(), drawn, strict=False):
+    for axis, case in zip(axes.ravel(), shown, strict=False):
         most = np.argsort(-np.nan_to_num(case.span))[:LINES]
         for k, gauge in enumerate(most.tolist()):
             up, colour = ~case.unloading, f"C{k}"
@@ -131,7 +131,7 @@ def steps_figure(cases: Sequence[SteppedCase], names: Sequence[str]) -> Figure |
     return figure
 
 
-def check_figure(found: Estimate, checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> Figure:
+def check_figure(estimate: Estimate, checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> Figure:
     """Draw predicted over applied loads: of check loads, or else what the fitted readings say of each load."""
     figure = blank_figure(WIDTH, 4.2)
     left, right = figure.subplots(1, 2, width_ratios=[1.0, 1.3])
@@ -139,7 +139,7 @@ def check_figure(found: Estimate, checks: Sequence[CheckLoad], equations: Sequen
         _check_differences(left, checks)
         _check_equations(right, checks, equations)
     else:
-        _fitted_loads(left, found)
+        _fitted_loads(left, estimate)
         right.set_visible(False)
     return figure
 
@@ -147,15 +147,15 @@ def check_figure(found: Estimate, checks: Sequence[CheckLoad], equations: Sequen
 def _check_differences(axis: Any, checks: Sequence[CheckLoad]) -> None:
     place = np.arange(len(checks))
     axis.errorbar(
-        100 * np.array([one.difference for one in checks]),
+        100 * np.array([check.difference for check in checks]),
         place,
-        xerr=300 * np.array([one.std for one in checks]),
+        xerr=300 * np.array([check.std for check in checks]),
         fmt="o",
         color=CALIBRATED,
         capsize=3,
     )
     axis.axvline(0.0, color="0.6", linewidth=0.8)
-    axis.set_yticks(place, [one.case for one in checks], fontsize=8)
+    axis.set_yticks(place, [check.case for check in checks], fontsize=8)
     axis.set_ylim(len(checks) - 0.5, -0.5)
     axis.set(xlabel="predicted less applied [%], bars 3 sigma")
     axis.set_title("By the calibrated vehicle", fontsize=9, loc="left")
@@ -163,8 +163,8 @@ def _check_differences(axis: Any, checks: Sequence[CheckLoad]) -> None:
 
 
 def _check_equations(axis: Any, checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> None:
-    loads = np.array([one.loads for one in checks])
-    by_equations = np.array([one.by_equations for one in checks])
+    loads = np.array([check.loads for check in checks])
+    by_equations = np.array([check.by_equations for check in checks])
     size = np.maximum(np.abs(loads).max(axis=0), 1e-12)
     axis.axline((0.0, 0.0), slope=1.0, color="0.6", linewidth=0.8)
     for k, (name, unit) in enumerate(zip(LOAD_NAMES, LOAD_UNITS, strict=True)):
@@ -179,14 +179,14 @@ def _check_equations(axis: Any, checks: Sequence[CheckLoad], equations: Sequence
     axis.grid(alpha=0.3)
 
 
-def _fitted_loads(axis: Any, found: Estimate) -> None:
-    shift, size = load_shifts(found)
+def _fitted_loads(axis: Any, estimate: Estimate) -> None:
+    shift, size = load_shifts(estimate)
     std = np.divide(np.abs(size), np.abs(shift), out=np.full(len(size), np.nan), where=shift != 0.0)
-    shown = [n for n, (_, one) in enumerate(found.model.loads) if one.std > 0.0 and shift[n] != 0.0]
+    shown = [n for n, (_, known) in enumerate(estimate.model.loads) if known.std > 0.0 and shift[n] != 0.0]
     place = np.arange(len(shown))
     axis.errorbar(100 * size[shown], place, xerr=300 * std[shown], fmt="o", color=CALIBRATED, capsize=3)
     axis.axvline(0.0, color="0.6", linewidth=0.8)
-    names = [found.model.test.cases[found.model.loads[n][0]].name for n in shown]
+    names = [estimate.model.test.cases[estimate.model.loads[n][0]].name for n in shown]
     axis.set_yticks(place, names, fontsize=8)
     axis.set_ylim(len(shown) - 0.5, -0.5)
     axis.set(xlabel="load by the readings less applied [%], bars 3 sigma")

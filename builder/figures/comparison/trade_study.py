@@ -33,10 +33,10 @@ def trade_study_figure(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -
     ``rows`` are of each design and load.
     """
     over = along(rows, entries)
-    others = [name for name in entries if name != over and len({row[name] for row in rows}) > 1]
+    varied = [name for name in entries if name != over and len({row[name] for row in rows}) > 1]
     lines: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
-        label = ", ".join(f"{name.rpartition('.')[2]} {row[name]}" for name in others)
+        label = ", ".join(f"{name.rpartition('.')[2]} {row[name]}" for name in varied)
         lines.setdefault(label, []).append(row)
     shown = dict(list(lines.items())[:MOST_LINES])
     figure = blank_figure(11.0, 3.6 if len(shown) < 5 else 4.4)
@@ -44,8 +44,8 @@ def trade_study_figure(rows: Sequence[dict[str, Any]], entries: Sequence[str]) -
     is_number = all(isinstance(row[over], int | float) for row in rows)
     words = list(dict.fromkeys(str(row[over]) for row in rows))
     for axis, name in zip(panels, COEFFICIENT_NAMES, strict=True):
-        for number, (label, found) in enumerate(shown.items()):
-            of_load = [row for row in found if row["load"] == name]
+        for number, (label, rows_shown) in enumerate(shown.items()):
+            of_load = [row for row in rows_shown if row["load"] == name]
             x = [row[over] if is_number else words.index(str(row[over])) for row in of_load]
             order = np.argsort(x)
             colour = f"C{number}"

@@ -77,7 +77,7 @@ def trial_figure(rows: Sequence[Mapping[str, Any]], title: str) -> Figure:
             axis.set_yticks([])
             axis.set_xscale("log")
         sigmas.axvline(1.0, color="k", lw=0.5)
-        for limit in (one for one in LIMITS[name] if one.column == "rms_z"):
+        for limit in (entry for entry in LIMITS[name] if entry.column == "rms_z"):
             sigmas.axvspan(limit.low, limit.high, color="#c7e9c0", alpha=0.5)
             sigmas.set_title("sigma too wide", fontsize=8, loc="left")
             sigmas.set_title("too narrow", fontsize=8, loc="right")

@@ -28,9 +28,9 @@ def colour_ends(surface: SurfaceMesh, values: FloatArray) -> dict[str, float]:
     return {"vmin": float(low), "vmax": float(high if peaked else top)}
 
 
-def beyond(drawn: Any, values: FloatArray) -> Literal["max", "neither"]:
-    """Return which end of the colour bar of ``drawn`` marks values beyond it."""
-    return "max" if values.max() > drawn.get_clim()[1] else "neither"
+def ends_beyond(image: Any, values: FloatArray) -> Literal["max", "neither"]:
+    """Return which end of the colour bar of ``image`` marks values beyond it."""
+    return "max" if values.max() > image.get_clim()[1] else "neither"
 
 
 _DARK = "1f77b4 ff7f0e 2ca02c d62728 9467bd 8c564b e377c2 7f7f7f bcbd22 17becf"
@@ -40,8 +40,8 @@ GOLDEN_ANGLE, LIGHTNESS = 0.618034, (0.35, 0.55, 0.75)
 
 def part_colours(count: int) -> list[str]:
     """Return ``count`` colours as "#rrggbb", no two of them equal: matplotlib's tab20, then hues in between."""
-    found = f"{_DARK} {_LIGHT}".split()
-    for k in range(count - len(found)):
+    colours = f"{_DARK} {_LIGHT}".split()
+    for k in range(count - len(colours)):
         colour = hls_to_rgb(GOLDEN_ANGLE * k % 1.0, LIGHTNESS[k % len(LIGHTNESS)], 0.65)
-        found.append("".join(f"{round(255.0 * one):02x}" for one in colour))
-    return [f"#{one}" for one in found[:count]]
+        colours.append("".join(f"{round(255.0 * part):02x}" for part in colour))
+    return [f"#{colour_shown}" for colour_shown in colours[:count]]

@@ -37,8 +37,8 @@ def gauge_kinds(position: FloatArray, direction: FloatArray) -> dict[str, BoolAr
 def kinds_of_map(inverse_map: InverseMap) -> dict[str, BoolArray]:
     """Return (n_d,) which rows of a map are gauges of each kind that occurs, and which are auxiliary sensors."""
     n, rows = inverse_map.n_strain_gauges, np.arange(inverse_map.n_gauges)
-    found = gauge_kinds(inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n])
-    kinds = {kind: np.append(of, rows[n:] < n) for kind, of in found.items()}
+    rows_of_kind = gauge_kinds(inverse_map.gauge_position[:n], inverse_map.gauge_direction[:n])
+    kinds = {kind: np.append(of_kind, rows[n:] < n) for kind, of_kind in rows_of_kind.items()}
     return kinds if n == len(rows) else kinds | {SENSOR: rows >= n}
 
 
@@ -71,10 +71,10 @@ def draw_strokes(axis: Any, position: FloatArray, direction: FloatArray, size: f
     for kind, chosen in gauge_kinds(position, direction).items():
         label: str | None = kind_label(kind, position[chosen], direction[chosen])
         for angle in np.unique(turn[chosen]).tolist():
-            here = chosen & (turn == angle)
+            along = chosen & (turn == angle)
             axis.plot(
-                position[here, 0],
-                roll[here],
+                position[along, 0],
+                roll[along],
                 linestyle="none",
                 marker=(2, 2, angle - 90.0),
                 markersize=size,

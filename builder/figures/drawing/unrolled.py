@@ -34,11 +34,11 @@ def unrolled_triangles(
     triangle = triangle[off_axis[triangle].all(axis=1)]
     across = np.ptp(roll[triangle], axis=1) > 180.0
     corner = triangle[across].ravel()
-    beyond = np.where(roll[corner] < 180.0, roll[corner] + 360.0, roll[corner])
+    once_round = np.where(roll[corner] < 180.0, roll[corner] + 360.0, roll[corner])
     added = len(point) + np.arange(len(corner)).reshape(-1, 3)
     return (
         np.concatenate([point, point[corner]]),
-        np.concatenate([roll, beyond]),
+        np.concatenate([roll, once_round]),
         np.concatenate([triangle[~across], added]),
         np.concatenate([values, values[corner]]),
     )

@@ -47,9 +47,9 @@ class Area:
         corner = np.column_stack([np.clip(self.x, *within_x), np.clip(self.y, *within_y)])
         # Points of 1/72 in; dots go with the figure's resolution.
         pad = np.multiply(self.pad, figure.dpi / 72.0)
-        drawn = self.axis.transData.transform(corner)
+        corners = self.axis.transData.transform(corner)
         size = np.array([figure.bbox.width, figure.bbox.height])
-        low, high = (drawn.min(axis=0) - pad) / size, (drawn.max(axis=0) + pad) / size
+        low, high = (corners.min(axis=0) - pad) / size, (corners.max(axis=0) + pad) / size
         return float(low[0]), float(1.0 - high[1]), float(high[0] - low[0]), float(high[1] - low[1])
 
 

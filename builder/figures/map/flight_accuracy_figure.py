@@ -57,8 +57,8 @@ def accuracy_maps(
     parts = shown.figure.subfigures(len(blocks), 1, squeeze=False)[:, 0]
     for part, block in zip(parts, blocks, strict=True):
         axes = part.subplots(len(navigation), len(block), sharex=True, sharey=True, squeeze=False)
-        for column, one in enumerate(block):
-            _draw_column(part, axes[:, column], mach_number, incidence_deg, one)
+        for column, accuracy in enumerate(block):
+            _draw_column(part, axes[:, column], mach_number, incidence_deg, accuracy)
         for row, known in enumerate(navigation):
             axes[row, 0].set_ylabel(f"{with_signs(known)}\ntotal incidence [deg]", fontsize=9)
             panels[row] += axes[row].tolist()
@@ -68,55 +68,61 @@ def accuracy_maps(
             enumerate(incidence_deg.tolist()), enumerate(mach_number.tolist())
         ):
             lines = [f"M {digits(mach)}, incidence {digits(incidence)} deg, given {known}"]
-            lines += [_sigma_text(one, row, i, m) for one in maps]
+            lines += [_sigma_text(accuracy, row, i, m) for accuracy in maps]
             areas = (cell(panel, mach, incidence, width, height) for panel in panels[row])
             shown.at(*areas, text="\n".join(lines))
     return shown
 
 
 def _draw_column(
-    part: SubFigure, panels: Sequence[Any], mach_number: FloatArray, incidence_deg: FloatArray, one: AccuracyMap
+    part: SubFigure,
+    panels: Sequence[Any],
+    mach_number: FloatArray,
+    incidence_deg: FloatArray,
+    accuracy: AccuracyMap,
 ) -> None:
     """Draw one quantity, a panel for each navigation, with one scale of colours."""
     from matplotlib.ticker import MaxNLocator
 
-    finite = one.std[np.isfinite(one.std)]
+    finite = accuracy.std[np.isfinite(accuracy.std)]
     for row, panel in enumerate(panels):
-        drawn = panel.pcolormesh(
+        image = panel.pcolormesh(
             mach_number,
             incidence_deg,
-            one.std[row],
+            accuracy.std[row],
             cmap=COLOUR_MAP,
             shading="nearest",
             vmin=0.0,
             vmax=float(finite.max(initial=0.0)) or 1.0,
             rasterized=True,
         )
-        _hatch(panel, mach_number, incidence_deg, one, row)
+        _hatch(panel, mach_number, incidence_deg, accuracy, row)
         panel.tick_params(labelsize=8)
-    panels[0].set_title(with_signs(one.label), fontsize=9)
+    panels[0].set_title(with_signs(accuracy.label), fontsize=9)
     panels[-1].set_xlabel("Mach number [1]", fontsize=9)
-    bar = part.colorbar(drawn, ax=panels, location="bottom", pad=0.02)
+    bar = part.colorbar(image, ax=panels, location="bottom", pad=0.02)
     bar.locator = MaxNLocator(4)
     bar.update_ticks()
     bar.ax.tick_params(labelsize=8)
-    bar.set_label(f"$\\sigma$ of {with_signs(one.label)}", fontsize=8)
+    bar.set_label(f"$\\sigma$ of {with_signs(accuracy.label)}", fontsize=8)
 
 
-def _hatch(panel: Any, mach_number: FloatArray, incidence_deg: FloatArray, one: AccuracyMap, row: int) -> None:
+def _hatch(
+    panel: Any, mach_number: FloatArray, incidence_deg: FloatArray, accuracy: AccuracyMap, row: int
+) -> None:
     from matplotlib.patches import Rectangle
 
-    if one.identified is None:
+    if accuracy.identified is None:
         return
     width, height = mach_number[1] - mach_number[0], incidence_deg[1] - incidence_deg[0]
-    for i, m in np.argwhere(one.identified[row] < HALF).tolist():
+    for i, m in np.argwhere(accuracy.identified[row] < HALF).tolist():
         corner = mach_number[m] - 0.5 * width, incidence_deg[i] - 0.5 * height
         panel.add_patch(Rectangle(corner, width, height, fill=False, hatch="////", linewidth=0.0))
 
 
-def _sigma_text(one: AccuracyMap, row: int, i: int, m: int) -> str:
+def _sigma_text(accuracy: AccuracyMap, row: int, i: int, m: int) -> str:
     """Return a standard deviation, and where some roll angles do not identify the quantity, how many do."""
-    text = f"sigma of {one.label} {digits(one.std[row, i, m])}"
-    if one.identified is None or one.identified[row, i, m] == 1.0:
+    text = f"sigma of {accuracy.label} {digits(accuracy.std[row, i, m])}"
+    if accuracy.identified is None or accuracy.identified[row, i, m] == 1.0:
         return text
-    return f"{text}, identified at {100.0 * one.identified[row, i, m]:.0f} % of the roll angles"
+    return f"{text}, identified at {100.0 * accuracy.identified[row, i, m]:.0f} % of the roll angles"

@@ -48,8 +48,8 @@ def gauge_loss(
         else:
             numbers, label = shown_bias(inverse_map, detectable_bias)
             axis.set_title("minimum detectable bias", fontsize=9)
-        drawn = draw_gauges(axis, inverse_map, numbers)
-        shown.figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
+        image = draw_gauges(axis, inverse_map, numbers)
+        shown.figure.colorbar(image, ax=axis, pad=0.01, label=label)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     legend = shown.figure.legend(handles, labels, fontsize=8, loc="outside upper right", frameon=False, ncols=3)
     for handle in legend.legend_handles:  # otherwise coloured by one gauge's number
@@ -94,19 +94,19 @@ def pair_loss(
     colours = LogNorm(largest / 1e3, largest)
     coloured = np.where(np.isfinite(grown), np.maximum(grown, largest / 1e3), np.nan)
     axis.set_facecolor("black")  # where the gauges left do not identify the state
-    drawn = axis.imshow(coloured, norm=colours, cmap=COLOUR_MAP, interpolation="nearest")
+    image = axis.imshow(coloured, norm=colours, cmap=COLOUR_MAP, interpolation="nearest")
     ticks = np.arange(0, n, -(-n // MAX_LABELS))
     axis.set_xticks(ticks, [names[k] for k in ticks], rotation=90, fontsize=7)
     axis.set_yticks(ticks, [names[k] for k in ticks], fontsize=7)
     label = "largest growth of a $\\sigma$ [%]; diagonal: one gauge lost"
-    shown.figure.colorbar(drawn, ax=axis, pad=0.01, label=label)
+    shown.figure.colorbar(image, ax=axis, pad=0.01, label=label)
     if n <= MAX_MATRIX:
-        for one, other in combinations_with_replacement(range(n), 2):
-            lost = names[one] if one == other else f"{names[one]} and {names[other]}"
-            both = {(one, other), (other, one)}
-            value = grown[one, other]
+        for first, second in combinations_with_replacement(range(n), 2):
+            lost = names[first] if first == second else f"{names[first]} and {names[second]}"
+            both = {(first, second), (second, first)}
+            value = grown[first, second]
             growth_text = f"+{digits(value)} %" if np.isfinite(value) else "not identified"
-            shown.at(*(cell(axis, *at) for at in sorted(both)), text=f"{lost} lost: {growth_text}")
+            shown.at(*(cell(axis, *place) for place in sorted(both)), text=f"{lost} lost: {growth_text}")
     return shown
 
 
@@ -115,14 +115,14 @@ def draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) 
     position = inverse_map.gauge_position
     direction, roll = inverse_map.gauge_direction, roll_degrees(position)
     finite = np.ones(len(roll), dtype=bool) if numbers is None else np.isfinite(numbers)
-    drawn: Any = None
+    image: Any = None
     for kind, chosen in kinds_of_map(inverse_map).items():
         marker, label = KIND_MARKERS[kind], kind_label(kind, position[chosen], direction[chosen])
-        at = position[:, 0], roll + KIND_OFFSETS[kind]
+        place = position[:, 0], roll + KIND_OFFSETS[kind]
         if numbers is None:
             axis.plot(
-                at[0][chosen],
-                at[1][chosen],
+                place[0][chosen],
+                place[1][chosen],
                 marker,
                 color="white",
                 markeredgecolor="black",
@@ -131,11 +131,11 @@ def draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) 
             )
             continue
         low, high = _limits(numbers[finite])
-        here = chosen & finite
-        drawn = axis.scatter(
-            at[0][here],
-            at[1][here],
-            c=numbers[here],
+        with_number = chosen & finite
+        image = axis.scatter(
+            place[0][with_number],
+            place[1][with_number],
+            c=numbers[with_number],
             marker=marker,
             s=42,
             cmap=COLOUR_MAP,
@@ -145,11 +145,11 @@ def draw_gauges(axis: Any, inverse_map: InverseMap, numbers: FloatArray | None) 
             linewidths=0.5,
             label=label,
         )
-        axis.scatter(at[0][chosen & ~finite], at[1][chosen & ~finite], c="black", marker=marker, s=60)
+        axis.scatter(place[0][chosen & ~finite], place[1][chosen & ~finite], c="black", marker=marker, s=60)
     axis.set_ylim(-25.0, 370.0)
     axis.set_yticks([0, 90, 180, 270, 360])
     axis.set_ylabel("roll angle [deg]")
-    return drawn
+    return image
 
 
 def _limits(numbers: FloatArray) -> tuple[float, float]:
@@ -169,8 +169,8 @@ def gauge_areas(axes: Sequence[Any], inverse_map: InverseMap) -> list[list[Area]
 def gauge_texts(inverse_map: InverseMap) -> list[str]:
     """Return name, direction or kind, and place of each gauge."""
     position = inverse_map.gauge_position
-    of = direction_names(position, inverse_map.gauge_direction)
+    directions = direction_names(position, inverse_map.gauge_direction)
     n = inverse_map.n_strain_gauges
-    of[n:] = inverse_map.sensors.kind[n:]
-    each = zip(inverse_map.gauge_names, of, position[:, 0], roll_degrees(position), strict=True)
-    return [f"{name}, {what}\nx {x:.4g} m, roll {roll:.4g} deg" for name, what, x, roll in each]
+    directions[n:] = inverse_map.sensors.kind[n:]
+    gauges = zip(inverse_map.gauge_names, directions, position[:, 0], roll_degrees(position), strict=True)
+    return [f"{name}, {what}\nx {x:.4g} m, roll {roll:.4g} deg" for name, what, x, roll in gauges]

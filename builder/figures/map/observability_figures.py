@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing.canvas import AT_BEST, COLOUR_MAP, THIS_MAP, blank_figure
-from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.colours import ends_beyond, colour_ends
 from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.drawing.values import ENDS, Area, ValuedFigure, cell, column, digits
 from builder.figures.map.gauge_figures import draw_gauges, gauge_areas, gauge_texts
@@ -44,13 +44,13 @@ def classes(
     blind : indices of the classes that no gauge responds to.
     """
     shown = ValuedFigure(blank_figure(10.0, 3.4))
-    held, known = shown.figure.subplots(1, 2, sharey=True)
+    fractions, known = shown.figure.subplots(1, 2, sharey=True)
     row = np.arange(len(SYMMETRIES))
-    held.barh(row - 0.2, 100.0 * of_snapshots, 0.38, color=SNAPSHOTS, label="snapshots")
-    held.barh(row + 0.2, 100.0 * of_kept_modes, 0.38, color="0.3", label="kept modes")
-    held.set_xlabel("fraction of the variance [%]")
-    held.set_yticks(row, [str(one) for one in SYMMETRIES])
-    held.invert_yaxis()
+    fractions.barh(row - 0.2, 100.0 * of_snapshots, 0.38, color=SNAPSHOTS, label="snapshots")
+    fractions.barh(row + 0.2, 100.0 * of_kept_modes, 0.38, color="0.3", label="kept modes")
+    fractions.set_xlabel("fraction of the variance [%]")
+    fractions.set_yticks(row, [str(symmetry) for symmetry in SYMMETRIES])
+    fractions.invert_yaxis()
     known.barh(row - 0.2, 100.0 * removed, 0.38, color=THIS_MAP, label="this map")
     known.barh(row + 0.2, 100.0 * removed_at_best, 0.38, color=AT_BEST, label="best linear map")
     known.set_xlabel("variance removed by the data [%]")
@@ -58,16 +58,16 @@ def classes(
     for i in blind:
         words = "blind: known only by correlation"
         known.text(2.0, i, words, fontsize=8, va="center", bbox={"facecolor": "white", "edgecolor": "tab:red"})
-    for axis in (held, known):
+    for axis in (fractions, known):
         axis.grid(axis="x", alpha=0.3)
         axis.legend(fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False)
-    for i, one in enumerate(SYMMETRIES):
+    for i, symmetry in enumerate(SYMMETRIES):
         text = (
-            f"{one}\n{digits(100.0 * of_snapshots[i])} % of the snapshots' variance\n"
+            f"{symmetry}\n{digits(100.0 * of_snapshots[i])} % of the snapshots' variance\n"
             f"{digits(100.0 * of_kept_modes[i])} % of the kept modes' variance\n"
             f"removed by this map {digits(100.0 * removed[i])} %\nat best {digits(100.0 * removed_at_best[i])} %"
         )
-        shown.at(*(Area(axis, ENDS, (i - 0.5, i + 0.5)) for axis in (held, known)), text=text)
+        shown.at(*(Area(axis, ENDS, (i - 0.5, i + 0.5)) for axis in (fractions, known)), text=text)
     return shown
 
 
@@ -94,7 +94,7 @@ def unrolled_pressure(
         (panels[2], 1e-3 * std, "standard deviation [kPa]", None),
     ):
         point, roll, triangle, nodes = unrolled_triangles(surface, values)
-        drawn = panel.tripcolor(
+        image = panel.tripcolor(
             point[:, 0],
             roll,
             triangle,
@@ -105,7 +105,7 @@ def unrolled_pressure(
             **(ends or colour_ends(surface, values)),
         )
         draw_gauges(panel, inverse_map, None)
-        shown.figure.colorbar(drawn, ax=panel, pad=0.01, label=label, extend=beyond(drawn, values))
+        shown.figure.colorbar(image, ax=panel, pad=0.01, label=label, extend=ends_beyond(image, values))
     panels[0].legend(fontsize=8, loc="lower right", bbox_to_anchor=(1.0, 0.99), frameon=False, ncols=3)
     panels[-1].set_xlabel("station x from the nose tip [m]")
     x, roll_angle, node = _closest_nodes(surface)
@@ -154,14 +154,14 @@ def modes(
     shown = ValuedFigure(blank_figure(10.0, 3.6))
     axis = shown.figure.subplots()
     number, percent = np.arange(1, count + 1), 100.0 * of_variance[:count]
-    left = np.maximum(percent * (1.0 - removed[:count]), MIN_SHOWN)
+    remaining = np.maximum(percent * (1.0 - removed[:count]), MIN_SHOWN)
     best = np.maximum(percent * (1.0 - removed_at_best[:count]), MIN_SHOWN)
     for chosen, colour, label in (
         (is_state[:count], OF_STATE, "of the snapshots, states"),
         (~is_state[:count], NO_STATE, "of the snapshots, no states"),
     ):
         axis.bar(number[chosen], np.maximum(percent[chosen], MIN_SHOWN), 0.8, color=colour, label=label)
-    axis.plot(number, left, "o", color=THIS_MAP, label="left by this map")
+    axis.plot(number, remaining, "o", color=THIS_MAP, label="left by this map")
     axis.plot(number, best, "_", color=AT_BEST, markersize=14, markeredgewidth=2.5, label="left by the best map")
     axis.set_yscale("log")
     axis.set_ylim(MIN_SHOWN, 200.0)

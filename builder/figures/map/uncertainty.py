@@ -86,7 +86,7 @@ def correlations(inverse_map: InverseMap) -> ValuedFigure:
 
 
 def _draw_correlation(shown: ValuedFigure, axis: Any, values: FloatArray) -> None:
-    drawn = axis.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
+    image = axis.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0)
     axis.set_xticks(np.arange(5), SIGNS, fontsize=8)
     axis.set_yticks(np.arange(5), SIGNS, fontsize=8)
     for (i, j), value in np.ndenumerate(values):
@@ -94,7 +94,7 @@ def _draw_correlation(shown: ValuedFigure, axis: Any, values: FloatArray) -> Non
         axis.text(j, i, f"{round(value, 2) + 0.0:.2f}", ha="center", va="center", fontsize=8, color=colour)
         text = f"{COEFFICIENT_NAMES[i]} and {COEFFICIENT_NAMES[j]}: {digits(value)}"
         shown.at(cell(axis, j, i), text=text)
-    shown.figure.colorbar(drawn, ax=axis, pad=0.02, label="correlation of errors [1]")
+    shown.figure.colorbar(image, ax=axis, pad=0.02, label="correlation of errors [1]")
 
 
 def eigenvalues(values: FloatArray, gamma: float, classes: Sequence[str] = ()) -> ValuedFigure:
@@ -138,8 +138,8 @@ def l_curve(curve: LCurve, gammas: Sequence[tuple[str, float]]) -> ValuedFigure:
     axis = shown.figure.subplots()
     axis.loglog(curve.residual_norm, curve.solution_norm, color="0.4", linewidth=1.0)
     for k, area in enumerate(_along(axis, curve.residual_norm, curve.solution_norm)):
-        at = f"residual {digits(curve.residual_norm[k])}, states {digits(curve.solution_norm[k])}"
-        shown.at(area, text=f"gamma {digits(curve.gamma[k])}\n{at}")
+        norms = f"residual {digits(curve.residual_norm[k])}, states {digits(curve.solution_norm[k])}"
+        shown.at(area, text=f"gamma {digits(curve.gamma[k])}\n{norms}")
     order = np.log(curve.gamma)
     for i, (name, gamma) in enumerate([*gammas, ("corner of the L-curve", curve.corner)]):
         residual, states = (
@@ -171,8 +171,10 @@ def _along(axis: Any, x: FloatArray, y: FloatArray) -> list[Area]:
 
     Areas meet halfway between neighbours. Each is padded across the curve alone: none covers a neighbour's point.
     """
-    ends = [np.exp(_halfway(np.log(one))) for one in (x, y)]
-    along_x, along_y = (np.abs(np.diff(np.log(one))) / max(np.ptp(np.log(one)), 1e-300) for one in ends)
+    ends = [np.exp(_halfway(np.log(coordinate))) for coordinate in (x, y)]
+    along_x, along_y = (
+        np.abs(np.diff(np.log(coordinate))) / max(np.ptp(np.log(coordinate)), 1e-300) for coordinate in ends
+    )
     return [
         Area(axis, (x0, x1), (y0, y1), (MARK, 0.0) if steep else (0.0, MARK))
         for x0, x1, y0, y1, steep in zip(

@@ -94,8 +94,8 @@ def field_comparison(reference: FloatArray, estimate: FloatArray, grid: SurfaceG
 
 
 def _boxes(axis: Any, values: Any, column: Any, number: int) -> None:
-    drawn = axis.boxplot(values, positions=column, medianprops={"color": "black"}, **BOX)
-    for box in drawn["boxes"]:
+    boxes = axis.boxplot(values, positions=column, medianprops={"color": "black"}, **BOX)
+    for box in boxes["boxes"]:
         box.set(facecolor=COLOURS[number], alpha=0.7)
 
 

@@ -83,13 +83,19 @@ def draw_ranges(panels: Mapping[str, Sequence[Draws]]) -> Figure:
     figure = blank_figure(11.0, 4.4)
     axes = figure.subplots(1, len(panels), sharey=True)
     for axis, (title, examples) in zip(axes, panels.items(), strict=True):
-        for column, one in enumerate(examples, start=1):
+        for column, example in enumerate(examples, start=1):
             axis.boxplot(
-                100.0 * one.errors, positions=[column], widths=0.5, whis=(0, 100), medianprops={"color": "black"}
+                100.0 * example.errors,
+                positions=[column],
+                widths=0.5,
+                whis=(0, 100),
+                medianprops={"color": "black"},
             )
-            if one.published is not None:
-                axis.fill_between([column - 0.4, column + 0.4], *one.published, color="tab:red", alpha=0.2)
-        axis.set_xticks(range(1, len(examples) + 1), [one.label for one in examples], fontsize=6, rotation=20)
+            if example.published is not None:
+                axis.fill_between([column - 0.4, column + 0.4], *example.published, color="tab:red", alpha=0.2)
+        axis.set_xticks(
+            range(1, len(examples) + 1), [example.label for example in examples], fontsize=6, rotation=20
+        )
         axis.set_title(title, fontsize=8)
         axis.grid(alpha=0.3, axis="y")
     axes[0].set_ylabel("relative error of the field [%]")
@@ -115,7 +121,9 @@ def noise_free_errors(
     axis.bar(column + 0.2, 100.0 * odd_error, 0.4, label="of it, odd in y and in z")
     axis.axhline(published, color="tab:red", linestyle="--", label="published, 2.8 %")
     axis.set_yscale("log")
-    axis.set_xticks(column, [f"map: {of}\ndata: {data}" for of, data in pairs], fontsize=6, rotation=15)
+    axis.set_xticks(
+        column, [f"map: {built_of}\ndata: {data}" for built_of, data in pairs], fontsize=6, rotation=15
+    )
     axis.set_ylabel("% of |p|")
     axis.legend(fontsize=8)
     axis.grid(alpha=0.3, axis="y")
@@ -131,7 +139,7 @@ def reading_ratios(ratios: Mapping[str, Sequence[float]], readings: Sequence[str
         axis.bar(np.arange(len(readings)) + 0.35 * (i - 0.5), ratio, 0.35, label=model)
     axis.axhline(published, color="tab:red", label=f"published, {published:.2f}")
     axis.axhspan(0.8 * published, 1.2 * published, color="tab:red", alpha=0.1)
-    axis.set_xticks(range(len(readings)), [one.replace(", ", ",\n") for one in readings], fontsize=6)
+    axis.set_xticks(range(len(readings)), [reading.replace(", ", ",\n") for reading in readings], fontsize=6)
     axis.set_ylabel("K1/K2 [1]")
     axis.legend(fontsize=8)
     figure.suptitle(

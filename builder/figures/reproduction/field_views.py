@@ -70,10 +70,10 @@ def field_figure(rows: list[FieldRow], grid: SurfaceGrid, views: dict[str, float
     axes = figure.subplots(len(rows), len(widths), width_ratios=widths, squeeze=False)
     for line, row in zip(axes, rows, strict=True):
         for axis, (name, view) in zip(line[:-1], views.items(), strict=True):
-            drawn = _draw_front(axis, row, grid) if isinstance(view, str) else _draw_side(axis, row, grid, view)
+            image = _draw_front(axis, row, grid) if isinstance(view, str) else _draw_side(axis, row, grid, view)
             axis.set_title(f"{row.title}, {name}", fontsize=8)
             axis.tick_params(labelsize=6)
-        figure.colorbar(drawn, cax=line[-1], label=row.label)
+        figure.colorbar(image, cax=line[-1], label=row.label)
     figure.suptitle(title, fontsize=10)
     return figure
 
@@ -110,11 +110,11 @@ def _draw_front(axis: Any, row: FieldRow, grid: SurfaceGrid) -> Any:
     _, radius, values = _thinned(row, grid)
     roll = 2.0 * np.pi * (np.arange(grid.n_roll + 1) - 0.5) / grid.n_roll
     y, z = 1e3 * np.outer(radius, np.sin(roll)), 1e3 * np.outer(radius, np.cos(roll))
-    drawn = axis.pcolormesh(
+    image = axis.pcolormesh(
         y, z, 0.5 * (values[1:] + values[:-1]), vmin=row.low, vmax=row.high, cmap=COLOUR_MAP, rasterized=True
     )
     axis.set_aspect("equal")
     axis.invert_xaxis()
     axis.set_xlabel("y [mm]", fontsize=6)
     axis.set_ylabel("z [mm]", fontsize=6)
-    return drawn
+    return image

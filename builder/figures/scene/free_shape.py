@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.colours import ends_beyond, colour_ends
 from builder.figures.drawing.words import with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
@@ -46,13 +46,13 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
 
     triangle, ends = snapshots.triangle, colour_ends(snapshots.surface, ratio)
     mean = ratio[triangle].mean(axis=1)
-    seen = [snapshots.point @ view.T for _, view, _ in VIEWS]
-    spans = [np.ptp(points[:, :2], axis=0) for points in seen]
+    projected = [snapshots.point @ view.T for _, view, _ in VIEWS]
+    spans = [np.ptp(points[:, :2], axis=0) for points in projected]
     width = max(along for along, _ in spans)
     tall = [max(float(up), 0.1 * width) for _, up in spans]
     figure = blank_figure(8.0, min(12.0, 2.0 + 6.5 * sum(tall) / width))
     axes = figure.subplots(3, 1, height_ratios=tall)
-    for ax, points, (name, view, upward) in zip(axes, seen, VIEWS, strict=True):
+    for ax, points, (name, view, upward) in zip(axes, projected, VIEWS, strict=True):
         order = np.argsort(points[triangle, 2].mean(axis=1))
         patches = PolyCollection(
             list(points[triangle[order], :2]), array=mean[order], cmap=COLOUR_MAP, edgecolors="face"
@@ -71,7 +71,9 @@ def shape_with_gauges(snapshots: Snapshots, inverse_map: InverseMap, title: str)
             ax.set_ylabel(upward)
         else:
             ax.set_axis_off()
-    figure.colorbar(patches, ax=axes, label=with_signs("p/p_inf [1]"), extend=beyond(patches, ratio), aspect=40)
+    figure.colorbar(
+        patches, ax=axes, label=with_signs("p/p_inf [1]"), extend=ends_beyond(patches, ratio), aspect=40
+    )
     axes[0].legend(loc="upper left", fontsize="small")
     named = zip(snapshots.parameter_names, condition.parameters, strict=True)
     values = "".join(f", {name} {value:g}" for name, value in named)

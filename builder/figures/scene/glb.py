@@ -109,7 +109,7 @@ def write_glb(scene: Scene, path: Path) -> None:
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": nodes,
-        "meshes": [{"primitives": [one]} for one in (body, *bars)],
+        "meshes": [{"primitives": [primitive]} for primitive in (body, *bars)],
         "materials": materials,
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,
@@ -129,7 +129,7 @@ def _material(name: str, colour: tuple[float, ...]) -> dict[str, Any]:
 
 def _linear(colour: tuple[float, ...]) -> tuple[float, ...]:
     """Return a colour of a screen (sRGB) as glTF counts it, in proportion to light."""
-    return tuple(one / 12.92 if one <= 0.04045 else ((one + 0.055) / 1.055) ** 2.4 for one in colour)
+    return tuple(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4 for value in colour)
 
 
 def _colours(scene: Scene) -> NDArray[np.uint8]:
@@ -140,7 +140,7 @@ def _colours(scene: Scene) -> NDArray[np.uint8]:
         raise StrainfmuError("pictures need matplotlib: pip install 'strainfmu[report]'") from error
     ends = colour_ends(scene.surface, scene.values)
     span = max(ends["vmax"] - ends["vmin"], 1e-300)
-    table = np.array([[*_linear(tuple(one[:3])), 1.0] for one in colormaps[COLOUR_MAP](np.arange(256))])
+    table = np.array([[*_linear(tuple(colour[:3])), 1.0] for colour in colormaps[COLOUR_MAP](np.arange(256))])
     step = np.clip((scene.values - ends["vmin"]) / span * 255.0, 0.0, 255.0)
     return np.round(255.0 * table[np.nan_to_num(step).astype(int)]).astype(np.uint8)
 

@@ -150,10 +150,10 @@ def scene_of_snapshot(
 def _bars(surface: SurfaceMesh, position: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return middles (n_g, 3) of bars on the surface at the points closest to the gauges, and their frames."""
     extent = float(np.ptp(surface.point, axis=0).max())
-    found = closest_points(surface, position, np.zeros_like(position))
-    corner = surface.triangle[found.triangle]
-    foot = np.einsum("gk,gki->gi", found.weight, surface.point[corner])
-    outward = surface.vector_area[found.triangle]
+    closest = closest_points(surface, position, np.zeros_like(position))
+    corner = surface.triangle[closest.triangle]
+    foot = np.einsum("gk,gki->gi", closest.weight, surface.point[corner])
+    outward = surface.vector_area[closest.triangle]
     outward = outward / np.linalg.norm(outward, axis=1, keepdims=True)
     along = direction - np.einsum("gi,gi->g", direction, outward)[:, None] * outward
     along /= np.linalg.norm(along, axis=1, keepdims=True)

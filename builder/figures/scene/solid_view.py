@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import beyond, colour_ends
+from builder.figures.drawing.colours import ends_beyond, colour_ends
 from builder.figures.drawing.words import with_signs
 from builder.figures.scene.free_shape import turned
 from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene
@@ -31,9 +31,9 @@ _INSIDE = 0.75
 
 def solid_view(scene: Scene) -> Figure:
     """Draw the scene from two sides; gauges on the far side do not show."""
-    seen = [(scene.surface.point - scene.surface.point.mean(axis=0)) @ view.T for _, view in VIEWS]
-    wide = max(float(np.ptp(points[:, 0])) for points in seen)
-    tall = [max(float(np.ptp(points[:, 1])), 0.15 * wide) for points in seen]
+    projected = [(scene.surface.point - scene.surface.point.mean(axis=0)) @ view.T for _, view in VIEWS]
+    wide = max(float(np.ptp(points[:, 0])) for points in projected)
+    tall = [max(float(np.ptp(points[:, 1])), 0.15 * wide) for points in projected]
     figure = blank_figure(9.0, min(12.0, 1.6 + 8.0 * sum(tall) / wide))
     axes = figure.subplots(len(VIEWS), 1, height_ratios=tall)
     for axis, (name, view) in zip(axes, VIEWS, strict=True):
@@ -43,7 +43,7 @@ def solid_view(scene: Scene) -> Figure:
         axis.set_axis_off()
         axis.set_title(name, fontsize="small", loc="left")
     figure.colorbar(
-        colours, ax=axes, label=with_signs(scene.label), extend=beyond(colours, scene.values), aspect=30
+        colours, ax=axes, label=with_signs(scene.label), extend=ends_beyond(colours, scene.values), aspect=30
     )
     _legend(axes[0], scene)
     figure.suptitle(scene.title, fontsize="medium")
@@ -96,12 +96,12 @@ def _lit(colour: FloatArray, normal: FloatArray) -> FloatArray:
     return lit
 
 
-def _covered(point: FloatArray, triangle: Any, at: FloatArray) -> bool:
+def _covered(point: FloatArray, triangle: Any, place: FloatArray) -> bool:
     """Return whether a triangle lies between ``at`` (3,) and the viewer, axes of the picture."""
     a, b, c = (point[triangle[:, k]] for k in range(3))
 
     def cross(p: FloatArray, q: FloatArray) -> FloatArray:
-        side: FloatArray = (q[:, 0] - p[:, 0]) * (at[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (at[0] - p[:, 0])
+        side: FloatArray = (q[:, 0] - p[:, 0]) * (place[1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (place[0] - p[:, 0])
         return side
 
     u, v, w = cross(b, c), cross(c, a), cross(a, b)
@@ -111,7 +111,7 @@ def _covered(point: FloatArray, triangle: Any, at: FloatArray) -> bool:
     if not inside.any():
         return False
     depth = (u * a[:, 2] + v * b[:, 2] + w * c[:, 2])[inside] / total[inside]
-    return bool(depth.max() > at[2] + 1e-3 * float(np.ptp(point[:, 2])))
+    return bool(depth.max() > place[2] + 1e-3 * float(np.ptp(point[:, 2])))
 
 
 def _legend(axis: Any, scene: Scene) -> None:
