@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import ends_beyond, colour_ends
+from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.gauge_marks import draw_strokes
 from builder.figures.drawing.unrolled import at_roll_angles
 from builder.vehicle.shape.geometry import SurfaceGrid

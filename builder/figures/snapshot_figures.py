@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from builder.aero.loads.operator import coefficient_scale, load_operator_on
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import ends_beyond, colour_ends
+from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.unrolled import at_roll_angles
 from strainfmu.arrays import FloatArray
 

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.figures.drawing.canvas import AT_BEST, COLOUR_MAP, THIS_MAP, blank_figure
-from builder.figures.drawing.colours import ends_beyond, colour_ends
+from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.unrolled import roll_degrees, unrolled_triangles
 from builder.figures.drawing.values import ENDS, Area, ValuedFigure, cell, column, digits
 from builder.figures.map.gauge_figures import draw_gauges, gauge_areas, gauge_texts

@@ -9,7 +9,7 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import ends_beyond, colour_ends
+from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.words import with_signs
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from builder.figures.drawing.canvas import COLOUR_MAP, blank_figure
-from builder.figures.drawing.colours import ends_beyond, colour_ends
+from builder.figures.drawing.colours import colour_ends, ends_beyond
 from builder.figures.drawing.words import with_signs
 from builder.figures.scene.free_shape import turned
 from builder.figures.scene.scene import BOX_SIDES, STATE_COLOURS, Scene
