@@ -142,15 +142,15 @@ def read_records(content: bytes) -> tuple[dict[tuple[str, FlowKey], Flow], int]:
 
 
 def _decode(payload: bytes) -> Flow:
-    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+    with np.load(io.BytesIO(payload), allow_pickle=False) as stored:
         return Flow(
-            key=tuple(arrays["key"].tolist()),
+            key=tuple(stored["key"].tolist()),
             arrays={
-                name.removeprefix("array."): arrays[name] for name in arrays.files if name.startswith("array.")
+                name.removeprefix("array."): stored[name] for name in stored.files if name.startswith("array.")
             },
-            momentum_error=float(arrays["momentum_error"]),
-            mass_error=float(arrays["mass_error"]) if "mass_error" in arrays.files else float("nan"),
-            repairs=int(arrays["repairs"]),
+            momentum_error=float(stored["momentum_error"]),
+            mass_error=float(stored["mass_error"]) if "mass_error" in stored.files else float("nan"),
+            repairs=int(stored["repairs"]),
         )
 
 

@@ -92,12 +92,9 @@ def option_misfits(snapshots: Snapshots, vehicle: Vehicle) -> list[Misfit]:
             *misfits,
             Misfit(entry="conditions", expected=f"{len(campaign.conditions)}", found=f"{len(conditions)}"),
         ]
-    for number, (taken, wanted_condition) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
-        if taken != wanted_condition:
-            return [
-                *misfits,
-                Misfit(entry=f"condition {number}", expected=str(wanted_condition), found=str(taken)),
-            ]
+    for number, (taken, asked) in enumerate(zip(conditions, campaign.conditions, strict=True), start=1):
+        if taken != asked:
+            return [*misfits, Misfit(entry=f"condition {number}", expected=str(asked), found=str(taken))]
     return misfits
 
 

@@ -169,13 +169,10 @@ def strain_patterns(structure: Structure, response: SmoothResponse) -> Figure:
                 rasterized=True,
             )
             position = structure.gauge_position[gauge]
-            gauge_roll = float(roll_degrees(position[None])[0])
-            axis.plot(
-                position[0], gauge_roll, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False
-            )
+            phi = float(roll_degrees(position[None])[0])
+            axis.plot(position[0], phi, "x", color="black", markersize=8, markeredgewidth=1.5, clip_on=False)
             axis.set_title(
-                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {position[0]:.3g} m, {gauge_roll:.4g} deg",
-                fontsize=8,
+                f"{structure.gauge_names[gauge]}: {names[gauge]}, x {position[0]:.3g} m, {phi:.4g} deg", fontsize=8
             )
             figure.colorbar(image, ax=axis, pad=0.01)
         row[0].set_ylabel("roll angle [deg]")
@@ -279,9 +276,7 @@ def singular_values(structure: Structure, response: SmoothResponse) -> Figure:
     decay.legend(fontsize=8)
     classes.set_yscale("log")
     classes.set_ylim(floor, 3.0 * strongest)
-    classes.set_xticks(
-        range(len(SYMMETRIES)), [str(symmetry).replace(", ", ",\n") for symmetry in SYMMETRIES], fontsize=8
-    )
+    classes.set_xticks(range(len(SYMMETRIES)), [str(kind).replace(", ", ",\n") for kind in SYMMETRIES], fontsize=8)
     classes.set_ylabel("maximum singular value [um/m per kPa rms]")
     classes.set_title(
         "per symmetry of the pressure about y = 0 and z = 0\n"

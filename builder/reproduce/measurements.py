@@ -264,11 +264,8 @@ def class_rows(
 def _class_fractions(prior: LowRankPrior, grid: SurfaceGrid) -> dict[str, float]:
     """Return the fraction of the prior's variance in each symmetry class."""
     mirrors, total = grid_mirrors(grid), float(np.sum(prior.factor**2))
-    parts = (
-        (symmetry, symmetric_part(prior.factor, mirrors, symmetry.even_in_y, symmetry.even_in_z))
-        for symmetry in SYMMETRIES
-    )
-    return {str(symmetry): float(np.sum(part**2)) / total for symmetry, part in parts}
+    parts = ((kind, symmetric_part(prior.factor, mirrors, kind.even_in_y, kind.even_in_z)) for kind in SYMMETRIES)
+    return {str(kind): float(np.sum(part**2)) / total for kind, part in parts}
 
 
 @dataclass(frozen=True, kw_only=True)

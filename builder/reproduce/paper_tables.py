@@ -55,10 +55,8 @@ def parity_numbers(rows: list[ParityRow]) -> Table:
         (lambda entry: entry.study.ours[entry.name].low, Column("our low")),
         (lambda entry: entry.study.ours[entry.name].high, Column("our high")),
     )
-    rows_of = [_Of(row.published.key, setup, row) for row in rows for setup in TITLES]
-    return records_table(
-        "parity_numbers", "Published numbers and ours, both ends of every range", rows_of, columns
-    )
+    cells = [_Of(row.published.key, setup, row) for row in rows for setup in TITLES]
+    return records_table("parity_numbers", "Published numbers and ours, both ends of every range", cells, columns)
 
 
 def verdict_table(verdicts: list[Verdict]) -> Table:
@@ -191,12 +189,12 @@ def gamma_table(studies: Studies) -> Table:
         ("name", Column("layout")),
         *((partial(_entry, "study.by_rule", rule), Column(rule, "1", ".3g")) for rule in rules),
     )
-    rows_of = [
+    cells = [
         _Of(title, layout, studies.gamma[f"{key}{suffix}"])
         for key, title in TITLES.items()
         for suffix, layout in (("", "published"), ("-45", "'45'"))
     ]
-    return records_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", rows_of, columns)
+    return records_table("gamma", "gamma by rule (published: 3.16 by the Morozov-like rule)", cells, columns)
 
 
 def coverage_table(studies: Studies) -> Table:
@@ -208,9 +206,9 @@ def coverage_table(studies: Studies) -> Table:
         *((partial(_entry, "study.covered", i), Column(f"q_{i + 1} covered", "%", ".1f")) for i in range(5)),
         ("study.scaling", Column("scaling of K")),
     )
-    rows_of = [_Of(title, n, studies.case_1[f"{key}-{n}"]) for key, title in TITLES.items() for n in (1, 2)]
+    cells = [_Of(title, n, studies.case_1[f"{key}-{n}"]) for key, title in TITLES.items() for n in (1, 2)]
     caption = "Case 1: samples within the 3 sigma of the noise alone (99.73 % if noise were the only error)"
-    return records_table("coverage", caption, rows_of, columns)
+    return records_table("coverage", caption, cells, columns)
 
 
 def scatter_table(studies: Studies) -> Table:

@@ -149,12 +149,8 @@ def _draw_ranges(studies: Studies) -> Figure:
 
 
 def _published_range(what: str) -> tuple[float, float] | None:
-    published = PUBLISHED.get(what)
-    return (
-        None
-        if published is None or published.low is None or published.high is None
-        else (published.low, published.high)
-    )
+    row = PUBLISHED.get(what)
+    return None if row is None or row.low is None or row.high is None else (row.low, row.high)
 
 
 def _noise_free_errors(studies: Studies) -> Figure:

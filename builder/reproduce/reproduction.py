@@ -208,9 +208,9 @@ def _studies(
     spans: dict[str, StrainModel],
     grid: SurfaceGrid,
 ) -> Studies:
-    of_flights = pressures(snapshots, fine)
+    flown = pressures(snapshots, fine)
     setups: dict[str, SetUp] = make_setups(
-        models[TETRAHEDRA], models[HEXAHEDRA], models[FOURIER], of_flights.p1 - of_flights.internal
+        models[TETRAHEDRA], models[HEXAHEDRA], models[FOURIER], flown.p1 - flown.internal
     )
     inputs = {
         "schema_version": STUDIES_VERSION,
@@ -227,14 +227,12 @@ def _studies(
     case_1 = stages.ensure(
         "case_1.h5",
         inputs,
-        staged("Case 1", lambda path, progress: run_case_1(setups, of_flights, path, progress)),
+        staged("Case 1", lambda path, progress: run_case_1(setups, flown, path, progress)),
     )
     case_2 = stages.ensure(
         "case_2.h5",
         inputs,
-        staged(
-            "Case 2", lambda path, progress: run_case_2(setups, of_flights, grid, stages.layouts, path, progress)
-        ),
+        staged("Case 2", lambda path, progress: run_case_2(setups, flown, grid, stages.layouts, path, progress)),
     )
     area = mesh_of_grid(grid).node_area
     measured = stages.ensure(
@@ -246,7 +244,7 @@ def _studies(
                 models=models,
                 spans=spans,
                 setups=setups,
-                pressures=of_flights,
+                pressures=flown,
                 grid=grid,
                 layouts=stages.layouts,
                 area=area,

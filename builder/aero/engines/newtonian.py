@@ -83,11 +83,7 @@ class NewtonianEngine:
             "surface": self.surface.digest(),
             "stagnation": self.stagnation,
             "leeward": self.leeward,
-            **(
-                {"deflections": {deflection.name: deflection.digest() for deflection in self.deflections}}
-                if self.deflections
-                else {}
-            ),
+            **({"deflections": {d.name: d.digest() for d in self.deflections}} if self.deflections else {}),
         }
 
     def conditions(self) -> None:

@@ -11,14 +11,12 @@ from builder.aero.surface.mesh import SurfaceMesh
 from strainfmu.arrays import IntArray
 
 
-def connected(first_node: IntArray, second_node: IntArray, count: int) -> tuple[int, IntArray]:
+def connected(first: IntArray, second: IntArray, count: int) -> tuple[int, IntArray]:
     """Return the number of parts that ``count`` things fall into, and the part (count,) of each.
 
     ``here`` and ``there`` (k,) are pairs of things that belong together; parts are numbered by their first thing.
     """
-    graph = sparse.coo_array(
-        (np.ones(len(first_node), dtype=bool), (first_node, second_node)), shape=(count, count)
-    )
+    graph = sparse.coo_array((np.ones(len(first), dtype=bool), (first, second)), shape=(count, count))
     number, part = connected_components(graph, directed=False)
     return int(number), part.astype(np.int64)
 

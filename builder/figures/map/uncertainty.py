@@ -171,10 +171,8 @@ def _along(axis: Any, x: FloatArray, y: FloatArray) -> list[Area]:
 
     Areas meet halfway between neighbours. Each is padded across the curve alone: none covers a neighbour's point.
     """
-    ends = [np.exp(_halfway(np.log(coordinate))) for coordinate in (x, y)]
-    along_x, along_y = (
-        np.abs(np.diff(np.log(coordinate))) / max(np.ptp(np.log(coordinate)), 1e-300) for coordinate in ends
-    )
+    ends = [np.exp(_halfway(np.log(line))) for line in (x, y)]
+    along_x, along_y = (np.abs(np.diff(np.log(line))) / max(np.ptp(np.log(line)), 1e-300) for line in ends)
     return [
         Area(axis, (x0, x1), (y0, y1), (MARK, 0.0) if steep else (0.0, MARK))
         for x0, x1, y0, y1, steep in zip(

@@ -71,7 +71,7 @@ def field_comparison(
 
 
 class Draws(NamedTuple):
-    """Relative errors (n,) [1] of one example, and both ends of the published range [%] if there is one."""
+    """Relative errors (n,) [1] of one case, and both ends of the published range [%] if there is one."""
 
     label: str
     errors: FloatArray
@@ -83,19 +83,17 @@ def draw_ranges(panels: Mapping[str, Sequence[Draws]]) -> Figure:
     figure = blank_figure(11.0, 4.4)
     axes = figure.subplots(1, len(panels), sharey=True)
     for axis, (title, examples) in zip(axes, panels.items(), strict=True):
-        for column, example in enumerate(examples, start=1):
+        for column, case in enumerate(examples, start=1):
             axis.boxplot(
-                100.0 * example.errors,
+                100.0 * case.errors,
                 positions=[column],
                 widths=0.5,
                 whis=(0, 100),
                 medianprops={"color": "black"},
             )
-            if example.published is not None:
-                axis.fill_between([column - 0.4, column + 0.4], *example.published, color="tab:red", alpha=0.2)
-        axis.set_xticks(
-            range(1, len(examples) + 1), [example.label for example in examples], fontsize=6, rotation=20
-        )
+            if case.published is not None:
+                axis.fill_between([column - 0.4, column + 0.4], *case.published, color="tab:red", alpha=0.2)
+        axis.set_xticks(range(1, len(examples) + 1), [case.label for case in examples], fontsize=6, rotation=20)
         axis.set_title(title, fontsize=8)
         axis.grid(alpha=0.3, axis="y")
     axes[0].set_ylabel("relative error of the field [%]")
@@ -121,9 +119,7 @@ def noise_free_errors(
     axis.bar(column + 0.2, 100.0 * odd_error, 0.4, label="of it, odd in y and in z")
     axis.axhline(published, color="tab:red", linestyle="--", label="published, 2.8 %")
     axis.set_yscale("log")
-    axis.set_xticks(
-        column, [f"map: {built_of}\ndata: {data}" for built_of, data in pairs], fontsize=6, rotation=15
-    )
+    axis.set_xticks(column, [f"map: {of_map}\ndata: {data}" for of_map, data in pairs], fontsize=6, rotation=15)
     axis.set_ylabel("% of |p|")
     axis.legend(fontsize=8)
     axis.grid(alpha=0.3, axis="y")

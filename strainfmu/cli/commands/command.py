@@ -74,15 +74,9 @@ class ProgramCommand(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Check the parameters and run the command."""
         check_outputs(ctx.params)
-        sources = {
-            parameter.name: ctx.get_parameter_source(parameter.name) for parameter in self.params if parameter.name
-        }
+        sources = {param.name: ctx.get_parameter_source(param.name) for param in self.params if param.name}
         stated = {name for name, source in sources.items() if getattr(source, "name", "") == "COMMANDLINE"}
-        check_together(
-            self.name or "",
-            stated,
-            {parameter.name or "": max(parameter.opts, key=len) for parameter in self.params},
-        )
+        check_together(self.name or "", stated, {p.name or "": max(p.opts, key=len) for p in self.params})
         return super().invoke(ctx)
 
 

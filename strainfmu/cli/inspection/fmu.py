@@ -59,9 +59,7 @@ def _variable_lines(description: Any) -> list[str]:
     """Return the table of variables; an array in one line."""
     rows = [("no.", "name", "type", "causality", "unit", "start", "description")]
     for variable in description.modelVariables:
-        size = "".join(
-            f"[{dimension.start or dimension.valueReference}]" for dimension in variable.dimensions or []
-        )
+        size = "".join(f"[{d.start or d.valueReference}]" for d in variable.dimensions or [])
         declared = variable.declaredType
         start = str(variable.start or "").split()
         rows.append(

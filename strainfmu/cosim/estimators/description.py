@@ -103,11 +103,7 @@ def estimator_inputs(path: Path, description: Any) -> list[Any]:
 
 def reading_units(inputs: Iterable[Any]) -> dict[str, str]:
     """Return the unit of each auxiliary sensor and of thrust among ``inputs`` of an estimator, by name."""
-    return {
-        variable.name: str(variable.unit)
-        for variable in inputs
-        if variable.name.startswith(SENSOR_PREFIX) or variable.name == THRUST
-    }
+    return {v.name: str(v.unit) for v in inputs if v.name.startswith(SENSOR_PREFIX) or v.name == THRUST}
 
 
 def reading_units_in(path: Path) -> dict[str, str]:
@@ -118,9 +114,7 @@ def reading_units_in(path: Path) -> dict[str, str]:
     InputError
         The FMU is missing or damaged.
     """
-    return reading_units(
-        variable for variable in read_description(path).modelVariables if variable.causality == "input"
-    )
+    return reading_units(v for v in read_description(path).modelVariables if v.causality == "input")
 
 
 def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...]:

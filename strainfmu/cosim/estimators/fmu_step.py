@@ -111,14 +111,12 @@ class FmuStep:
         asked = (*other_inputs, *named, *self.reading_units)
         self.other_inputs = tuple(name for name in asked if name in by_name)
         # Reals side by side, so that they are exchanged as they lie.
-        of_flow = sorted(
-            (by_name[name] for name in self.other_inputs), key=lambda variable: variable.type != "Real"
-        )
+        of_flow = sorted((by_name[name] for name in self.other_inputs), key=lambda v: v.type != "Real")
         self._set = (*strains, pressure, *of_flow, *valid)
         self._place = {v.name: self.n_gauges + index for index, v in enumerate((pressure, *of_flow))}
         # Of angles without one; an FMU leaves them out.
         self._angle_stds = [
-            self._place[f"{angle}{STD}"] for angle in MEASURED_ANGLES if f"{angle}{STD}" in self._place
+            self._place[f"{name}{STD}"] for name in MEASURED_ANGLES if f"{name}{STD}" in self._place
         ]
         self._first_mask = self.n_gauges + 1 + len(of_flow)
         wanted = [name for name in other_outputs if name != OTHER_LOAD_OUTPUTS]
@@ -215,10 +213,8 @@ class FmuStep:
         except StrainfmuError as error:
             raise self._after(error) from error
         values, numbers = self._values.copy(), self._outputs
-        further_values = {name: numbers[place] for name, place in self._other_places}
-        return StepResult(
-            values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], further_values
-        )
+        more = {name: numbers[place] for name, place in self._other_places}
+        return StepResult(values[:5], values[5:FIRST_NUMBER], int(numbers[-1]), numbers[FIRST_NUMBER], more)
 
     def set_zeros(self, zeros: GaugeZeros) -> None:
         """Let the FMU take ``zeros`` off its strains, from the next step on.

@@ -112,11 +112,7 @@ def _toml(value: str | float) -> str:
     if not isinstance(value, str):
         return f"{value:.9g}"
     escaped = "".join(
-        f"\\u{ord(character):04X}"
-        if ord(character) < 32 or ord(character) == 127
-        else f"\\{character}"
-        if character in '"\\'
-        else character
-        for character in value
+        f"\\u{ord(char):04X}" if ord(char) < 32 or ord(char) == 127 else f"\\{char}" if char in '"\\' else char
+        for char in value
     )
     return f'"{escaped}"'

@@ -73,13 +73,9 @@ class Readings:
 def reference_readings(inverse_map: InverseMap, n_rows: int) -> Readings:
     """Return the readings of a flight of ``n_rows``, over the flight state where the map has tables of it."""
     known = _known_inputs(inverse_map)
-    with_states = _with_known(inverse_map, known)
-    path = flight_path(with_states, n_rows)
-    flight = (
-        flight_of_states(with_states, path)
-        if with_states.manifold is None
-        else flight_of_tables(with_states, path)
-    )
+    fitted = _with_known(inverse_map, known)
+    path = flight_path(fitted, n_rows)
+    flight = flight_of_states(fitted, path) if fitted.manifold is None else flight_of_tables(fitted, path)
     gauge, size = failing_gauge(flight.residual_precision)
     row = np.arange(n_rows)
     first, end = (round(part * n_rows) for part in _FAULT)

@@ -225,10 +225,7 @@ def _wear_cap(
 
     def ratio(angles: FloatArray) -> FloatArray:
         """Return p/p_inf (n, n_phi) at angles (n,) [rad] at the cap's centre."""
-        rows = [
-            _from_wind(angle, np.array(sin(angle)), rays.cell_sine, rays.cell_cosine, stream)[0]
-            for angle in angles
-        ]
+        rows = [_from_wind(a, np.array(sin(a)), rays.cell_sine, rays.cell_cosine, stream)[0] for a in angles]
         return GAMMA * sphere.wall_pressure(np.stack(rows))
 
     edge = np.linspace(0.0, angle, RINGS + 1)
