@@ -8,13 +8,91 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from strainfmu.can.quality import Quality, all_words
+from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.map.validity import VALIDITY_LABELS
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 from strainfmu.interface.estimator_variables import LOADS
-from strainfmu.monitor.answer import Answer
+from strainfmu.interface.fmi_variables import COEFFICIENTS, unit_shown
+from strainfmu.interface.input_names import FLOW_KEYS
 from strainfmu.monitor.events import EventLog
 from strainfmu.monitor.message import FIELD_UNITS, UNITS, parsed
-from strainfmu.monitor.shown_signals import flow_tiles, histories
+
+_WORDS = all_words()
+
+
+def reason(result: dict[str, Any]) -> str:
+    """Return in words why loads may be used, or may not."""
+    name, causes = result["quality_name"], result["causes"]
+    words = [_WORDS["cause"].get(cause, "unknown cause") for cause in causes if cause != "HEALTH"]
+    if result["health_name"] not in (None, "OK"):
+        words.insert(0, result["health_text"] or _WORDS["health"].get(result["health_name"], "unknown health"))
+    return "; ".join(words) or _WORDS["quality"].get(name, "unknown quality")
+
+
+class Answer:
+    """Follows the answer from result to result."""
+
+    def __init__(self) -> None:
+        self._usable: bool | None = None
+        self._since = 0.0
+        self._why = ""
+
+    def take(self, result: dict[str, Any]) -> None:
+        """Take in a result of the bridge."""
+        usable = result["usable"] == 1
+        if usable is not self._usable:
+            self._usable, self._since = usable, result["timestamp"]
+        self._why = reason(result)
+
+    def content(self) -> dict[str, Any] | None:
+        """Return the answer for the page: usable, since when [s since 1970], why; None before the first result."""
+        if self._usable is None:
+            return None
+        return {"usable": self._usable, "since": self._since, "why": self._why}
+
+
+def flow_tiles() -> list[dict[str, Any]]:
+    """Return a tile of each quantity of the flow: key in a result, label, unit and factor to it, digits.
+
+    ``range`` is its name among the ranges of a map; ``is_needed`` whether results without it are in question.
+    """
+    tiles = []
+    for quantity in AIR_INPUTS:
+        if quantity.name in FLOW_KEYS:
+            unit, factor = unit_shown(quantity.unit, quantity.shown)
+            tiles.append(
+                {
+                    "key": FLOW_KEYS[quantity.name],
+                    "label": quantity.label,
+                    "unit": "" if unit == "1" else unit,
+                    "factor": factor,
+                    "digits": 3 if unit == "1" else 2,
+                    "range": VALIDITY_LABELS[quantity.name],
+                    "is_needed": quantity.name == DYNAMIC_PRESSURE,
+                }
+            )
+    return tiles
+
+
+def histories() -> list[dict[str, Any]]:
+    """Return a history of each coefficient and its load: names in a result, titles, factor to the load's unit."""
+    groups = []
+    for name, (load, signal) in zip(COEFFICIENTS, LOADS.items(), strict=True):
+        unit, factor = unit_shown(signal.unit, f"k{signal.unit}")
+        axis = signal.label.partition(" ")[0].lower()
+        title = f"{signal.label} [{unit.replace('.', ' ')}]"
+        groups.append(
+            {
+                "name": name,
+                "title": f"{name} [1], {axis}",
+                "load": load,
+                "load_title": title,
+                "load_factor": factor,
+            }
+        )
+    return groups
+
 
 _LISTED = 8
 """Largest number of publishers that are listed."""

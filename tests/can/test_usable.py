@@ -34,8 +34,8 @@ from strainfmu.can.signals import functions
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.message import parsed
+from strainfmu.monitor.state import Answer
 
 pytestmark = pytest.mark.fast
 

@@ -16,7 +16,7 @@ from strainfmu.can.bus_file import TABLES, read_bus
 from strainfmu.can.opening import bus_settings, known_bus_options
 from strainfmu.can.options import BridgeSettings
 from strainfmu.cli.commands import program
-from strainfmu.cli.commands.bus_options import OLD_OPTIONS, OLD_SOURCES
+from strainfmu.cli.commands.command import OLD_OPTIONS, OLD_SOURCES
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -29,10 +29,9 @@ from strainfmu.can.quality import (
 )
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.estimator.health import HealthState
-from strainfmu.monitor.answer import Answer
 from strainfmu.monitor.events import LISTED
 from strainfmu.monitor.message import UNITS, parsed
-from strainfmu.monitor.state import COLUMNS, SILENT_AFTER, MonitorState
+from strainfmu.monitor.state import COLUMNS, SILENT_AFTER, Answer, MonitorState
 
 NAMES = ("a", "b", "c", "d", "e")
 QUALITY_WORDS, CAUSE_WORDS = (all_words()[kind] for kind in ("quality", "cause"))

@@ -11,7 +11,7 @@ import pytest
 from lxml import etree
 from slender_vehicle import make_slender_files
 
-from strainfmu.fmu.documentation.run_figure import Line, Panel, nice_ticks, run_figure
+from strainfmu.fmu.documentation.run_panels import Line, Panel, nice_ticks, run_figure
 from strainfmu.fmu.export import export_estimator
 from strainfmu.fmu.plant_export import export_autopilot, export_native_plant, export_schedule
 from strainfmu.interface.plant_variables import FlightStart, Motion
