@@ -18,7 +18,7 @@ from strainfmu.estimator.estimates.pressure import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, names_of, rows_of
-from strainfmu.estimator.signal_names import COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS, VALID
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, COEFFICIENT_NAMES, LOAD_NAMES, LOAD_UNITS, VALID
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -56,11 +56,11 @@ class NamedLoads:
     side_force = component("loads", 2, "F_y [N], positive to starboard.")
     pitching_moment = component("loads", 3, "Moment about y [N m], positive nose-up.")
     yawing_moment = component("loads", 4, "Moment about z [N m], positive nose to starboard.")
-    C_A = component("coefficients", 0, "Coefficient of the axial force [1].")
-    C_N = component("coefficients", 1, "Coefficient of the normal force [1].")
-    C_Y = component("coefficients", 2, "Coefficient of the side force [1].")
-    M_P = component("coefficients", 3, "Coefficient of the pitching moment [1].")
-    M_Y = component("coefficients", 4, "Coefficient of the yawing moment [1].")
+    C_A = component(COEFFICIENT_ARRAY, 0, "Coefficient of the axial force [1].")
+    C_N = component(COEFFICIENT_ARRAY, 1, "Coefficient of the normal force [1].")
+    C_Y = component(COEFFICIENT_ARRAY, 2, "Coefficient of the side force [1].")
+    M_P = component(COEFFICIENT_ARRAY, 3, "Coefficient of the pitching moment [1].")
+    M_Y = component(COEFFICIENT_ARRAY, 4, "Coefficient of the yawing moment [1].")
     rolling_moment = component(
         "other_loads",
         0,
