@@ -128,7 +128,7 @@ LEVELS = """
 from builder.reports.findings.envelope_states import envelope
 from builder.trial.levels import level_readings
 envelope.__defaults__ = (5, 4)
-level_readings.__kwdefaults__ |= {"vehicles": 10, "conditions": 1000}
+level_readings.__kwdefaults__["vehicles"] = 10
 """
 """Alarm levels of maps from 10,000 samples; the 200,000 of the product take longer than all else of a build. And
 reports that judge the nonlinear estimator at 5 Mach numbers and 4 incidences, not at 13 and 12.
