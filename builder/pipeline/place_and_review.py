@@ -281,7 +281,7 @@ def left_out(vehicle: Vehicle) -> list[str]:
         found.append("noise.nuisance_file: not counted, it holds the gauges of the layout in use alone")
     if noise.covariance_file is not None or noise.std_of_gauges_um_per_m is not None:
         found.append("noise: every candidate has the median noise of the gauges in use")
-    entries = dict.fromkeys(kind.noise for kind in IN_NOISE if kind.name not in ALWAYS_DRAWN)
+    entries = dict.fromkeys(kind.entry for kind in IN_NOISE if kind.name not in ALWAYS_DRAWN)
     found += [f"noise.{entry}: not counted" for entry in entries if getattr(noise, entry) > 0.0]
     if vehicle.temperature is not None and not vehicle.is_of_revolution:
         found.append("temperature: modes of the wall's temperature are not counted but on a body of revolution")

@@ -174,19 +174,19 @@ def _rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatAr
     """Return (n, m) rows of all candidates over the noise of each: unknowns of the flow, then common errors."""
     entry, root = parts.vehicle.noise, state.pressure_root
     reading = strain.strain @ root
-    variance = parts.noise_std**2 + _square(KINDS["gauge_gain"].noise_std(entry) * reading)
+    variance = parts.noise_std**2 + _square(KINDS["gauge_gain"].std(entry) * reading)
     for name, operator in (
         ("axial_shift", strain.axial),
         ("circumferential_shift", strain.circumferential),
         ("orientation", strain.orientation),
     ):
-        variance += _square(KINDS[name].noise_std(entry) * (operator @ root))
+        variance += _square(KINDS[name].std(entry) * (operator @ root))
     variance += np.einsum("nk,kl,nl->n", strain.strain, state.rest, strain.strain, optimize=True)
     common = [
-        KINDS["common_gain"].noise_std(entry) * reading,
-        KINDS["layout_roll"].noise_std(entry) * (strain.layout_roll @ root),
-        KINDS["wall_thickness"].noise_std(entry) * (strain.wall_thickness @ root),
-        np.full((len(reading), 1), KINDS["apparent_strain"].noise_std(entry)),
+        KINDS["common_gain"].std(entry) * reading,
+        KINDS["layout_roll"].std(entry) * (strain.layout_roll @ root),
+        KINDS["wall_thickness"].std(entry) * (strain.wall_thickness @ root),
+        np.full((len(reading), 1), KINDS["apparent_strain"].std(entry)),
         strain.thermal,
     ]
     of_sensors = np.zeros((len(reading), _n_sensor_errors(parts, root)))

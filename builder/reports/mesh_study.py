@@ -27,15 +27,14 @@ from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import SolidCase, solid_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauge_rows import Gauges, gauge_rows
+from builder.structure.solid.cyclic_gauges import gauge_rows_on
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
-from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH, whole_mesh
+from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
 from builder.structure.solid.strain_solution import solve_strain
-from builder.structure.solid.swept_mesh import SweptSector, swept_wall
+from builder.structure.solid.swept_mesh import SweptSector, swept_wall, whole_mesh
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
@@ -223,7 +222,8 @@ def _on_mesh(
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
     mesh = chosen.make(*case.of_revolution)
     whole = whole_mesh(mesh)
-    rows = csr_array(vstack([_rows(mesh, gauges) for gauges in case.layouts.values()]))
+    # Linear elements make free meshes faceted: gauges are moved onto the surface.
+    rows = csr_array(vstack([gauge_rows_on(mesh, gauges, near_surface=True) for gauges in case.layouts.values()]))
     free_solver = None if isinstance(mesh, SweptSector) else solver
     found = solve_strain(
         mesh,
@@ -245,13 +245,6 @@ def _on_mesh(
         error_operators={name: np.zeros_like(one) for name, one in operators.items()},
     )
     return structure, whole.n_dof
-
-
-def _rows(mesh: SweptSector | SolidMesh, gauges: Gauges) -> csr_array:
-    """Return gauge rows; on free meshes, which linear elements make faceted, gauges are moved onto the surface."""
-    if isinstance(mesh, SweptSector):
-        return cyclic_gauge_rows(mesh, gauges)
-    return gauge_rows(mesh, gauges, near_surface=True)
 
 
 def _row(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -26,6 +26,8 @@ Role = Literal["estimated", "considered", "split"]
 
 UNIT = {"%": 0.01, "mm": 1e-3, "um/m": 1e-6, "deg": float(np.pi / 180.0), "N": 1.0, "kg": 1.0}
 """Size of the units of entries, in SI."""
+UNIT_OF_END = {"_percent": "%", "_um_per_m": "um/m", "_mm": "mm", "_deg": "deg", "_N": "N", "_kg": "kg"}
+"""Units by the ends of entries' names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,11 +40,9 @@ class ParameterKind:
     error : name of the kind in the fault detection study; empty where that has no case of it.
     column : name of its error columns in a map, where that is another than the kind's own in words.
     extent : what has its own parameter of this kind.
-    unit : of its entries, one of :data:`UNIT`; parameters themselves are in SI.
     acts_on : what it changes, for pages.
     relative_to : what a size in percent is a part of, where the kind's name does not say so.
-    calibration, noise, errors : entry of the section of this name that states its standard deviation; empty where
-        the section has none.
+    entry : of each of the ``sections`` of the vehicle file or of a test's file that states its standard deviation.
     step : of central differences of the readings by it; 0 where the derivative has a closed form.
     flight : whether strain in flight depends on it; a ground test alone does otherwise.
     taken_for_zero : whether the standard deviation is 0 by default, and the test says whether that holds.
@@ -53,19 +53,22 @@ class ParameterKind:
 
     name: str
     extent: Extent
-    unit: str
     acts_on: str
+    entry: str
+    sections: tuple[str, ...] = ("calibration", "noise")
     error: str = ""
     column: str = ""
     relative_to: str = ""
-    calibration: str = ""
-    noise: str = ""
-    errors: str = ""
     step: float = 0.0
     flight: bool = True
     taken_for_zero: bool = False
     alike_in_flight: bool = False
     role: Role = "estimated"
+
+    @property
+    def unit(self) -> str:
+        """Unit of the entry, by its end; parameters themselves are in SI."""
+        return next(unit for end, unit in UNIT_OF_END.items() if self.entry.endswith(end))
 
     @property
     def scale(self) -> float:
@@ -87,17 +90,9 @@ class ParameterKind:
         """Whether [noise] states one error of the whole vehicle."""
         return self.extent == "vehicle" or self.alike_in_flight
 
-    def prior_std(self, section: object) -> float:
-        """Return the standard deviation before a test, in SI, from the section [calibration]."""
-        return self.scale * float(getattr(section, self.calibration))
-
-    def noise_std(self, section: object) -> float:
-        """Return the standard deviation in flight, in SI, from the section [noise]."""
-        return self.scale * float(getattr(section, self.noise))
-
-    def error_std(self, section: object) -> float:
-        """Return the standard deviation in a ground test, in SI, from the section [errors]."""
-        return self.scale * float(getattr(section, self.errors))
+    def std(self, section: object) -> float:
+        """Return the standard deviation that a section states, in SI."""
+        return self.scale * float(getattr(section, self.entry))
 
 
 AS_BUILT = (
@@ -105,20 +100,16 @@ AS_BUILT = (
         name="gauge_gain",
         error="gain of each gauge",
         extent="gauge",
-        unit="%",
         acts_on="reading of the gauge",
-        calibration="gauge_gain_percent",
-        noise="gauge_gain_percent",
+        entry="gauge_gain_percent",
     ),
     ParameterKind(
         name="orientation",
         error="orientation of each gauge",
         column="gauge orientation",
         extent="gauge",
-        unit="deg",
         acts_on="direction of the gauge in the surface",
-        calibration="gauge_orientation_deg",
-        noise="gauge_orientation_deg",
+        entry="gauge_orientation_deg",
         step=1e-3,
     ),
     ParameterKind(
@@ -126,10 +117,8 @@ AS_BUILT = (
         error="axial position of each gauge",
         column="gauge position, axial",
         extent="gauge",
-        unit="mm",
         acts_on="place of the gauge along the surface",
-        calibration="gauge_position_mm",
-        noise="gauge_position_mm",
+        entry="gauge_position_mm",
         step=1e-4,
     ),
     ParameterKind(
@@ -137,64 +126,54 @@ AS_BUILT = (
         error="circumferential position of each gauge",
         column="gauge position, circumferential",
         extent="gauge",
-        unit="mm",
         acts_on="place of the gauge round the body",
-        calibration="gauge_position_mm",
-        noise="gauge_position_mm",
+        entry="gauge_position_mm",
         step=1e-4,
     ),
     ParameterKind(
         name="transverse_sensitivity",
         error="transverse sensitivity of each gauge",
         extent="gauge",
-        unit="%",
         acts_on="reading of strain across the gauge",
-        calibration="transverse_sensitivity_percent",
-        noise="transverse_sensitivity_percent",
+        entry="transverse_sensitivity_percent",
         step=1e-3,
     ),
     ParameterKind(
         name=ZERO,
         extent="gauge",
-        unit="um/m",
         acts_on="reading without load",
-        calibration="zero_um_per_m",
+        entry="zero_um_per_m",
+        sections=("calibration",),
     ),
     ParameterKind(
         name="common_gain",
         error="gain of all gauges",
         extent="vehicle",
-        unit="%",
         acts_on="readings of all gauges",
-        calibration="common_gain_percent",
-        noise="common_gain_percent",
+        entry="common_gain_percent",
     ),
     ParameterKind(
         name="layout_roll",
         error="roll of the layout",
         extent="vehicle",
-        unit="deg",
         acts_on="roll angle of all gauges",
-        calibration="layout_roll_deg",
-        noise="layout_roll_deg",
+        entry="layout_roll_deg",
         step=1e-3,
         role="considered",
     ),
     ParameterKind(
         name="youngs_modulus",
         extent="vehicle",
-        unit="%",
         acts_on="stiffness of the whole wall",
-        calibration="youngs_modulus_percent",
+        entry="youngs_modulus_percent",
+        sections=("calibration",),
     ),
     ParameterKind(
         name="wall_thickness",
         error="wall thickness",
         extent="region",
-        unit="%",
         acts_on="mean thickness round the body",
-        calibration="wall_thickness_percent",
-        noise="wall_thickness_percent",
+        entry="wall_thickness_percent",
         step=1e-3,
         alike_in_flight=True,
         role="considered",
@@ -203,10 +182,8 @@ AS_BUILT = (
         name="wall_cosine",
         error="wall thickness as the cosine of the roll angle",
         extent="region",
-        unit="%",
         acts_on="thickness as cos phi",
-        calibration="wall_harmonic_percent",
-        noise="wall_harmonic_percent",
+        entry="wall_harmonic_percent",
         step=1e-3,
         role="considered",
     ),
@@ -214,10 +191,8 @@ AS_BUILT = (
         name="wall_sine",
         error="wall thickness as the sine of the roll angle",
         extent="region",
-        unit="%",
         acts_on="thickness as sin phi",
-        calibration="wall_harmonic_percent",
-        noise="wall_harmonic_percent",
+        entry="wall_harmonic_percent",
         step=1e-3,
         role="considered",
     ),
@@ -225,10 +200,8 @@ AS_BUILT = (
         name="wall_taper",
         error="taper of each region of the wall",
         extent="region",
-        unit="%",
         acts_on="thickness from the fore to the aft end",
-        calibration="wall_taper_percent",
-        noise="wall_taper_percent",
+        entry="wall_taper_percent",
         step=1e-3,
         taken_for_zero=True,
         role="considered",
@@ -237,10 +210,8 @@ AS_BUILT = (
         name="wall_second_cosine",
         error="wall thickness as the cosine of twice the roll angle",
         extent="region",
-        unit="%",
         acts_on="thickness as cos 2 phi",
-        calibration="wall_second_harmonic_percent",
-        noise="wall_second_harmonic_percent",
+        entry="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
         role="considered",
@@ -249,10 +220,8 @@ AS_BUILT = (
         name="wall_second_sine",
         error="wall thickness as the sine of twice the roll angle",
         extent="region",
-        unit="%",
         acts_on="thickness as sin 2 phi",
-        calibration="wall_second_harmonic_percent",
-        noise="wall_second_harmonic_percent",
+        entry="wall_second_harmonic_percent",
         step=1e-3,
         taken_for_zero=True,
         role="considered",
@@ -260,18 +229,18 @@ AS_BUILT = (
     ParameterKind(
         name="mass",
         extent="vehicle",
-        unit="%",
         acts_on="own weight and inertia",
-        calibration="mass_percent",
+        entry="mass_percent",
+        sections=("calibration",),
         step=1e-3,
         flight=False,
     ),
     ParameterKind(
         name="region_mass",
         extent="region",
-        unit="%",
         acts_on="own weight and inertia of the region",
-        calibration="region_mass_percent",
+        entry="region_mass_percent",
+        sections=("calibration",),
         step=1e-3,
         flight=False,
     ),
@@ -280,10 +249,8 @@ AS_BUILT = (
         error="clamp that yields along the body",
         column="clamp, along",
         extent="vehicle",
-        unit="mm",
         acts_on="support: length of wall that yields along the body as the clamp does",
-        calibration="clamp_compliance_mm",
-        noise="clamp_compliance_mm",
+        entry="clamp_compliance_mm",
         step=1e-3,
         role="considered",
     ),
@@ -292,10 +259,8 @@ AS_BUILT = (
         error="clamp that yields across the body",
         column="clamp, across",
         extent="vehicle",
-        unit="mm",
         acts_on="support: length of wall that yields across the body as the clamp does",
-        calibration="clamp_compliance_mm",
-        noise="clamp_compliance_mm",
+        entry="clamp_compliance_mm",
         step=1e-3,
         role="considered",
     ),
@@ -303,10 +268,8 @@ AS_BUILT = (
         name="region_modulus",
         error="stiffness of each region of the wall",
         extent="region",
-        unit="%",
         acts_on="stiffness of the region",
-        calibration="region_modulus_percent",
-        noise="region_modulus_percent",
+        entry="region_modulus_percent",
         step=1e-3,
         role="considered",
     ),
@@ -314,10 +277,8 @@ AS_BUILT = (
         name="row_orientation",
         error="orientation of each row of gauges",
         extent="row",
-        unit="deg",
         acts_on="direction of all gauges at one roll angle",
-        calibration="row_orientation_deg",
-        noise="row_orientation_deg",
+        entry="row_orientation_deg",
         step=1e-3,
         role="considered",
     ),
@@ -325,10 +286,8 @@ AS_BUILT = (
         name="joint_softness",
         error="softness of each joint",
         extent="joint",
-        unit="mm",
         acts_on="length of wall that yields as the joint does",
-        calibration="joint_softness_mm",
-        noise="joint_softness_mm",
+        entry="joint_softness_mm",
         step=1e-3,
         role="considered",
     ),
@@ -341,115 +300,100 @@ IN_FLIGHT = (
         name="apparent_strain",
         error="apparent strain of all gauges",
         extent="vehicle",
-        unit="um/m",
         acts_on="readings of all gauges",
-        noise="apparent_strain_um_per_m",
+        entry="apparent_strain_um_per_m",
+        sections=("noise",),
     ),
     ParameterKind(
         name="internal_pressure",
         error="internal pressure",
         extent="vehicle",
-        unit="%",
         acts_on="pressure inside",
         relative_to="p_inf",
-        noise="internal_pressure_percent",
+        entry="internal_pressure_percent",
+        sections=("noise",),
     ),
     ParameterKind(
         name=DYNAMIC_PRESSURE,
         error="dynamic pressure",
         extent="vehicle",
-        unit="%",
         acts_on="stated q_inf",
-        noise="dynamic_pressure_percent",
+        entry="dynamic_pressure_percent",
+        sections=("noise",),
     ),
 )
 """Kinds that no ground test knows."""
 
+
+def _of_load(**kind: Any) -> ParameterKind:
+    return ParameterKind(sections=("errors",), flight=False, **kind)
+
+
 OF_LOADS = (
-    ParameterKind(
+    _of_load(
         name="load",
         extent="load",
-        unit="%",
         acts_on="size of each load",
-        errors="load_percent",
-        flight=False,
+        entry="load_percent",
     ),
-    ParameterKind(
+    _of_load(
         name="common",
         extent="vehicle",
-        unit="%",
         acts_on="size of all loads of a load cell",
-        errors="load_cell_percent",
-        flight=False,
+        entry="load_cell_percent",
     ),
-    ParameterKind(
+    _of_load(
         name="cell_offset",
         extent="vehicle",
-        unit="N",
         acts_on="reading of a load cell without load",
-        errors="load_cell_offset_N",
-        flight=False,
+        entry="load_cell_offset_N",
     ),
-    ParameterKind(
+    _of_load(
         name="cell_curve",
         extent="vehicle",
-        unit="%",
         acts_on="nonlinearity of a load cell",
         relative_to="full scale",
-        errors="load_cell_nonlinearity_percent",
-        flight=False,
+        entry="load_cell_nonlinearity_percent",
     ),
-    ParameterKind(
+    _of_load(
         name="rig_mass",
         extent="vehicle",
-        unit="kg",
         acts_on="weight of the rig on every pad and point",
-        errors="rig_mass_kg",
-        flight=False,
+        entry="rig_mass_kg",
     ),
-    ParameterKind(
+    _of_load(
         name="drift",
         extent="gauge",
-        unit="um/m",
         acts_on="zero from the first load case to the last",
-        errors="drift_um_per_m",
-        flight=False,
+        entry="drift_um_per_m",
     ),
-    ParameterKind(
+    _of_load(
         name="pad_position",
         extent="load",
-        unit="mm",
         acts_on="station of each load",
-        errors="pad_position_mm",
+        entry="pad_position_mm",
         step=1e-3,
-        flight=False,
     ),
-    ParameterKind(
+    _of_load(
         name="pad_roll",
         extent="load",
-        unit="deg",
         acts_on="roll angle of each load",
-        errors="pad_roll_deg",
+        entry="pad_roll_deg",
         step=5e-3,
-        flight=False,
     ),
-    ParameterKind(
+    _of_load(
         name="pad_shape",
         extent="load",
-        unit="%",
         acts_on="length of each pad",
-        errors="pad_shape_percent",
+        entry="pad_shape_percent",
         step=0.02,
-        flight=False,
     ),
-    ParameterKind(
+    _of_load(
         name="tilt",
         extent="load",
-        unit="deg",
         acts_on="direction of each force, about both axes across it",
-        errors="load_direction_deg",
+        entry="load_direction_deg",
         step=1e-3,
-        flight=False,
     ),
 )
 """Kinds of the loads of a ground test."""
@@ -479,7 +423,9 @@ ALWAYS_DRAWN = (
 
 IN_NOISE = tuple(
     KINDS[name]
-    for name in dict.fromkeys((*ALWAYS_DRAWN, *(kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if kind.noise)))
+    for name in dict.fromkeys(
+        (*ALWAYS_DRAWN, *(kind.name for kind in (*AS_BUILT, *IN_FLIGHT) if "noise" in kind.sections))
+    )
 )
 """Kinds that [noise] states, in the order in which vehicles are drawn.
 

@@ -378,7 +378,7 @@ def _faults(file: TrialFile) -> list[str]:
         f"group: '{case.name}': expected kinds of error, {kinds}, got '{name}'"
         for case in cases
         for name in (*case.built.set, *case.built.middle)
-        if name not in KINDS or not KINDS[name].noise
+        if name not in KINDS or "noise" not in KINDS[name].sections
     ]
 
 
@@ -419,7 +419,7 @@ def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:
     if case.built.of_stated:
         least = case.built.of_stated
         sizes = {
-            name: max(value, least * float(getattr(vehicle.noise, KINDS[name].noise)))
+            name: max(value, least * float(getattr(vehicle.noise, KINDS[name].entry)))
             for name, value in case.built.set.items()
         }
         changes["built"] = case.built.model_copy(update={"set": sizes, "of_stated": 0.0})
@@ -430,7 +430,7 @@ def _rows(case: Case, vehicle: Vehicle, has: dict[str, bool]) -> list[Case]:
 def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
     rows = []
     for kind in IN_NOISE:
-        size = case.each_stated * float(getattr(vehicle.noise, kind.noise))
+        size = case.each_stated * float(getattr(vehicle.noise, kind.entry))
         if size == 0.0:
             continue
         unit = f"{kind.unit} of {kind.relative_to}" if kind.relative_to else kind.unit
@@ -438,7 +438,7 @@ def _of_stated(case: Case, vehicle: Vehicle) -> list[Case]:
         changes = {
             "error": kind.error,
             "size": f"+-{size:g} {unit}",
-            "what": f"{case.what} {kind.noise}, {whose}; all else exact.",
+            "what": f"{case.what} {kind.entry}, {whose}; all else exact.",
             "built": Built(set={kind.name: size}, signs=True),
             "each_stated": 0.0,
         }
@@ -480,7 +480,7 @@ def _class_of(case: Case, vehicle: Vehicle) -> CaseClass:
     if case.group != "stated":
         return case.group
     noise, mass = vehicle.noise, vehicle.mass
-    sizes = [(value, float(getattr(noise, KINDS[name].noise))) for name, value in case.built.set.items()]
+    sizes = [(value, float(getattr(noise, KINDS[name].entry))) for name, value in case.built.set.items()]
     if (inertia := case.inertia) is not None:
         across = 0.0 if mass is None else mass.lateral_g
         sizes += [

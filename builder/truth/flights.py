@@ -33,7 +33,7 @@ def drawn(
     """
     of, errors = counts if isinstance(counts, Counts) else Counts(counts), {}
     for kind in IN_NOISE:
-        size, std = (*(() if count is None else (count,)), of.in_flight(kind)), kind.noise_std(entry)
+        size, std = (*(() if count is None else (count,)), of.in_flight(kind)), kind.std(entry)
         takes = scale > 0.0 and (std > 0.0 or kind.name in ALWAYS_DRAWN)
         errors[kind.name] = scale * std * random.standard_normal(size) if takes else np.zeros(size)
     return AsBuilt(of, errors)

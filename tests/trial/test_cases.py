@@ -49,7 +49,7 @@ def test_every_shipped_vehicle_has_its_own_rows(name: str) -> None:
 
 
 def test_every_stated_error_is_tried_alone_and_no_other() -> None:
-    assert {kind.noise for kind in IN_NOISE} == set(HARDWARE_ERRORS)
+    assert {kind.entry for kind in IN_NOISE} == set(HARDWARE_ERRORS)
 
     def rows(noise: Noise) -> list[Case]:
         vehicle = SHIPPED.model_copy(update={"noise": noise})

@@ -272,7 +272,7 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(flown: 
     structure = true_structure(by_region)
     assert structure.counts == Counts(gauge=N_GAUGES, region=4, row=4, joint=1)
     found = flown._replace(vehicle=flown.vehicle.model_copy(update={"calibration": joints})).columns(noise)
-    kinds = [kind for kind in IN_NOISE if kind.noise in entries]
+    kinds = [kind for kind in IN_NOISE if kind.entry in entries]
     keys = [(kind, k) for kind in kinds for k in range(structure.counts.of(kind))]
     assert [one.name for one in found] == [kind.in_words for kind, _ in keys]
     assert all(one.common for one in found)

@@ -26,7 +26,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import ZERO
 
-CALIBRATED = tuple(dict.fromkeys(kind.noise for kind in AS_BUILT if kind.noise))
+CALIBRATED = tuple(dict.fromkeys(kind.entry for kind in AS_BUILT if "noise" in kind.sections))
 """Entries of [noise] that the test takes the place of."""
 
 

@@ -60,7 +60,7 @@ class ErrorEntries(Section):
     def errors(self) -> LoadErrors:
         """Return the same in SI units."""
         mass = None if self.mass_percent is None else 0.01 * self.mass_percent
-        return LoadErrors(mass=mass, **{kind.name: kind.error_std(self) for kind in OF_LOADS})
+        return LoadErrors(mass=mass, **{kind.name: kind.std(self) for kind in OF_LOADS})
 
 
 class ReadingEntries(Section):

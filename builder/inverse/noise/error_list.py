@@ -104,7 +104,7 @@ ERRORS = {
                 name=kind.column_name,
                 acts_on=kind.acts_on,
                 role=kind.role,
-                entry=f"noise.{kind.noise}",
+                entry=f"noise.{kind.entry}",
                 unit=f"{kind.unit} of {kind.relative_to}" if kind.relative_to else kind.unit,
             )
             for kind in IN_NOISE

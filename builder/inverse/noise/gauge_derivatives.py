@@ -121,7 +121,7 @@ def _wall_derivatives(
             if beyond is not None:
                 raise
     if beyond is not None:
-        entry = KINDS[beyond].noise
+        entry = KINDS[beyond].entry
         raise InputError(f"noise.{entry}: expected 0 but for a body of revolution that is clamped aft")
     counts = counts_of_layout(vehicle, structure, layout)
     return parameter_derivatives(of_displaced(structure, layout, moved=False), as_drawn(counts), list(keys))

@@ -65,7 +65,7 @@ def hardware_errors(
     entry, layout = vehicle.noise, vehicle.gauges.layout
     keys = stated_keys(entry, counts_of_layout(vehicle, structure, layout))
     derivative = strain_derivatives(vehicle, structure, layout, keys)
-    found = [(KINDS[key[0]], KINDS[key[0]].noise_std(entry) * derivative[key]) for key in keys]
+    found = [(KINDS[key[0]], KINDS[key[0]].std(entry) * derivative[key]) for key in keys]
     columns = [(kind.column_name, operator, kind.extent != "gauge") for kind, operator in found]
     gain = sum(kind.name in ("gauge_gain", "common_gain") for kind, _ in found)
     columns.insert(gain, ("modulus with temperature", modulus_std * strain_operator, True))
@@ -87,12 +87,12 @@ def hardware_terms(
     """Return the noise terms of ``errors``, averaged over the ensemble, and of those that do not follow strain."""
     entry, terms = vehicle.noise, error_terms(errors, ensemble)
     if entry.apparent_strain_um_per_m > 0.0:
-        column, std = np.ones((len(strain_operator), 1)), np.array([KINDS["apparent_strain"].noise_std(entry)])
+        column, std = np.ones((len(strain_operator), 1)), np.array([KINDS["apparent_strain"].std(entry)])
         terms.append(replace(nuisance_modes("apparent strain", column, std), hardware=True))
     if entry.internal_pressure_percent > 0.0:
         rms = rms_ambient_pressure(ensemble)
         column = strain_operator.sum(axis=1)[:, None]
-        std = np.array([KINDS["internal_pressure"].noise_std(entry) * rms])
+        std = np.array([KINDS["internal_pressure"].std(entry) * rms])
         terms.append(replace(nuisance_modes("internal pressure", column, std), hardware=True, scales=True))
     return terms
 

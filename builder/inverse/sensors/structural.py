@@ -118,10 +118,10 @@ def _shared_errors(
     """Return (n, n_p) operators of the errors that gauges have too, one standard deviation [unit/Pa]."""
     entry = vehicle.noise
     for kind in (KINDS[name] for name in (*CLAMP, *BY_REGION)):
-        if kind.noise_std(entry) > 0.0:
+        if kind.std(entry) > 0.0:
             raise InputError(
-                f"noise.{kind.noise}: expected 0 with sensors.displacement or sensors.fibre, whose readings with "
-                f"such an error are not known, got {getattr(entry, kind.noise):g}"
+                f"noise.{kind.entry}: expected 0 with sensors.displacement or sensors.fibre, whose readings with "
+                f"such an error are not known, got {getattr(entry, kind.entry):g}"
             )
     found = {"common gain": 0.01 * entry.common_gain_percent * operator}
     if entry.wall_thickness_percent > 0.0:

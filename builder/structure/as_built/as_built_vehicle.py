@@ -171,9 +171,7 @@ def as_drawn(counts: Counts) -> AsBuilt:
 
 def as_built_std(entry: Calibration, counts: Counts) -> AsBuilt:
     """Return the standard deviation of every parameter before a test, from the section [calibration]."""
-    return AsBuilt(
-        counts, {kind: np.full(size, KINDS[kind].prior_std(entry)) for kind, size in _sizes(counts).items()}
-    )
+    return AsBuilt(counts, {kind: np.full(size, KINDS[kind].std(entry)) for kind, size in _sizes(counts).items()})
 
 
 def draw_as_built(std: AsBuilt, random: np.random.Generator) -> AsBuilt:

@@ -36,11 +36,11 @@ def counts_in_flight(vehicle: Vehicle, roll_angle: FloatArray) -> Counts:
     InputError
         An error by regions or joints is stated, and the vehicle has none.
     """
-    stated = [KINDS[name] for name in BY_REGION if KINDS[name].noise_std(vehicle.noise) > 0.0]
+    stated = [KINDS[name] for name in BY_REGION if KINDS[name].std(vehicle.noise) > 0.0]
     if not stated:
         return Counts(gauge=len(roll_angle), row=int(rows_of(roll_angle).max()) + 1)
     if not vehicle.is_of_revolution:
-        raise InputError(f"noise.{stated[0].noise}: expected 0 but for a body of revolution that is clamped aft")
+        raise InputError(f"noise.{stated[0].entry}: expected 0 but for a body of revolution that is clamped aft")
     found = counts_of_wall(vehicle, roll_angle)
     if not found.joint and any(kind.extent == "joint" for kind in stated):
         raise InputError(

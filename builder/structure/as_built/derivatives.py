@@ -46,7 +46,7 @@ def stated_keys(noise: Noise, counts: Counts) -> list[Key]:
     return [
         (kind.name, number)
         for kind in IN_NOISE
-        if kind in AS_BUILT and kind.noise_std(noise) > 0.0
+        if kind in AS_BUILT and kind.std(noise) > 0.0
         for number in range(1 if kind.extent == "gauge" else counts.in_flight(kind))
     ]
 

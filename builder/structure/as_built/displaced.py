@@ -101,5 +101,5 @@ def refuse_others(noise: Noise) -> None:
         Names the entry of [noise].
     """
     for kind in IN_NOISE:
-        if kind in AS_BUILT and kind.name not in KNOWN and kind.noise_std(noise) > 0.0:
-            raise InputError(f"noise.{kind.noise}: expected 0 but for a body of revolution that is clamped aft")
+        if kind in AS_BUILT and kind.name not in KNOWN and kind.std(noise) > 0.0:
+            raise InputError(f"noise.{kind.entry}: expected 0 but for a body of revolution that is clamped aft")

@@ -90,7 +90,7 @@ class RevolvedStructure:
         """
         for kind in (*SOLVED, *BY_REGION):
             if kind not in self.solved and getattr(built, kind).any():
-                entry = KINDS[kind].noise
+                entry = KINDS[kind].entry
                 raise InputError(f"{KINDS[kind].in_words}: this structure was solved without; noise.{entry} is 0")
         return self.on_wall.parts(self.table if table is None else table, built, self._thickness(built))
 

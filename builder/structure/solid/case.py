@@ -33,22 +33,22 @@ from builder.structure.solid.mesh_choice import (
     CAD_FORMATS,
     SWEPT,
     TETRAHEDRON_LENGTH,
-    AnyMesh,
     MeshChoice,
     check_other,
     coarser_sector,
     make_mesh,
-    whole_mesh,
 )
 from builder.structure.solid.solid_mesh import INTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.solid.swept_mesh import (
     HEXAHEDRON,
     RESOLUTIONS,
+    AnyMesh,
     SweptMesh,
     SweptResolution,
     SweptSector,
     section_wall,
+    whole_mesh,
 )
 from builder.structure.structure_file import SCHEMA_VERSION
 from builder.structure.wall import Wall, material_of, wall_of

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import HEXAHEDRON, REGION, SweptSector
+from builder.structure.solid.swept_mesh import HEXAHEDRON, REGION, AnyMesh, SweptSector
 from strainfmu.arrays import FloatArray, IntArray
 
 NEIGHBOURS = 2
@@ -22,6 +22,13 @@ NEIGHBOURS = 2
 
 BOUNDARY = 1e-9  # of a sector: a gauge this close before a sector counts to it
 DECIMALS = 12  # m: positions are rounded there, so that rolled gauges agree to the last bit
+
+
+def gauge_rows_on(mesh: AnyMesh, gauges: Gauges, near_surface: bool = False) -> csr_array:
+    """Return B of gauges on a mesh of either kind; ``near_surface`` as of :func:`gauge_rows`, of no swept mesh."""
+    if isinstance(mesh, SweptSector):
+        return cyclic_gauge_rows(mesh, gauges)
+    return gauge_rows(mesh, gauges, near_surface)
 
 
 def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:

@@ -12,17 +12,14 @@ import numpy as np
 from builder.structure.solid.solid_mesh import SolidMesh, same_elements
 from builder.structure.solid.swept_mesh import (
     RESOLUTIONS,
+    AnyMesh,
     SweptResolution,
     SweptSector,
-    full_mesh,
     swept_wall,
 )
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.errors import InputError
-
-AnyMesh = SweptSector | SolidMesh
-"""A mesh, a swept one as its sector."""
 
 SWEPT, GMSH = "swept", "gmsh"
 CAD_FORMATS, TRIANGLE_FORMAT = (".step", ".stp"), ".stl"
@@ -138,11 +135,6 @@ def make_mesh(body: BodyOfRevolution, wall: Wall, choice: MeshChoice) -> AnyMesh
     if ending == TRIANGLE_FORMAT:
         return stl_mesh(choice.file, length, choice.unit, graded_from=body.base_radius)
     return read_mesh(choice.file, choice.unit, name_by_position=choice.by_position, length=body.length)
-
-
-def whole_mesh(mesh: AnyMesh) -> SolidMesh:
-    """Return the mesh itself, or all sectors of a swept one."""
-    return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
 
 
 def check_other(mesh: SolidMesh, other: SolidMesh, path: Path) -> None:

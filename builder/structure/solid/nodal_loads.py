@@ -15,8 +15,8 @@ from scipy.sparse import coo_array, csr_array, eye_array, kron
 from builder.aero.surface.edges import split_at_edges
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.solid.elements import facet_reference_nodes, facet_shape_functions, reference_facet
-from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
+from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
+from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, two_sector_mesh, whole_mesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -222,6 +222,14 @@ def split_surface(mesh: SolidMesh, name: str, angle: float = SHARP_EDGE) -> tupl
         return split_facets(mesh.node[node], np.searchsorted(node, facet), angle)
     except InputError as error:
         raise InputError(f"surface '{name}': {error}") from error
+
+
+def loaded_surface(mesh: AnyMesh) -> tuple[SurfaceMesh, IntArray | None]:
+    """Return the external surface as triangles, in the order of the columns of Z_p, and those columns for
+    :func:`pressure_load`: of a swept mesh one per node, of others one per side of a sharp edge."""
+    if isinstance(mesh, SweptSector):
+        return triangulated_surface(whole_mesh(mesh), EXTERNAL), None
+    return split_surface(mesh, EXTERNAL)
 
 
 def split_facets(node: FloatArray, facet: IntArray, angle: float = SHARP_EDGE) -> tuple[SurfaceMesh, IntArray]:

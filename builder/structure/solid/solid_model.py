@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from builder.aero.surface.mesh import SurfaceMesh
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import SolidCase, wall_elements
@@ -25,8 +24,8 @@ from builder.structure.solid.checks import (
     largest_amplitude,
     reference_pressures,
 )
-from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauge_rows import Gauges, gauge_fields, gauge_rows
+from builder.structure.solid.cyclic_gauges import gauge_rows_on
+from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_checks import (
     check_mesh,
@@ -34,11 +33,11 @@ from builder.structure.solid.mesh_checks import (
     mesh_misfits,
     mesh_report,
 )
-from builder.structure.solid.mesh_choice import AnyMesh, MeshChoice, make_mesh, whole_mesh
-from builder.structure.solid.nodal_loads import split_surface, triangulated_surface
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
+from builder.structure.solid.nodal_loads import loaded_surface
+from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.strain_solution import StrainSolution, solve_strain
-from builder.structure.solid.swept_mesh import SweptSector
+from builder.structure.solid.swept_mesh import AnyMesh, whole_mesh
 from builder.structure.structure_file import Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
@@ -91,7 +90,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     """
     with reporter.stage("Mesh"):
         mesh = case.mesh
-        surface = _loaded_surface(mesh)
+        surface = loaded_surface(mesh)[0]
     made_from = case.made_from()
     if before is not None and before.settings["made_from"]["mesh"] == made_from["mesh"]:
         reporter.note("mesh: the same as before, its checks are not repeated")
@@ -145,7 +144,7 @@ def on_other_mesh(
     """Return Z_p of the gauges on another mesh; on one of free shape each is moved onto its surface."""
     is_free = case.body is None
     rows = _rows_of_layouts(mesh, case.layouts, near_surface=is_free)
-    surface = _loaded_surface(mesh)
+    surface = loaded_surface(mesh)[0]
     return MeshCheck(
         against=f"{name} of {whole_mesh(mesh).n_dof} dofs",
         factor=1.0,
@@ -204,11 +203,7 @@ def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
 
 def _rows_of_layouts(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> csr_array:
     """Return B of all layouts, one after another; within a layout no gauge may occur twice."""
-    rows = [
-        cyclic_gauge_rows(mesh, one) if isinstance(mesh, SweptSector) else gauge_rows(mesh, one, near_surface)
-        for one in layouts.values()
-    ]
-    return csr_array(vstack(rows))
+    return csr_array(vstack([gauge_rows_on(mesh, one, near_surface) for one in layouts.values()]))
 
 
 def _solved(
@@ -228,10 +223,3 @@ def _solved(
         progress=progress,
         of_forces=of_forces,
     )
-
-
-def _loaded_surface(mesh: AnyMesh) -> SurfaceMesh:
-    """Return the external surface as triangles, in the order of the columns of Z_p."""
-    if isinstance(mesh, SweptSector):
-        return triangulated_surface(whole_mesh(mesh), EXTERNAL)
-    return split_surface(mesh, EXTERNAL)[0]

@@ -19,12 +19,12 @@ from builder.reporting import Progress
 from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, force_operator, pressure_operator
 from builder.structure.solid.linear_solvers import CYCLIC, Solver, choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, determinate_support, free_flight
-from builder.structure.solid.nodal_loads import nodal_force_load, pressure_load, split_surface
+from builder.structure.solid.nodal_loads import loaded_surface, nodal_force_load, pressure_load
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.sparse_problem import SparseProblem
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Restraint, Support, restrain
-from builder.structure.solid.swept_mesh import REGION, SweptSector, full_mesh
+from builder.structure.solid.swept_mesh import REGION, AnyMesh, SweptSector, whole_mesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -142,7 +142,7 @@ class StrainSolution:
 
 
 def solve_strain(
-    mesh: SweptSector | SolidMesh,
+    mesh: AnyMesh,
     matter: Matter,
     support: Support | None,
     rows: csr_array,
@@ -188,11 +188,7 @@ def solve_strain(
             return _solution(_along_body_axes(mesh, found), cyclic)
         return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
-    if of_forces:
-        whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
-        load = nodal_force_load(whole, EXTERNAL)
-    else:
-        load = _pressure_load(mesh)
+    load = nodal_force_load(whole_mesh(mesh), EXTERNAL) if of_forces else _pressure_load(mesh)
     operator = strain_operator(rows, solver, load, flight, progress)
     return _solution(operator, solver)
 
@@ -224,21 +220,19 @@ def solve_fields(
 
 
 def _held(
-    mesh: SweptSector | SolidMesh, matter: Matter, support: Support | None, solver_name: str | None
+    mesh: AnyMesh, matter: Matter, support: Support | None, solver_name: str | None
 ) -> tuple[Solver, FreeFlight | None]:
     """Return the solver of the held structure on its full mesh, and the inertia that balances a free flight."""
-    whole = full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+    whole = whole_mesh(mesh)
     regions = whole.region_names
     flight = free_flight(whole, matter.densities(regions), matter) if support is None else None
     held = held_problem(whole, matter.materials(regions), None if support is None else [support])
     return choose_solver(held, solver_name), flight
 
 
-def _pressure_load(mesh: SweptSector | SolidMesh) -> csr_array:
+def _pressure_load(mesh: AnyMesh) -> csr_array:
     """Return the nodal force (n_dof, n_p) per pressure [m2] on the external surface."""
-    if isinstance(mesh, SweptSector):
-        return pressure_load(full_mesh(mesh), EXTERNAL, None)
-    return pressure_load(mesh, EXTERNAL, split_surface(mesh, EXTERNAL)[1])
+    return pressure_load(whole_mesh(mesh), EXTERNAL, loaded_surface(mesh)[1])
 
 
 def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:

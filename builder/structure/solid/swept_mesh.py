@@ -318,6 +318,15 @@ def full_mesh(sector: SweptSector) -> SweptMesh:
     )
 
 
+AnyMesh = SweptSector | SolidMesh
+"""A mesh, a swept one as its sector."""
+
+
+def whole_mesh(mesh: AnyMesh) -> SolidMesh:
+    """Return the mesh itself, or all sectors of a swept one."""
+    return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
+
+
 def _quadrature(sector: SweptSector) -> Quadrature:
     return "thin_wall" if sector.element_type == HEXAHEDRON else "full"
 

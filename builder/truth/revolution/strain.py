@@ -64,7 +64,7 @@ def true_structure(
     nominal = harmonic_response(mesh, wall.material, placed.x, surface.x, settings.harmonics, progress)
     if kinds is None:
         # Other kinds are tried at fixed sizes as well, whatever [noise] states.
-        stated = {kind.name for kind in IN_NOISE if kind.noise_std(vehicle.noise) > 0.0}
+        stated = {kind.name for kind in IN_NOISE if kind.std(vehicle.noise) > 0.0}
         kinds = stated.union(SOLVED).difference(set(CLAMP) - stated)
     return revolved_structure(
         vehicle,
