@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import csv
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -74,3 +77,28 @@ def test_the_fmu_gives_its_run(
     for name, rows in expected.items():
         size = np.abs(rows).max() or 1.0
         np.testing.assert_allclose(found[name], rows, rtol=0.0, atol=1e-5 * size, err_msg=name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_command_of_fmpy_reads_the_example(fmus: dict[str, Path], tmp_path: Path, kind: str) -> None:
+    """All but an array next to scalars, which FMPy's ``read_csv`` reads and its simulation refuses."""
+    import fmpy
+    from fmpy.util import read_csv
+
+    folder = Path(fmpy.extract(str(fmus[kind]), str(tmp_path / "fmu"))) / FOLDER
+    table = read_csv(str(folder / "reference_in.csv"))
+    step, end = table["time"][1] - table["time"][0], table["time"][-1]
+    files = {"--input-file": str(folder / "reference_in.csv"), "--output-file": str(tmp_path / "out.csv")}
+    sizes = {"--output-interval": f"{step:g}", "--stop-time": f"{end:g}", "--interface-type": "CoSimulation"}
+    options = [word for pair in (files | sizes).items() for word in pair]
+    command = [sys.executable, "-m", "fmpy", "simulate", *options, str(fmus[kind])]
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    if kind == "native_3":
+        assert table["strain"].ndim == 2
+        assert finished.stderr.rstrip().endswith("ValueError: all input arrays must have the same shape")
+        return
+    assert finished.returncode == 0, finished.stderr
+    expected = np.ravel(read_table(folder / "reference_out.csv")["C_N"])
+    with (tmp_path / "out.csv").open() as file:
+        found = np.array([float(row["C_N"]) for row in csv.DictReader(file)])
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-5 * np.abs(expected).max())
