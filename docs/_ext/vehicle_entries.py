@@ -196,8 +196,9 @@ class AsBuiltKinds(GeneratedText):
     def text(self) -> str:
         """Return the table."""
         rows = [
-            f"| {kind.in_words} | {kind.acts_on} | {OF[kind.extent]} | {kind.unit} | {_entry(kind.calibration)} "
-            f"| {_entry(kind.noise)} |"
+            f"| {kind.in_words} | {kind.acts_on} | {OF[kind.extent]} | {kind.unit} | "
+            + " | ".join(_entry(kind.entry if name in kind.sections else "") for name in ("calibration", "noise"))
+            + " |"
             for kind in (*AS_BUILT, *IN_FLIGHT)
         ]
         head = "| kind | acts on | of | unit | `[calibration]` | `[noise]` |"
