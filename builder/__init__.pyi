@@ -73,7 +73,7 @@ from builder.structure.wall import Material as Material
 from builder.calibration.ground_test.candidate_cases import PlannedCase as PlannedCase
 from builder.calibration.ground_test.load_test import LoadErrors as LoadErrors
 from builder.calibration.ground_test.load_test_file import read_test_file as read_test_file
-from builder.calibration.ground_test.test_readings import read_load_test as read_load_test
+from builder.calibration.ground_test.ground_test_readings import read_load_test as read_load_test
 from builder.calibration.ground_test.simulated import simulate_ground_test as simulate_ground_test
 from builder.calibration.ground_test.simulated import write_ground_test as write_ground_test
 from builder.calibration.ground_test.standard_cases import standard_load_cases as standard_load_cases

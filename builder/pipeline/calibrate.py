@@ -22,15 +22,15 @@ from builder.calibration.after_test.left_by_test import Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
 from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import Fault, calibrate_with_faults
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.outside_terms import OutsideModel, outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.test_faults import Fault, calibrate_with_faults
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
+from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
-from builder.calibration.ground_test.test_readings import read_load_test
 from builder.campaign.snapshot_fit import as_flown, body_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report

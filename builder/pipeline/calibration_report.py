@@ -9,18 +9,18 @@ from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.check_loads import check_loads
 from builder.calibration.estimate.cross_validation import cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import Fault
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import OutsideModel
-from builder.calibration.estimate.test_faults import Fault
 from builder.calibration.ground_test.load_entries import NO_LOAD_CELL
 from builder.calibration.ground_test.load_test_file import LoadTestFile
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import worth_of_test
 from builder.campaign.snapshots import Snapshots
 from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
-from builder.reports.calibration_page.test_page import calibration_page
-from builder.reports.calibration_page.test_tables import equations_table
+from builder.reports.calibration_page.ground_test_page import calibration_page
+from builder.reports.calibration_page.ground_test_tables import equations_table
 from builder.reports.page.html import write_page
 from builder.reports.page.origin import input_files, origin_of
 from builder.reports.page.packages import without_packages

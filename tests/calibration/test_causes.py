@@ -13,9 +13,9 @@ from builder.calibration.as_built.structure_of_test import joint_candidates, pri
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, causes_of
 from builder.calibration.estimate.estimated_vehicle import usable
+from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.estimate.test_faults import calibrate_with_faults
 from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.load_changes import common_turns, tilted
 from builder.calibration.ground_test.load_test import KnownLoad, LoadErrors

@@ -16,11 +16,11 @@ from builder.calibration.after_test.calibrated_map import calibrated_structure
 from builder.calibration.estimate.check_loads import check_loads
 from builder.calibration.estimate.cross_validation import cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
+from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.load_steps import stepped_cases
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.test_faults import calibrate_with_faults
 from builder.calibration.ground_test.load_test import LoadErrors, LoadStep, LoadTest
 from builder.calibration.plan.load_plan import PlanParts
 from builder.calibration.plan.worth_of_test import WorthOfTest, worth_of_test
@@ -28,8 +28,8 @@ from builder.figures.calibration.ground_test import influence_coefficients
 from builder.pipeline.calibration_report import write_report
 from builder.pipeline.stages import take_snapshots
 from builder.reports.calibration_page.findings import CalibrationFindings, UsedCell
-from builder.reports.calibration_page.test_page import calibration_page
-from builder.reports.calibration_page.test_tables import equations_table
+from builder.reports.calibration_page.ground_test_page import calibration_page
+from builder.reports.calibration_page.ground_test_tables import equations_table
 from builder.reports.calibration_page.verdict import verdict
 from builder.reports.page.html import page_html
 from builder.reports.page.origin import Origin
@@ -256,7 +256,7 @@ def test_files_of_a_report_are_those_that_the_installed_packages_can_write(
     missing: str,
     said: str,
 ) -> None:
-    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.test_page"):
+    for module in ("builder.reports.page.packages", "builder.reports.calibration_page.ground_test_page"):
         monkeypatch.setattr(f"{module}.find_spec", lambda name: None if name == missing else find_spec(name))
     files, lines = write_report(findings(found, worth), tmp_path / "calibrated.h5")
     assert sorted(one.suffix for one in files) == [".csv", ".html", *([] if missing else [".pdf"])]

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import Fault, too_many
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.remarks import leading_causes
-from builder.calibration.estimate.test_faults import Fault, too_many
 
 FARTHEST = 6.0
 """Standard deviations that a parameter may be from its value before the test.

@@ -196,7 +196,7 @@ class LoadTestFile(Section):
 
 def read_test_file(path: str | Path) -> LoadTestFile:
     """Read and check the file of a ground test; recordings are read by
-    :func:`~builder.calibration.ground_test.test_readings.read_load_test`.
+    :func:`~builder.calibration.ground_test.ground_test_readings.read_load_test`.
 
     Raises
     ------

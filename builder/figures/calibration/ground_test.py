@@ -9,9 +9,9 @@ import numpy as np
 
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import load_shifts
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.estimate.test_faults import load_shifts
 from builder.calibration.ground_test.load_changes import cell_force
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.figures.drawing.canvas import blank_figure

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import Fault
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.estimate.test_faults import Fault
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.page.origin import Origin
 

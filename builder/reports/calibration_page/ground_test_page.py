@@ -12,7 +12,7 @@ from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_steps import step_remarks
 from builder.calibration.estimate.remarks import remarks
 from builder.figures.calibration import ground_test
-from builder.reports.calibration_page import test_tables as tables
+from builder.reports.calibration_page import ground_test_tables as tables
 from builder.reports.calibration_page.findings import CalibrationFindings
 from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.reports.page.html import Block, Cards, Items, Page, Paragraph, Section, picture

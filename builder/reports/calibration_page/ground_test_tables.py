@@ -9,10 +9,10 @@ import numpy as np
 from builder.calibration.estimate.check_loads import CheckLoad
 from builder.calibration.estimate.cross_validation import LeftOut
 from builder.calibration.estimate.estimated_vehicle import Estimate
+from builder.calibration.estimate.ground_test_faults import load_shifts
 from builder.calibration.estimate.load_steps import SteppedCase
 from builder.calibration.estimate.outside_terms import NOISE, OutsideModel
 from builder.calibration.estimate.regression import LoadEquation
-from builder.calibration.estimate.test_faults import load_shifts
 from builder.calibration.plan.worth_of_test import WorthOfTest
 from builder.reports.calibration_page.findings import UsedCell
 from builder.reports.calibration_page.verdict import Criterion
