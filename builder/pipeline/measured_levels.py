@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from builder.trial.levels import (
     with_alarm_levels,
     with_flight_alarm_levels,
 )
-from builder.trial.readings import Readings
+from builder.trial.readings import Readings, joined
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import truth_knots
 from builder.truth.shape import flying_structure, refuse_without_other_model, shape_flights, structure_of_check
@@ -106,7 +106,7 @@ def with_shape_levels(
 
     world = World(vehicle=vehicle, structure=structure, flows=flows, inverse_map=inverse_map)
 
-    def read() -> Readings:
+    def read() -> Iterator[Readings]:
         flights = shape_flights(vehicle, structure, flows)
         return stated_readings(world, flights, np.random.default_rng(SEED), SHAPE_VEHICLES)
 
@@ -119,16 +119,17 @@ def with_measured_levels(world: World, reporter: Reporter, **effort: Any) -> Inv
     return _with_levels(world, lambda: level_readings(world, **effort), reporter)
 
 
-def _with_levels(world: World, read: Callable[[], Readings], reporter: Reporter) -> InverseMap:
+def _with_levels(world: World, read: Callable[[], Iterator[Readings]], reporter: Reporter) -> InverseMap:
     vehicle, inverse_map = world.vehicle, world.inverse_map
     with reporter.stage("Alarm levels: flights of the independent model"):
-        flights = read()
-        if vehicle.map.estimator == "auto" and inverse_map.manifold is not None:
+        # A linear map is done with each block; tables need all samples at once.
+        flights = None if inverse_map.manifold is None else joined(list(read()))
+        if vehicle.map.estimator == "auto" and flights is not None:
             choice = compared_in_flights(inverse_map, flights)
             inverse_map = as_chosen(inverse_map, choice)
             reporter.note(choice.line)
-        found = with_alarm_levels(inverse_map, flights)
-    if found.manifold is not None:
+        found = with_alarm_levels(inverse_map, read() if flights is None else [flights])
+    if found.manifold is not None and flights is not None:
         with reporter.stage("Alarm levels of the nonlinear estimator"):
             found = with_flight_alarm_levels(found, flights)
         reporter.note(_flight_levels_line(found.provenance["flight_alarm_levels"]))

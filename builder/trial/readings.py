@@ -43,9 +43,9 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.flight_condition import FlightCondition
 
-BATCH = 20_000
-"""Samples that are read and estimated together, at least: work for all processors, in memory that does not
-grow."""
+BATCH, LARGEST_BATCH = 20_000, 20_000 * 128
+"""Samples that are read and estimated together, and the largest number of their readings: work for all processors,
+in memory that does not grow."""
 
 AMBIENT_PRESSURE, ANGLES = "ambient_pressure", ("angle_of_attack", "sideslip_angle")
 
@@ -238,7 +238,7 @@ def read_own_vehicles(
         first = number * vehicles
         return read_case(world, case, flights, number=first, random=own, rows=row, vehicles=vehicles)
 
-    block = max(1, BATCH // vehicles)
+    block = max(1, min(BATCH, LARGEST_BATCH // len(world.noise_std)) // vehicles)
     with ThreadPoolExecutor(processors()) as pool:
         for first in range(0, len(generators), block):
             yield joined(list(pool.map(of_flight, range(first, min(first + block, len(generators))))))

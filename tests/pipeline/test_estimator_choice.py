@@ -17,7 +17,7 @@ from builder.reporting import Silent
 from builder.reports.build_report.build_tables import estimator_choice
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.levels import level_readings
-from builder.trial.readings import Readings
+from builder.trial.readings import Readings, joined
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure
@@ -66,7 +66,7 @@ def flights(
     chosen: tuple[InverseMap, list[str]], vehicle: Vehicle, true_model: TrueStructure, table: FlowTable
 ) -> Readings:
     world = World(vehicle=vehicle, structure=true_model, flows=table, inverse_map=chosen[0])
-    return level_readings(world, vehicles=4, conditions=60)
+    return joined(list(level_readings(world, vehicles=4, conditions=60)))
 
 
 def test_tables_that_are_wrong_lose_to_the_linear_map(

@@ -10,6 +10,7 @@ from scipy.stats import chi2, genpareto
 from trial_cases import case_of, other_world
 
 from builder.inverse.envelope.score_limit import tail_quantile
+from builder.trial import levels, readings
 from builder.trial.cases import Plan
 from builder.trial.estimators import of_map
 from builder.trial.levels import (
@@ -22,7 +23,7 @@ from builder.trial.levels import (
     with_alarm_levels,
     with_flight_alarm_levels,
 )
-from builder.trial.readings import Readings
+from builder.trial.readings import Readings, joined
 from builder.trial.run import scored
 from builder.trial.score import Row
 from builder.trial.world import World
@@ -94,12 +95,36 @@ def test_three_tests_share_the_rate() -> None:
 
 @pytest.fixture(scope="module")
 def flights(full_world: World) -> Readings:
-    return level_readings(full_world, conditions=250, vehicles=40)
+    return joined(list(level_readings(full_world, conditions=250, vehicles=40)))
 
 
 @pytest.fixture(scope="module")
 def calibrated(full_map: InverseMap, flights: Readings) -> InverseMap:
-    return with_flight_alarm_levels(with_alarm_levels(full_map, flights), flights)
+    return with_flight_alarm_levels(with_alarm_levels(full_map, [flights]), flights)
+
+
+def test_blocks_of_flights_set_the_levels_of_all_their_samples(
+    full_world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Blocks have a largest number of readings, so that memory does not grow with the gauges; draws are of each
+    flight alone."""
+    linear = full_world.inverse_map.without_tables()
+    whole = joined(list(level_readings(full_world, conditions=60, vehicles=40)))
+    monkeypatch.setattr(readings, "LARGEST_BATCH", 500 * linear.n_gauges)
+    blocks = list(level_readings(full_world, conditions=60, vehicles=40))
+    assert [len(block.strain) for block in blocks] == [480] * 5
+    np.testing.assert_array_equal(joined(blocks).strain, whole.strain)
+    at_once, in_turn = with_alarm_levels(linear, [whole]), with_alarm_levels(linear, iter(blocks))
+    assert in_turn.provenance == at_once.provenance
+    assert in_turn.chi_square_scale == at_once.chi_square_scale
+
+
+def test_fewer_vehicles_fly_with_many_gauges(full_world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(levels, "MOST_READINGS", 800 * full_world.inverse_map.n_gauges)
+    for fewest, of_each in ((200, 8), (1000, 10), (9000, 40)):
+        monkeypatch.setattr(levels, "FEWEST_SAMPLES", fewest)
+        read = joined(list(level_readings(full_world, conditions=100, vehicles=40)))
+        assert len(read.strain) == 100 * of_each
 
 
 def counted(world: World, made: InverseMap, estimator: str, vehicles: int = 50) -> list[Row]:

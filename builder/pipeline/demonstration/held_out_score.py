@@ -143,7 +143,7 @@ def held_out_score(
             random = np.random.default_rng([SEED, number])
             flown = _flown(vehicle, on_grid.chosen(part.flown), truth, inverse_map, random)
             world = World(vehicle=vehicle, structure=truth, flows=None, inverse_map=inverse_map)
-            read = stated_readings(world, flown, random, VEHICLES)
+            read = joined(list(stated_readings(world, flown, random, VEHICLES)))
             made.append(of_map(inverse_map)(read))
             bound = cramer_rao_bound(inverse_map, flown.conditions, KNOWN)
             every.append(

@@ -39,7 +39,7 @@ def householder(matrix: FloatArray, columns: int | None = None) -> tuple[FloatAr
     for k in range(min(r.shape) if columns is None else columns):
         v = r[k:, k].copy()
         v[0] += copysign(sqrt(_ordered_sum(v * v)), v[0])
-        _reflect(v, r)
+        _reflect(v, r[:, k:])  # the columns before are zero in these rows
         r[k + 1 :, k] = 0.0
         reflectors.append(v)
     return r, reflectors
