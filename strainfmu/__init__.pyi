@@ -39,6 +39,7 @@ from strainfmu.can.export import plant as plant
 from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
 from strainfmu.fmu.flight_export import fly as fly
 from strainfmu.cli.bench import bench as bench
+from strainfmu.cli.peers import bench_peers as bench_peers
 from strainfmu.fmu.checks.worst_step import bench_worst as bench_worst
 from strainfmu.fmu.export import ExportOptions as ExportOptions
 from strainfmu.fmu.export import export_estimator as export_estimator

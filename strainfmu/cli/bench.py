@@ -50,6 +50,8 @@ def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
     ``worst``: the slowest steps of the native FMUs, such as the loss of gauges or a changed zero offset, and steps
     with events at random.
 
+    ``peers``: other programs at the same work, each with its version, or the reason why it is left out.
+
     ``mesh``: errors due to the mesh of the structure, in gauge strains and in a map built on each mesh.
 
     ``structure``: time and memory of the three-dimensional structure, size by size.
@@ -60,6 +62,7 @@ def bench(folder: str | PathLike[str] = "demo") -> dict[str, float]:
         strainfmu bench --structure my_vehicle.toml --solver cyclic --solver superlu
         strainfmu bench --mesh my_vehicle.toml --snapshots results/snapshots.h5
         strainfmu bench demo --worst
+        strainfmu bench demo --peers
 
     Parameters
     ----------
@@ -132,17 +135,22 @@ def _flight_costs(inverse_map: InverseMap, series: FloatArray, pressure: float) 
     }
 
 
-def time_per_call(call: Callable[[], object], repeats: int = 30, calls: int = 500) -> float:
+def time_per_call(
+    call: Callable[[], object],
+    repeats: int = 30,
+    calls: int = 500,
+    clock: Callable[[], float] = perf_counter,
+) -> float:
     """Return the median over ``repeats`` of the mean time of ``calls`` calls [s], or of fewer that take long."""
-    start, counted = perf_counter(), 0
-    while counted < calls and (counted < FEWEST_CALLS or perf_counter() - start < LONGEST_REPEAT):
+    start, counted = clock(), 0
+    while counted < calls and (counted < FEWEST_CALLS or clock() - start < LONGEST_REPEAT):
         call()
         counted += 1
     means: list[float] = []
-    first = perf_counter()
-    while len(means) < repeats and (len(means) < FEWEST_REPEATS or perf_counter() - first < LONGEST):
-        start = perf_counter()
+    first = clock()
+    while len(means) < repeats and (len(means) < FEWEST_REPEATS or clock() - first < LONGEST):
+        start = clock()
         for _ in range(counted):
             call()
-        means.append((perf_counter() - start) / counted)
+        means.append((clock() - start) / counted)
     return median(means)

@@ -264,7 +264,7 @@ class Estimator:
             the vehicle file, NaN where not known; out of their range health is ``OUTSIDE``.
         parameters_std : their standard deviations, with which they sharpen the nonlinear estimate.
         start : (4,) or (k, 4) flight states (M, u, w, ln p_inf), from each of which a nonlinear estimate starts;
-            None searches the tables, which takes about ten times as long.
+            None searches the tables, which takes several times as long.
         with_residuals : whether residuals and suspects of k samples are found at once. By default a linear map
             estimates the samples again when these are first read, and takes a quarter of the memory until then.
         inertial : what an inertial unit measures, of a map with masses: ``specific_force_x``, ``_y``, ``_z``

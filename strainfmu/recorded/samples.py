@@ -513,7 +513,7 @@ def _strains(selection: Selection, keys: Sequence[str], values: FloatArray) -> F
     strain = values[:, columns] if len(known) == len(gauges) else np.full((len(values), len(gauges)), np.nan)
     if len(known) < len(gauges):
         strain[:, known] = values[:, columns]
-    names = {plain_name(gauge): i for i, gauge in enumerate(gauges)}
+    names = {plain_name(gauge): i for i, gauge in enumerate(gauges)} if selection.rosettes else {}
     for rosette in selection.rosettes:
         named = [plain_name(leg) for leg in rosette.legs]
         legs = [values[:, keys.index(leg)] if leg in selection.strain else unknown for leg in named]

@@ -57,7 +57,10 @@ MODULES = {name: module for commands in COMMANDS.values() for name, (module, _) 
 PAGES = {name: page for commands in COMMANDS.values() for name, (_, page) in commands.items()}
 
 FUNCTIONS: dict[str, tuple[str, ...]] = {
-    "bench": ("strainfmu.bench", "strainfmu.bench_worst", "builder.bench_structure", "builder.bench_meshes"),
+    "bench": (
+        *("strainfmu.bench", "strainfmu.bench_worst", "strainfmu.bench_peers"),
+        *("builder.bench_structure", "builder.bench_meshes"),
+    ),
     "dbc": ("strainfmu.dbc", "strainfmu.dbc_template"),
     "estimate": ("strainfmu.estimate", "builder.write_flight_page"),
     "fly": ("strainfmu.fly", "builder.flight_figures"),
@@ -177,7 +180,7 @@ EXCLUDES: dict[str, tuple[tuple[str, ...], ...]] = {
     "loadtest": tuple((name, "template") for name in ("cases", "snapshots", *OPTIONS["loadtest"]["Loads"])),
     "structure": (("export_loads", "export_influence"),),
     **dict.fromkeys(("stress", "trial"), tuple((name, "inverse_map") for name in (*FILES, "estimator"))),
-    "bench": (("structure", "mesh", "worst"),),
+    "bench": (("structure", "mesh", "worst", "peers"),),
 }
 """Options of which one at most is given, by the names of the parameters."""
 

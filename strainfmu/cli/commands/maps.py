@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -19,6 +20,7 @@ from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
+    from strainfmu.cli.peers import PeerRow
     from strainfmu.fmu.checks.worst_step import EventCost
 
 
@@ -72,9 +74,12 @@ def bench(
     snapshots: Path | None,
     output: Path,
     worst: bool,
+    peers: bool,
     random_steps: int,
 ) -> None:
     """Time what the options choose, and print a table."""
+    if peers:
+        return _show_peers(strainfmu.bench_peers(folder))
     if worst:
         return _show_worst_steps(strainfmu.bench_worst(folder, random_steps=random_steps), folder, random_steps)
     if mesh is not None:
@@ -103,6 +108,23 @@ def bench(
     for name, seconds in rows.items():
         table.add_row(name, f"{1e6 * seconds:.2f} us", f"{seconds / next(iter(rows.values())):.1f} x")
     Console().print(table)
+
+
+def _show_peers(rows: Sequence[PeerRow]) -> None:
+    """Print what this package and others need for the same work, over this package's time."""
+    from strainfmu.fmu.checks.worst_step import processor_name
+
+    table = Table(title=escape(f"The same work by others, {processor_name()}: processor time"), box=SIMPLE_HEAD)
+    for heading in ("task", "program", "gives", "time", "of strainfmu's"):
+        table.add_column(heading, justify="right" if heading in ("time", "of strainfmu's") else "left")
+    ours = rows[0]
+    for row in rows:
+        first, cells = row.task != ours.task or row is ours, ("-", row.reason)
+        ours = row if first else ours
+        if not row.reason:
+            cells = f"{float(f'{1e6 * row.seconds:.3g}'):,g} us", f"{row.seconds / ours.seconds:.2g} x"
+        table.add_row(*(escape(cell) for cell in (row.task if first else "", row.program, row.gives, *cells)))
+    Console(width=max(Console().width, 150)).print(table)
 
 
 def _show_worst_steps(measured: Mapping[str, Mapping[str, EventCost]], folder: Path, random_steps: int) -> None:

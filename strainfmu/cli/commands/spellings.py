@@ -319,7 +319,13 @@ _SPELLINGS = {
 """By parameter, for all commands; by command and parameter, for one."""
 
 FLAGS: dict[str, dict[str, tuple[bool, str]]] = {
-    "bench": {"worst": (False, "time the slowest steps of the native FMUs. Not with ``structure``, ``mesh``.")},
+    "bench": {
+        "worst": (
+            False,
+            "time the slowest steps of the native FMUs. Not with ``structure``, ``mesh``, ``peers``.",
+        ),
+        "peers": (False, "time other programs at the same work. Not with ``structure``, ``mesh``, ``worst``."),
+    },
     "demo": {"verbose": (False, "print stages, notes, detection thresholds and the list of files.")},
     "fly": {"figures": (True, "draw every run.")},
     "loadtest": {

@@ -70,8 +70,8 @@ def step_costs(map_path: Path, time_per_call: Callable[[Callable[[], object]], f
             export_estimator(map_path, fmu, options)
             unzipped = fmu.with_suffix("")
             import_fmpy().extract(str(fmu), str(unzipped))
-            instance = _instance(fmu, unzipped)
-            steps = _steps_2 if options.fmi_version == "2" else _steps_3
+            instance = slave_of(fmu, unzipped)
+            steps = steps_2 if options.fmi_version == "2" else _steps_3
             for how, step in steps(instance, inverse_map).items():
                 costs[f"{name}, {how}"] = time_per_call(step)
             instance.terminate()
@@ -98,7 +98,7 @@ def _other_costs(inverse_map: InverseMap, folder: Path, name: str) -> dict[str, 
     return {f"{row}, {name}": cost for row, cost in costs.items() if "step" in row or "fit" in row}
 
 
-def _instance(fmu: Path, unzipped: Path) -> Any:
+def slave_of(fmu: Path, unzipped: Path) -> Any:
     """Return a slave of FMPy past its initialization."""
     fmpy = import_fmpy()
     description = fmpy.read_model_description(str(fmu))
@@ -121,7 +121,7 @@ def _instance(fmu: Path, unzipped: Path) -> Any:
     return instance
 
 
-def _steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
+def steps_2(instance: Any, inverse_map: InverseMap) -> dict[str, Callable[[], object]]:
     """Return the two ways to step an FMU of FMI 2.0."""
     n, m = inverse_map.n_gauges, len(COEFFICIENT_NAMES)
     inputs, outputs = list(range(_FIRST_STRAIN, _FIRST_STRAIN + n)), list(range(m))
