@@ -31,18 +31,21 @@ from builder.calibration.ground_test.candidate_cases import harmonics_of_test
 from builder.calibration.ground_test.ground_test_readings import read_load_test
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.ground_test.load_test_file import LoadTestFile, read_test_file
-from builder.campaign.snapshot_fit import as_flown, body_misfits
+from builder.campaign.snapshot_fit import as_flown, vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
 from builder.pipeline.stages import AnyProgress, reporter_of, solved_true_structure
-from builder.pipeline.used_files import FLOWS, SNAPSHOTS
+from builder.pipeline.used_files import FLOWS, SNAPSHOTS, STRUCTURE
 from builder.reporting import Reporter
 from builder.reports.calibration_page.findings import CalibrationFindings
 from builder.reports.calibration_page.verdict import Verdict, verdict
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import slices
+from builder.structure.as_built.displaced_structure import AnyAsBuilt, DisplacedStructure, displaced_structure
 from builder.structure.fourier.fourier_model import structural_model
+from builder.structure.mapped_structure import mapped_structure
+from builder.structure.structure_file import load_structure
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable, load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
@@ -105,7 +108,7 @@ class CalibrationParts:
 
     vehicle: Vehicle
     snapshots: Snapshots
-    structure: AsBuiltStructure
+    structure: AnyAsBuilt
     drawn: InverseMap
     independent: IndependentModel | None = None
 
@@ -117,6 +120,7 @@ def calibrate(
     *,
     vehicle: str | Path | None = None,
     snapshots: str | Path | None = None,
+    structure: str | Path | None = None,
     accept: bool = False,
     progress: AnyProgress = None,
 ) -> Calibration:
@@ -148,6 +152,7 @@ def calibrate(
     output : the calibrated map.
     vehicle : vehicle file of the map. Default: the one that the test names.
     snapshots : snapshots of the map. Default: snapshots.h5 next to the map.
+    structure : structure of the map, where it is no semi-analytic one. Default: structure.h5 next to the map.
     accept : write the map although no known error explains the readings.
     progress : True for progress bars.
 
@@ -165,23 +170,26 @@ def calibrate(
     loaded = _vehicle(file, vehicle_path, drawn, map_path)
     snapshots_path = Path(snapshots or map_path.parent / SNAPSHOTS)
     pressures = load_snapshots(snapshots_path)
-    refuse_misfits(snapshots_path, body_misfits(pressures, loaded.body()))
+    refuse_misfits(snapshots_path, vehicle_misfits(pressures, loaded))
     readings, notes = read_load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as advance:
-        highest, within = harmonics_of_test(readings)
-        structure = structure_of_test(loaded, max_harmonic=highest, harmonic_within=within, progress=advance)
-    if structure.gauges.names != drawn.gauge_names:
+        if loaded.structure.model == "solid":
+            solid = load_structure(Path(structure or map_path.parent / STRUCTURE))
+            tested: AnyAsBuilt = displaced_structure(loaded, mapped_structure(solid, pressures))
+        else:
+            highest, within = harmonics_of_test(readings)
+            tested = structure_of_test(loaded, max_harmonic=highest, harmonic_within=within, progress=advance)
+    if tested.gauges.names != drawn.gauge_names:
         raise InputError(f"{map_path}: gauges are not the gauges of layout '{loaded.gauges.layout}'")
-    independent, missing = _independent_model(
-        as_flown(loaded, pressures), snapshots_path.with_name(FLOWS), reporter
-    )
+    flown = as_flown(loaded, pressures)
+    independent, missing = _independent_model(flown, tested, snapshots_path.with_name(FLOWS), reporter)
     parts = CalibrationParts(
-        vehicle=loaded, snapshots=pressures, structure=structure, drawn=drawn, independent=independent
+        vehicle=loaded, snapshots=pressures, structure=tested, drawn=drawn, independent=independent
     )
     made = calibration_by(readings, test_path, parts, reporter, accept)
     zeros = zeros_beside(output)
     start = (
-        f"zero offsets of the {structure.n_gauges} gauges by the test: part of {output.name}, which starts from "
+        f"zero offsets of the {tested.n_gauges} gauges by the test: part of {output.name}, which starts from "
         f"them, as its FMUs do; {zeros.name} has them for other maps (--zeros); a tare replaces them"
     )
     files = {
@@ -352,17 +360,20 @@ def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
     vehicle = parts.vehicle
     others: dict[str, FloatArray] = {}
     named = vehicle.noise.of_layout
-    if named is not None and named != vehicle.gauges.layout:
+    if named not in (None, vehicle.gauges.layout) and isinstance(parts.structure, AsBuiltStructure):
+        assert named is not None
         others[named] = structural_model(vehicle, vehicle.resolution.map, [named]).strain_operator(named)
     return calibrated_map(vehicle, parts.snapshots, parts.structure, remaining_after(found), others)
 
 
 def _independent_model(
-    vehicle: Vehicle, flows: Path, reporter: Reporter
+    vehicle: Vehicle, tested: AnyAsBuilt, flows: Path, reporter: Reporter
 ) -> tuple[IndependentModel | None, tuple[str, ...]]:
     """Return the independent model of ``vehicle`` with the flows of a file, or None and what is to be said."""
     if not alarm_levels_wanted(vehicle, reporter):
         return None, ()
+    if isinstance(tested, DisplacedStructure):
+        return None, ("alarm levels: as of the map as drawn, whose structure is no semi-analytic one",)
     if not flows.exists():
         return None, (f"alarm levels: as of the map as drawn, {flows.name} is not next to the snapshots",)
     table = load_truth_flows(flows, vehicle)
@@ -376,7 +387,7 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
     Where there is no such model they are the levels of the map as drawn.
     """
     model, vehicle = parts.independent, as_flown(parts.vehicle, parts.snapshots)
-    if model is None:
+    if model is None or not isinstance(parts.structure, AsBuiltStructure):
         return with_levels_of(made, parts.drawn)
     world = World(
         vehicle=calibrated_vehicle(vehicle), structure=model.structure, flows=model.flows, inverse_map=made

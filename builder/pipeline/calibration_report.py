@@ -25,7 +25,7 @@ from builder.reports.page.html import write_page
 from builder.reports.page.origin import input_files, origin_of
 from builder.reports.page.packages import without_packages
 from builder.reports.page.page_tables import table_csv
-from builder.structure.as_built.as_built_structure import AsBuiltStructure
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.vehicle.file import Vehicle
 from strainfmu.files import write_bytes_atomically
 
@@ -45,7 +45,7 @@ def calibration_findings(
     *,
     vehicle: Vehicle,
     snapshots: Snapshots,
-    structure: AsBuiltStructure,
+    structure: AnyAsBuilt,
     file: LoadTestFile,
     files: Mapping[str, Path],
     accepted: str = "",

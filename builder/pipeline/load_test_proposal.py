@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from builder.aero.shapes import outer_surface
 from builder.calibration.ground_test.candidate_cases import LoadLimits
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.ground_test.load_test_writer import WrittenCase, WrittenStep, write_load_test
@@ -24,11 +25,14 @@ from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.figures.calibration.load_plan_figure import load_plan_figure
 from builder.figures.drawing.canvas import save
 from builder.pipeline.map_files import cached_snapshots
-from builder.pipeline.stages import AnyProgress, fourier_structure, reporter_of, take_snapshots
+from builder.pipeline.stages import AnyProgress, AnyStructure, fourier_structure, reporter_of, take_snapshots
+from builder.pipeline.used_files import STRUCTURE
 from builder.reporting import Reporter
-from builder.structure.as_built.as_built_structure import as_built_structure, refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import as_built_structure
+from builder.structure.as_built.displaced_structure import AnyAsBuilt, displaced_structure, refuse_untestable
 from builder.structure.loads.applied import Load, PadPressure, PointForce, SectionLoad, SurfacePressure, Weight
-from builder.structure.wall import wall_of
+from builder.structure.mapped_structure import mapped_structure
+from builder.structure.structure_file import load_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
 from builder.workspace import refuse_misfits
@@ -97,6 +101,7 @@ def loadtest(
     setup_time: float = 900.0,
     reading_time: float = 60.0,
     snapshots: str | Path | None = None,
+    structure: str | Path | None = None,
     progress: AnyProgress = None,
 ) -> LoadTestProposal:
     """Propose the load cases of a ground test, in the order in which they lower the uncertainty in flight.
@@ -105,9 +110,10 @@ def loadtest(
     test, to be filled in after it, and a figure. Each load is applied in steps, and removed in steps down to
     zero; check loads, repeated cases and zero readings are part of the file.
 
-    For bodies of revolution that are held, with any wall, frames and materials; for others ``strainfmu equations``
-    needs no model. Own weight comes first, in each attitude; it needs material.density_kg_per_m3 in the vehicle
-    file. Section ``calibration`` of the vehicle file states the tolerances of the vehicle as built.
+    The semi-analytic model of a body of revolution varies wall, support, mass and gauges; own weight comes first,
+    in each attitude, with material.density_kg_per_m3 in the vehicle file. Of sections, meshes and influence
+    matrices gauges, modulus and forces on the outer surface are varied. Section ``calibration`` of the vehicle
+    file states the tolerances.
 
     With ``template``, writes a file of examples instead, for a test that you have designed or done yourself.
 
@@ -141,7 +147,8 @@ def loadtest(
     repeats : load cases that are applied again at the end.
     setup_time : time to set up a case or an attitude [s].
     reading_time : time to apply a load, wait until it stands and record it [s].
-    snapshots : flows in flight (snapshots.h5). Default: flows of a build, else local inclination.
+    snapshots : flows in flight (snapshots.h5). Default: local inclination.
+    structure : structure.h5 of a vehicle whose structure is no semi-analytic one. Default: next to the snapshots.
     progress : True for progress bars.
 
     Raises
@@ -165,7 +172,17 @@ def loadtest(
     schedule = Schedule(steps=steps, setup_time=setup_time, reading_time=reading_time)
     errors = LoadErrors(load=load_error, common=cell_error)
     counts = {"samples": samples, "checks": checks, "repeats": repeats}
-    plan = _load_plan(path, cases, limits, errors, reporter, snapshots, noise=noise, **counts)
+    plan = _load_plan(
+        path,
+        cases,
+        limits,
+        errors,
+        reporter,
+        snapshots_path=snapshots,
+        structure_path=structure,
+        noise=noise,
+        **counts,
+    )
     write_proposal(plan, path, output, errors, schedule)
     picture = output.with_suffix(".png")
     save(load_plan_figure(plan, path.stem), picture)
@@ -180,20 +197,24 @@ def _load_plan(
     errors: LoadErrors,
     reporter: Reporter,
     snapshots_path: str | Path | None,
+    structure_path: str | Path | None,
     **options: Any,
 ) -> LoadPlan:
     """Return load cases for the vehicle of a file; options as of :func:`load_plan`."""
     vehicle = load_vehicle(vehicle_path)
-    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
-    if vehicle.material.density_kg_per_m3 is None:
-        reporter.note(
-            f"{vehicle_path}: material.density_kg_per_m3 is missing: no cases of own weight, "
-            "one without load instead"
-        )
+    refuse_untestable(vehicle)
     snapshots = flows_for_design(vehicle, snapshots_path, reporter)
-    structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    structure: AnyStructure
     with reporter.stage("Structure: as it may be built") as progress:
-        as_built = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+        if vehicle.structure.model == "solid":
+            solid = Path(structure_path or Path(snapshots_path or vehicle_path).with_name(STRUCTURE))
+            structure = mapped_structure(load_structure(solid), snapshots)
+            as_built: AnyAsBuilt = displaced_structure(vehicle, structure)
+        else:
+            as_built = as_built_structure(vehicle, vehicle.gauges.layout, progress=progress)
+            structure = fourier_structure(vehicle, used_layouts(vehicle), reporter)
+    if as_built.weightless:
+        reporter.note(f"{vehicle_path}: a case without load, none of own weight: {as_built.weightless}")
     parts = PlanParts(vehicle=vehicle, snapshots=snapshots, structure=structure, as_built=as_built)
     with reporter.stage("Load cases: the best next one") as progress:
         return load_plan(parts, count, limits, errors, progress=progress, **options)
@@ -296,15 +317,19 @@ def loadtest_template(
 def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
     """Write the file of :func:`loadtest_template`."""
     vehicle = load_vehicle(vehicle_path)
-    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
-    length = round(vehicle.body().length, 4)
-    weight = () if vehicle.material.density_kg_per_m3 is None else (Weight(),)
-    without = "" if weight else "; own weight needs material.density_kg_per_m3 in the vehicle file"
+    refuse_untestable(vehicle)
+    entry = vehicle.structure
+    varies_wall = entry.model != "solid"
+    length = round(float(outer_surface(vehicle, vehicle.resolution.map)[0].point[:, 0].max()), 4)
+    weighs = varies_wall and entry.support != "free_flight" and vehicle.material.density_kg_per_m3 is not None
+    weight = (Weight(),) if weighs else ()
+    without = "" if weight else "; own weight needs material.density_kg_per_m3, a profile and a body that is held"
     side = (Weight(up_roll_angle=0.5 * np.pi),) if weight else ()
     half = 0.5 * length
     pad = PadPressure(station=half, roll_angle=0.0, half_length=0.05, half_angle=np.pi / 6.0, push=1000.0)
-    ahead = round(max(wall_of(vehicle).solid_tip_length, AHEAD * length), 4)
+    ahead = round(max(entry.solid_tip_length_m or 0.0, AHEAD * length), 4)
     moment = SectionLoad(station=ahead, force=(0.0, 0.0, 500.0), moment=(0.0, 100.0, 0.0))
+    inside = SurfacePressure(surface="inner", pressure=5e4)
     both = (
         PadPressure(
             station=0.4 * length, roll_angle=0.5 * np.pi, half_length=0.05, half_angle=np.pi / 6.0, push=800.0
@@ -316,7 +341,7 @@ def write_template(vehicle_path: Path, path: Path, errors: LoadErrors) -> None:
         ("push on a pad", (*weight, pad), "a soft pad; push_N is the reading of the load cell behind it"),
         ("force on a point", (*weight, PointForce(station=half, roll_angle=0.0, force=(0.0, 0.0, -500.0))), ""),
         ("force and moment on a ring", (*weight, moment), "as a fitting applies them; gauges aft of it read it"),
-        ("internal pressure", (*weight, SurfacePressure(surface="inner", pressure=5e4)), "above the ambient one"),
+        *([("internal pressure", (*weight, inside), "above the ambient one")] if varies_wall else []),
         ("check load", (*weight, pad, *both), "predicted and not fitted: loads that the other cases do not have"),
     ]
     stepped = tuple(

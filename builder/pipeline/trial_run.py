@@ -37,7 +37,7 @@ from builder.pipeline.stages import check_before_long_work
 from builder.pipeline.used_files import FLOWS as LEVEL_FLOWS
 from builder.pipeline.used_files import MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.reporting import Reporter, Silent
-from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
@@ -258,7 +258,7 @@ def prepared_ground_tests(
     refuse_unknown_tests(plan.estimators, trial.cases)
     pipeline = opened(trial, load_vehicle(vehicle_path), folder, reporter, options)
     vehicle = pipeline.vehicle
-    refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
+    refuse_unheld(vehicle, vehicle.gauges.layout)
     make_snapshots(pipeline)
     if options.flows is not None:
         pipeline.use(LEVEL_FLOWS, options.flows, _content_of_flows(options.flows, vehicle))

@@ -20,7 +20,8 @@ from builder.pipeline.demonstration.flown_shape import check_parameters, manoeuv
 from builder.pipeline.place_and_review import check_model
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Reporter
-from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import refuse_unheld
+from builder.structure.as_built.displaced_structure import refuse_untestable
 from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution.flow_table import truth_engine, truth_keys, truth_knots
@@ -213,9 +214,10 @@ def _refused_commands(vehicle: Vehicle) -> Iterator[str]:
 
     refusals: tuple[tuple[str, Callable[[], None]], ...] = (
         ("demo", lambda: refuse_without_demo(vehicle)),
+        ("loadtest, calibrate", lambda: refuse_untestable(vehicle)),
         (
-            "loadtest, calibrate, demo --as-built",
-            lambda: refuse_beyond_calibration(vehicle, vehicle.gauges.layout),
+            "demo --as-built, trial ground_test",
+            lambda: refuse_unheld(vehicle, vehicle.gauges.layout),
         ),
         ("place, review", lambda: check_model(vehicle)),
         ("compare, stress, study", lambda: refuse_without_independent_model(vehicle)),

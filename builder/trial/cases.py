@@ -55,7 +55,10 @@ class GroundTest(Section):
     modulus_percent : error of Young's modulus of each piece of the wall, of either sign, drawn.
     taper_percent : the wall of each piece is thicker at its aft end, and thinner at its fore end.
     second_harmonic_percent : standard deviation of cosine and sine of twice the roll angle in its thickness.
-    tilt_deg : all pads push towards the tail.
+    tilt_deg, pads_percent : all pads push towards the tail; all are longer than stated.
+    rig_kg : mass that hangs on every pad without being stated.
+    zero_um_per_m : zeros of the recorder: half this size in common, and a heavy-tailed scatter of this size
+        (Student's t of three degrees of freedom). 0 for zeros by [calibration].
     drift_um_per_m : standard deviation of what zeros drift by until the last case.
     hysteresis_percent : part of a case's strain that the next one still reads.
     """
@@ -73,6 +76,9 @@ class GroundTest(Section):
     taper_percent: float = 0.0
     second_harmonic_percent: float = Field(default=0.0, ge=0.0)
     tilt_deg: float = 0.0
+    pads_percent: float = Field(default=0.0, gt=-100.0)
+    rig_kg: float = 0.0
+    zero_um_per_m: float = Field(default=0.0, ge=0.0)
     drift_um_per_m: float = Field(default=0.0, ge=0.0)
     hysteresis_percent: float = 0.0
 

@@ -46,6 +46,9 @@ def test_errors_of_a_case_are_what_the_file_says() -> None:
     assert changed.joint_softness.tolist() == [0.02, 0.02]
     assert set(np.abs(changed.region_modulus)) == {0.03}
     assert set(changed.wall_taper) == {0.02}
+    zero = with_errors(GroundTest(zero_um_per_m=150.0), exactly_built(Counts(gauge=4000)), random).zero
+    assert np.median(zero) == pytest.approx(75e-6, abs=15e-6)
+    assert np.abs(zero).max() > 1000e-6  # heavy-tailed
     pads = blank_test(("a", "b", "c"), LoadErrors(), 1.0, 6)
     pads = replace(pads, cases=pads.cases[:6])
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .* in this test, got 'attitude'"):
@@ -147,6 +150,8 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(world: GroundWorld) -> None
     [
         {"second_harmonic_percent": 1.0, "said": "second harmonic"},
         {"clamp_m": 0.03, "said": "clamp"},
+        {"rig_kg": 10.0, "said": "rig"},
+        {"pads_percent": 30.0, "said": "size of all pads"},
         {"wrong": "gauges swapped"},
         {"wrong": "wrong load"},
     ],

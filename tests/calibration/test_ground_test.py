@@ -159,7 +159,7 @@ def test_candidates_are_pads_in_all_directions_and_what_else_the_rig_can_do() ->
         internal_pressure=1e5,
         axial_force=5e3,
     )
-    found = {case.name: case.loads for case in candidate_cases(vehicle, limits)}
+    found = {case.name: case.loads for case in candidate_cases(vehicle, limits, (0.0, vehicle.body().length))}
     assert len(found) == 2 * 2 * 3 + 2
     out = cast(PadForce, found["out 2 m, 90 deg"][0])
     np.testing.assert_allclose(out.force, [0.0, 1500.0, 0.0], atol=1e-9)
@@ -178,8 +178,9 @@ def test_candidates_are_pads_in_all_directions_and_what_else_the_rig_can_do() ->
     ],
 )
 def test_limits_that_leave_nothing_are_refused(limits: dict[str, Any], line: str) -> None:
+    shipped = load_vehicle(IC3X)
     with pytest.raises(InputError, match=line):
-        candidate_cases(load_vehicle(IC3X), LoadLimits(**limits))
+        candidate_cases(shipped, LoadLimits(**limits), (0.0, shipped.body().length))
 
 
 def test_unknown_direction_is_refused() -> None:

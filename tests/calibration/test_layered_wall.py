@@ -7,17 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from builder.structure.as_built.as_built_structure import (
-    AsBuiltStructure,
-    as_built_structure,
-    refuse_beyond_calibration,
-)
+from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.fourier.fourier_model import structural_model
-from builder.structure.loads.applied import Load, PadForce, Weight
+from builder.structure.loads.applied import Load, PadForce, SectionLoad, Weight
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
 from builder.vehicle.file import Vehicle
-from strainfmu.errors import InputError
 
 LAYOUT = "configuration_2"
 PAD = PadForce(station=1.0, roll_angle=0.3, half_length=0.15, half_angle=0.9, force=(0.0, 300.0, -1500.0))
@@ -104,7 +99,18 @@ def test_a_softer_support_is_a_support_of_that_stiffness(vehicle: Vehicle) -> No
     assert np.linalg.norm(change - expected) < 0.05 * np.linalg.norm(expected)
 
 
-def test_a_free_body_cannot_be_tested(vehicle: Vehicle) -> None:
-    free = layered(vehicle, support="free_flight")
-    with pytest.raises(InputError, match=r"needs no model\), got structure\.support = 'free_flight'"):
-        refuse_beyond_calibration(free, LAYOUT)
+def test_a_vehicle_that_flies_free_is_held_in_its_test(vehicle: Vehicle) -> None:
+    """In flight its strain is the free body's, also of a thicker wall; in the test the clamped body's."""
+    free, clamped = (layered(vehicle, support=support) for support in ("free_flight", "clamped_aft"))
+    structure, held = (as_built_structure(one, LAYOUT, max_harmonic=2) for one in (free, clamped))
+    drawing = structure.exactly_built()
+    expected = structural_model(free, free.resolution.map, [LAYOUT]).strain_operator(LAYOUT)
+    found = structure.strain_operator(drawing)
+    assert np.linalg.norm(found - expected) < 1e-6 * np.linalg.norm(expected)
+    force = SectionLoad(station=0.6, force=(0.0, 0.0, 100.0))
+    np.testing.assert_allclose(structure.load_strain(drawing, [force]), held.load_strain(drawing, [force]))
+    thickness = np.full(drawing.n_regions, 0.02)
+    thick = drawing.changed(wall_thickness=thickness)
+    solved = as_built_structure(free, LAYOUT, max_harmonic=2, known_thickness=thickness)
+    change, wanted = structure.strain_operator(thick) - found, solved.strain_operator(thick) - found
+    assert np.linalg.norm(change - wanted) < 0.02 * np.linalg.norm(wanted)

@@ -128,14 +128,14 @@ def without_flows(monkeypatch: pytest.MonkeyPatch) -> None:
     ("name", "why"),
     [
         ("ic3x", ""),
-        ("launcher", "got structure.support = 'free_flight'"),
+        ("launcher", "expected a body that is held, got 'free_flight'"),
         ("blunt_cone", ""),
         ("elliptic_cone", "shape: expected a profile, which this needs, got sections"),
         ("finned_body", "shape: expected a profile, which this needs, got surface"),
     ],
 )
 def test_commands_that_cannot_use_a_vehicle_are_named(name: str, why: str, tmp_path: Path, run: Run) -> None:
-    """And refuse it at once, in the same words."""
+    """A ground test can be planned and calibrated of each."""
     path = VEHICLES / f"{name}.toml"
     code, printed, _ = run("check", path)
     assert code == 0
@@ -144,13 +144,9 @@ def test_commands_that_cannot_use_a_vehicle_are_named(name: str, why: str, tmp_p
         assert said == []
         return
     (line,) = said
-    assert line.startswith("not for this vehicle: loadtest, calibrate, demo --as-built: ")
+    assert line.startswith("not for this vehicle: demo --as-built, trial ground_test: ")
     assert line.endswith(why)
-    for option in ((), ("--template",)):
-        code, printed, message = run("loadtest", path, *option, "-o", tmp_path / "loadtest.toml")
-        assert (code, printed) == (2, "")
-        assert message.rstrip().endswith(why)
-    assert not (tmp_path / "loadtest.toml").exists()
+    assert run("loadtest", path, "--template", "-o", tmp_path / "loadtest.toml")[0] == 0
 
 
 @pytest.mark.usefixtures("without_flows")

@@ -16,8 +16,8 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import inverse_problem, on_structure
 from builder.manifold.nonlinear_build import with_manifold
-from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, AsBuilt, slices
+from builder.structure.as_built.displaced_structure import AnyAsBuilt, DisplacedStructure
 from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
@@ -44,9 +44,16 @@ def remaining_after(found: Estimate) -> Remaining:
 
 
 def calibrated_structure(
-    structure: AsBuiltStructure, parameters: AsBuilt, layout: str, others: Mapping[str, FloatArray]
+    structure: AnyAsBuilt, parameters: AsBuilt, layout: str, others: Mapping[str, FloatArray]
 ) -> MappedStructure:
     """Return the structure that maps are built on; ``others`` are operators of other layouts, as drawn."""
+    if isinstance(structure, DisplacedStructure):
+        mapped = structure.mapped
+        return replace(
+            mapped,
+            description=f"{mapped.description}, calibrated",
+            operators={**mapped.operators, layout: structure.strain_operator(parameters)},
+        )
     return MappedStructure(
         surface=structure.surface,
         description="fourier, calibrated",
@@ -66,7 +73,7 @@ def calibrated_vehicle(vehicle: Vehicle) -> Vehicle:
 def calibrated_map(
     vehicle: Vehicle,
     snapshots: Snapshots,
-    structure: AsBuiltStructure,
+    structure: AnyAsBuilt,
     remaining: Remaining,
     others: Mapping[str, FloatArray] | None = None,
     left: LeftByTest | None = None,

@@ -16,13 +16,13 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm
-from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, slices
 from builder.structure.as_built.derivatives import (
     Key,
     of_gauges,
     uncertain_keys,
 )
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.signal_names import ZERO
 
@@ -66,7 +66,7 @@ class LeftByTest:
     zeros: tuple[NoiseTerm, ...] = ()
 
 
-def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> LeftByTest:
+def left_by_test(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> LeftByTest:
     """Return what a test left, for the flows of ``ensemble``; nothing where everything is known."""
     if not remaining.covariance.any():
         return LeftByTest()
@@ -78,7 +78,7 @@ def left_by_test(structure: AsBuiltStructure, remaining: Remaining, ensemble: En
     )
 
 
-def _errors(structure: AsBuiltStructure, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
+def _errors(structure: AnyAsBuilt, remaining: Remaining, ensemble: Ensemble) -> list[HardwareError]:
     by_key = structure.operator_slopes(remaining.parameters, remaining.uncertain)
     n_d, where = structure.n_gauges, slices(structure.counts)
     factor = _factor(remaining.covariance)

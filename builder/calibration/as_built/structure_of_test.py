@@ -10,7 +10,8 @@ import numpy as np
 
 from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std
+from builder.structure.as_built.as_built_vehicle import AsBuilt
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.as_built.wall_regions import wall_regions
 from builder.structure.as_built.wall_states import LOW
 from builder.structure.loads.fourier import MAX_HARMONIC
@@ -51,9 +52,9 @@ def structure_of_test(
     )
 
 
-def prior_of_test(vehicle: Vehicle, structure: AsBuiltStructure) -> AsBuilt:
+def prior_of_test(vehicle: Vehicle, structure: AnyAsBuilt) -> AsBuilt:
     """Return the prior of the parameters of :func:`structure_of_test`, by the vehicle file."""
-    found = as_built_std(vehicle.calibration, structure.counts)
+    found = structure.prior(vehicle.calibration)
     if vehicle.calibration.joint_stations_m:
         return found
     return found.changed(joint_softness=np.zeros(structure.counts.joint))

@@ -222,8 +222,7 @@ class _Screen:
             if not isinstance(one, PadForce | PointForce):
                 continue
             weight = hanging(one, stated, MASS)
-            responses = structure.nominal_response((weight, one))
-            per_mass, of_force = structure.response_strain(structure.exactly_built(), responses)
+            per_mass, of_force = structure.nominal_strain(structure.exactly_built(), (weight, one))
             yield _Cause(kind="load", text="", reading=load, columns=columns, more=SIZE * of_force[:, None])
             if is_along(one, weight):
                 continue  # a load of another size

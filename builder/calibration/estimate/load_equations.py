@@ -37,7 +37,7 @@ def load_equations(found: Estimate, moment_station: float) -> list[LoadEquation]
 
 def applied_loads(model: ReadingsModel, moment_station: float, mass: float = 0.0) -> FloatArray:
     """Return the five loads (n_cases, 5) of every case as stated [N, N m]; ``mass`` is the vehicle's error [1]."""
-    structure = model.structure.states.forces[0]
+    structure = model.structure.loaded
     found = np.zeros((len(model.test.cases), 5))
     for k, case in enumerate(model.test.cases):
         acting: list[Load] = [

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.load_steps import StepParts, step_parts
 from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
-from builder.structure.as_built.as_built_structure import OF_MASS, AsBuiltStructure
+from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.as_built.as_built_vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built.derivatives import (
     Key,
@@ -36,7 +36,7 @@ from builder.structure.as_built.derivatives import (
     of_gauges,
     uncertain_keys,
 )
-from builder.structure.as_built.response_tables import LoadResponse, together
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.loads.applied import Load, PadForce, PointForce, load_kind
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
@@ -114,7 +114,7 @@ class ReadingsModel:
     time : (n_cases,) of each case in the order of the file, 0 for the first and 1 for the last.
     """
 
-    def __init__(self, structure: AsBuiltStructure, test: LoadTest, prior: AsBuilt) -> None:
+    def __init__(self, structure: AnyAsBuilt, test: LoadTest, prior: AsBuilt) -> None:
         self.structure, self.test, self.prior = structure, test, _of_test(prior, test)
         self.n_built = len(prior.vector)
         self.groups = list(dict.fromkeys(case.group for case in test.cases))
@@ -131,7 +131,7 @@ class ReadingsModel:
         self._hung = [
             (k, hanging(one.load, test.cases[k], 1.0)) for k, one in self.loads if isinstance(one.load, PLACED)
         ]
-        self._together: dict[str, LoadResponse] = {}
+        self._together: dict[str, Any] = {}
         self._kept: dict[tuple[bool, bool], _Kept] = {}
         built = parameter_names(structure.gauges.names, structure.counts)
         extra, std = self._extra_names(), self._extra_std()
@@ -319,9 +319,9 @@ class ReadingsModel:
         return reading.T, slopes
 
     @property
-    def _responses(self) -> LoadResponse:
+    def _responses(self) -> Any:
         if "loads" not in self._together:
-            self._together["loads"] = together([self.structure.response(one.load) for _, one in self.loads])
+            self._together["loads"] = self.structure.responses([one.load for _, one in self.loads])
         return self._together["loads"]
 
     def _weighs_rig(self, vector: FloatArray) -> bool:
@@ -337,11 +337,7 @@ class ReadingsModel:
         key = "rig" if exact else "rig, by the drawing"
         if key not in self._together:
             loads, structure = [load for _, load in self._hung], self.structure
-            self._together[key] = (
-                together([structure.response(load) for load in loads])
-                if exact
-                else structure.nominal_response(loads)
-            )
+            self._together[key] = structure.responses(loads) if exact else structure.nominal_response(loads)
         np.add.at(found, [k for k, _ in self._hung], self.structure.response_strain(built, self._together[key]))
         return found
 
@@ -513,7 +509,7 @@ class ReadingsModel:
             steps[row] = high - low
             loads += [changed(high), changed(low)]
         if loads:
-            strain = self.structure.response_strain(self.structure.solved, self.structure.nominal_response(loads))
+            strain = self.structure.nominal_strain(self.structure.solved, loads)
             found[list(steps)] = (strain[::2] - strain[1::2]) / np.array(list(steps.values()))[:, None]
         return found
 
@@ -521,7 +517,7 @@ class ReadingsModel:
         """Return (n_d,) change of the readings by the size of a pad, ``by_shape``, or by a point that is a pad."""
         if not isinstance(load, PointForce):
             return by_shape
-        radius = float(self.structure.on_wall.radius[np.abs(self.structure.placed.x - load.station).argmin()])
+        radius = self.structure.loaded.outer_radius(load.station)
         pad = PadForce(
             station=load.station,
             roll_angle=load.roll_angle,
@@ -529,9 +525,7 @@ class ReadingsModel:
             half_angle=PAD / radius,
             force=load.force,
         )
-        point, spread = self.structure.response_strain(
-            self.structure.solved, self.structure.nominal_response([load, pad])
-        )
+        point, spread = self.structure.nominal_strain(self.structure.solved, [load, pad])
         return np.asarray(spread - point)
 
     def _extra_names(self) -> list[str]:

@@ -9,7 +9,6 @@ import numpy as np
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.loads.applied import Load, PadForce, PadPressure, SectionLoad, SurfacePressure, Weight
 from builder.structure.loads.fourier import harmonics_of, harmonics_within, pad_harmonics
-from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 
@@ -67,8 +66,8 @@ class PlannedCase:
     loads: tuple[Load, ...]
 
 
-def candidate_cases(vehicle: Vehicle, limits: LoadLimits) -> list[PlannedCase]:
-    """Return the cases within ``limits``.
+def candidate_cases(vehicle: Vehicle, limits: LoadLimits, span: tuple[float, float]) -> list[PlannedCase]:
+    """Return the cases within ``limits``; ``span`` is the outer surface's, from nose to base [m].
 
     Raises
     ------
@@ -76,10 +75,10 @@ def candidate_cases(vehicle: Vehicle, limits: LoadLimits) -> list[PlannedCase]:
         A station is beyond the wall, or nothing may act.
     """
     found = []
-    for station in pad_stations(vehicle, limits):
+    for station in pad_stations(vehicle, limits, span):
         for roll in limits.roll_angles:
             found += [_pad(limits, station, roll, direction) for direction in limits.directions if limits.force]
-    first = _wall(vehicle, limits)[0]
+    first = _wall(vehicle, limits, span)[0]
     if limits.axial_force:
         load = SectionLoad(station=first, force=(limits.axial_force, 0.0, 0.0))
         found.append(PlannedCase(name=f"axial {limits.axial_force:g} N", loads=(load,)))
@@ -99,7 +98,7 @@ def attitude_cases(limits: LoadLimits) -> list[PlannedCase]:
     ]
 
 
-def pad_stations(vehicle: Vehicle, limits: LoadLimits) -> tuple[float, ...]:
+def pad_stations(vehicle: Vehicle, limits: LoadLimits, span: tuple[float, float]) -> tuple[float, ...]:
     """Return the stations of pads [m].
 
     Raises
@@ -107,7 +106,7 @@ def pad_stations(vehicle: Vehicle, limits: LoadLimits) -> tuple[float, ...]:
     InputError
         A pad would reach beyond the hollow part of the body.
     """
-    low, high = _wall(vehicle, limits)
+    low, high = _wall(vehicle, limits, span)
     if limits.stations is None:
         return tuple(round(float(x), 3) for x in np.linspace(low, high, STATIONS))
     for station in limits.stations:
@@ -116,10 +115,10 @@ def pad_stations(vehicle: Vehicle, limits: LoadLimits) -> tuple[float, ...]:
     return limits.stations
 
 
-def _wall(vehicle: Vehicle, limits: LoadLimits) -> tuple[float, float]:
+def _wall(vehicle: Vehicle, limits: LoadLimits, span: tuple[float, float]) -> tuple[float, float]:
     """Return the first and the last station of pads [m]."""
-    low = wall_of(vehicle).solid_tip_length + 2.0 * limits.half_length
-    high = vehicle.body().length - 2.0 * limits.half_length
+    low = max(vehicle.structure.solid_tip_length_m or 0.0, span[0]) + 2.0 * limits.half_length
+    high = span[1] - 2.0 * limits.half_length
     if low >= high:
         raise InputError(f"--pad-length: expected pads shorter than the wall, got {2e3 * limits.half_length:g} mm")
     return low, high

@@ -32,9 +32,9 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_structure import AsBuiltStructure
-from builder.structure.as_built.as_built_vehicle import as_built_std, slices
+from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built.derivatives import of_gauges, uncertain_keys
+from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -93,7 +93,7 @@ class PlanParts:
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AnyStructure
-    as_built: AsBuiltStructure
+    as_built: AnyAsBuilt
 
 
 def load_plan(
@@ -123,8 +123,9 @@ def load_plan(
         Nothing may act within ``limits``, or the map cannot be built.
     """
     vehicle, as_built = parts.vehicle, parts.as_built
-    offered = [within_limits(as_built, one, limits) for one in candidate_cases(vehicle, limits)]
-    attitudes = [] if vehicle.material.density_kg_per_m3 is None else attitude_cases(limits)
+    offered = candidate_cases(vehicle, limits, as_built.outer_span)
+    offered = [within_limits(as_built, one, limits) for one in offered]
+    attitudes = [] if as_built.weightless else attitude_cases(limits)
     lying: tuple[Load, ...] = attitudes[0].loads if attitudes else ()
     cases = [replace(one, loads=(*lying, *one.loads)) for one in offered]
     exact = exactly_known_map(parts)
@@ -145,7 +146,7 @@ def load_plan(
     for number in order[:repeats]:
         end = end.after(bare[number])
         sigmas.append(flight.sigmas(end.error_covariance()))
-    prior = as_built_std(vehicle.calibration, as_built.counts)
+    prior = as_built.prior(vehicle.calibration)
     left = np.sqrt(np.diag(end.covariance)[:-1]) * prior.vector
     return LoadPlan(
         attitudes=tuple(attitudes),
@@ -194,7 +195,7 @@ def flight_sensitivity(parts: PlanParts, exact: InverseMap) -> FlightSensitivity
     chosen = np.random.default_rng(FLIGHTS).choice(len(pressure), FLIGHTS, p=ensemble.member_weight)
     net = (pressure[chosen] - ensemble.fixed_pressure).T
 
-    std = as_built_std(vehicle.calibration, as_built.counts)
+    std = as_built.prior(vehicle.calibration)
     keys = uncertain_keys(std, in_flight=True)
     slopes = as_built.operator_slopes(as_built.exactly_built(), keys)
     found = {key: slope @ net for key, slope in slopes.items()}
@@ -231,7 +232,7 @@ def case_sensitivities(
         ),
         errors=replace(errors, drift=0.0),  # cases have no time before they are chosen
     )
-    prior = as_built_std(parts.vehicle.calibration, as_built.counts)
+    prior = as_built.prior(parts.vehicle.calibration)
     model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
     jacobian = jacobian * model.std
@@ -259,9 +260,9 @@ def acting_together(case: CaseSensitivity, weight: CaseSensitivity, zeros: slice
     )
 
 
-def within_limits(as_built: AsBuiltStructure, case: PlannedCase, limits: LoadLimits) -> PlannedCase:
+def within_limits(as_built: AnyAsBuilt, case: PlannedCase, limits: LoadLimits) -> PlannedCase:
     """Return a case whose loads are lowered until no gauge exceeds the largest strain."""
-    each = as_built.response_strain(as_built.exactly_built(), as_built.nominal_response(case.loads))
+    each = as_built.nominal_strain(as_built.exactly_built(), case.loads)
     strain = each.sum(axis=0)
     largest = float(np.abs(strain).max())
     if largest <= limits.largest_strain:

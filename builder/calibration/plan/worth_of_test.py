@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.aero.loads.operator import load_operator
+from builder.aero.loads.operator import load_operator_on
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.load_equations import applied_loads
 from builder.calibration.ground_test.candidate_cases import (
@@ -26,7 +26,6 @@ from builder.calibration.plan.load_plan import (
 )
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import on_structure
-from builder.structure.as_built.as_built_vehicle import as_built_std
 from builder.structure.loads.applied import Weight
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -92,7 +91,7 @@ def worth_of_test(parts: PlanParts, found: Estimate) -> WorthOfTest:
         exact=flight.sigmas(np.zeros_like(flight.noise_covariance)),
         further=cases[best].name,
         with_further=sigmas[best],
-        flight_loads=ensemble.responses(load_operator(parts.as_built.surface, station)[FIVE_LOADS]),
+        flight_loads=ensemble.responses(load_operator_on(parts.as_built.surface, station)[FIVE_LOADS]),
         ground_loads=applied_loads(found.model, station, float(found.parameters.mass[0]))[rows],
         flight_strain=np.abs(strain).max(axis=0),
         ground_strain=np.abs(ground).max(axis=0),
@@ -105,7 +104,7 @@ def further_cases(parts: PlanParts, found: Estimate) -> list[PlannedCase]:
     test = found.model.test
     force = max((cell_force(one.load) for case in test.cases for one in case.loads), default=0.0)
     limits = LoadLimits(force=force or USUAL_FORCE, roll_angles=ROLL_ANGLES)
-    offered = candidate_cases(parts.vehicle, limits)
+    offered = candidate_cases(parts.vehicle, limits, parts.as_built.outer_span)
     stations = sorted({float(getattr(one.loads[0], "station", 0.0)) for one in offered})
     kept = {stations[k] for k in np.linspace(0, len(stations) - 1, STATIONS).round().astype(int)}
     pads = [one for one in offered if getattr(one.loads[0], "station", None) in kept]
@@ -115,8 +114,7 @@ def further_cases(parts: PlanParts, found: Estimate) -> list[PlannedCase]:
         for one in case.loads
         if isinstance(one.load, Weight)
     }
-    weighs = parts.vehicle.material.density_kg_per_m3 is not None
-    attitudes = attitude_cases(limits) if weighs else []
+    attitudes = [] if parts.as_built.weightless else attitude_cases(limits)
     new = [one for one, up in zip(attitudes, limits.attitudes, strict=False) if round(up, 3) not in had]
     return [within_limits(parts.as_built, one, limits) for one in pads] + new
 
@@ -127,9 +125,7 @@ def _over_prior(parts: PlanParts, found: Estimate) -> FloatArray:
     What was known exactly before has none.
     """
     model = found.model
-    prior = np.append(
-        as_built_std(parts.vehicle.calibration, parts.as_built.counts).vector, model.test.errors.common
-    )
+    prior = np.append(parts.as_built.prior(parts.vehicle.calibration).vector, model.test.errors.common)
     at = np.append(np.arange(model.n_built), model.cell_entries.start)
     scale = np.divide(1.0, prior, out=np.zeros_like(prior), where=prior > 0.0)
     return np.asarray(scale[:, None] * found.covariance[np.ix_(at, at)] * scale)

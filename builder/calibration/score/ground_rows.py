@@ -23,7 +23,15 @@ from builder.calibration.estimate.load_equations import load_equations
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
 from builder.calibration.estimate.remarks import remarks
-from builder.calibration.ground_test.load_changes import DIRECTED, CellErrors, as_applied, hanging, is_along
+from builder.calibration.ground_test.load_changes import (
+    DIRECTED,
+    PLACED,
+    CellErrors,
+    as_applied,
+    hanging,
+    is_along,
+    moved,
+)
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.calibration.score.ground_world import BEFORE, EXACT, MAPS, GroundWorld
 from builder.structure.as_built.as_built_structure import OF_MASS
@@ -39,6 +47,9 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+
+HEAVY_TAIL = 3.0
+"""Degrees of freedom of zeros that are not of the prior."""
 
 FORGOTTEN = 10.0
 """Mass of what hangs on a load without being stated [kg]."""
@@ -250,6 +261,9 @@ def with_errors(entry: GroundTest, built: AsBuilt, random: np.random.Generator) 
     if entry.modulus_percent:
         signs = random.choice([-1.0, 1.0], counts.region)
         changes["region_modulus"] = 0.01 * entry.modulus_percent * signs
+    if entry.zero_um_per_m:
+        scatter = random.standard_t(HEAVY_TAIL, counts.gauge)
+        changes["zero"] = MICRO * entry.zero_um_per_m * (0.5 + scatter)
     if entry.taper_percent:
         changes["wall_taper"] = built.wall_taper + 0.01 * entry.taper_percent
     if entry.second_harmonic_percent:
@@ -309,6 +323,10 @@ def applied_test(
     for number, case in enumerate(test.cases):
         for known in case.loads:
             load = towards_tail(as_applied(known, test.errors, cell, random), entry.tilt_deg)
+            load = moved(load, longer=0.01 * entry.pads_percent)
+            if entry.rig_kg and isinstance(known.load, PLACED):
+                rig = hanging(known.load, case, entry.rig_kg)
+                strain[number] += world.load_strain(built, rig, rig)
             own = world.load_strain(built, load, known.load)
             strain[number] += own
             weight[number] += own if isinstance(load, OF_MASS) else 0.0

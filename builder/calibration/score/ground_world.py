@@ -213,7 +213,7 @@ class GroundWorld:
         )
         if replace(stated, force=applied.force) == applied:
             return np.asarray(strain)
-        moved = structure.response_strain(built, structure.nominal_response((applied,)))
+        moved = structure.nominal_strain(built, (applied,))
         return np.asarray(strain + moved[0] - of_drawing)
 
     @cached_property

@@ -48,7 +48,7 @@ from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, 
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
 from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
-from builder.structure.as_built.as_built_structure import refuse_beyond_calibration
+from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
 from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built_kinds import IN_NOISE
@@ -204,7 +204,7 @@ def _flown(
     check_before_long_work(vehicle, conditions)
     refuse_without_demo(vehicle)
     if ground_test is not None:
-        refuse_beyond_calibration(vehicle, vehicle.gauges.layout)
+        refuse_unheld(vehicle, vehicle.gauges.layout)
     manoeuvre, of_revolution = vehicle.manoeuvre(), vehicle.is_of_revolution
     path = load_trajectory(manoeuvre, tuple(vehicle.conditions.parameters))
     if of_revolution:

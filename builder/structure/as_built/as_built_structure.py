@@ -22,7 +22,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, as_built_std, exactly_built
 from builder.structure.as_built.counts import counts_of_wall
 from builder.structure.as_built.derivatives import Key, derivative_keys
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
@@ -33,6 +33,7 @@ from builder.structure.as_built.response_tables import (
     combined,
     even_amplitudes,
     nominal_table,
+    together,
     uneven_amplitudes,
 )
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
@@ -66,7 +67,7 @@ from builder.structure.loads.applied import (
     SurfacePressure,
     Weight,
 )
-from builder.structure.loads.fourier import MAX_HARMONIC
+from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure
 from builder.structure.loads.gauge_strain import nodal_force
 from builder.structure.loads.loaded_structure import INNER, LoadProperties
 from builder.structure.loads.of_vehicle import load_properties
@@ -74,6 +75,7 @@ from builder.structure.loads.temperature import TemperatureField
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
+from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
@@ -105,6 +107,7 @@ class AsBuiltStructure:
     at_break : (n_d,) whether a gauge is within one element of a change of slope, thickness or material. Strain has
         a kink there: its change along the meridian is taken to first order.
     pressure : table per pressure at the stations of ``surface`` [1/Pa], which lead.
+    in_flight : the same vehicle in free flight, where the test alone holds it; its inertia is the drawing's.
     mesh_error : (n_d, n_p) of the drawing's strain operator [1/Pa]; found when it is first asked for.
     """
 
@@ -118,6 +121,7 @@ class AsBuiltStructure:
     joint_stations: tuple[float, ...]
     at_break: BoolArray
     _mesh_error: Callable[[], FloatArray | None]
+    in_flight: AsBuiltStructure | None = None
     _responses: dict[Load, LoadResponse] = field(default_factory=dict)
 
     @cached_property
@@ -156,14 +160,32 @@ class AsBuiltStructure:
     @property
     def outer_span(self) -> tuple[float, float]:
         """First and last station of the outer surface [m]."""
-        return self.states.forces[0].outer_span
+        return self.loaded.outer_span
+
+    @property
+    def loaded(self) -> FourierStructure:
+        """The structure that loads act on, without gauges."""
+        return self.states.forces[0]
+
+    @property
+    def weightless(self) -> str:
+        """Why a test cannot have loads of own weight; empty where it can."""
+        if self.in_flight is not None:
+            return "what a vehicle in free flight carries in the test is not known"
+        return "" if self.loaded.properties.density is not None else "material.density_kg_per_m3 is missing"
 
     def exactly_built(self) -> AsBuilt:
         """Return the parameters of the vehicle of the file: zeros."""
         return exactly_built(self.counts)
 
+    def prior(self, entry: Calibration) -> AsBuilt:
+        """Return the standard deviation of every parameter before a test, by the section [calibration]."""
+        return as_built_std(entry, self.counts)
+
     def strain_operator(self, parameters: AsBuilt) -> FloatArray:
         """Return Z_p (n_d, n_p) [1/Pa]: reading, without zeros, per pressure at every node of ``surface``."""
+        if self.in_flight is not None:
+            return self.in_flight.strain_operator(parameters)
         found = self.on_wall.parts(self.pressure, parameters, self._thickness(parameters))
         return operator_of(found, parameters, self.surface)
 
@@ -192,6 +214,10 @@ class AsBuiltStructure:
             self._responses[load] = self._solved_response(load)
         return self._responses[load]
 
+    def responses(self, loads: Sequence[Load]) -> LoadResponse:
+        """Return the responses of loads as one, with the readings (n_loads, n_d) of every load."""
+        return together([self.response(load) for load in loads])
+
     def response_strain(self, parameters: AsBuilt, response: LoadResponse) -> FloatArray:
         """Return the readings (n_d,) [m/m] under the load of ``response``, (n_loads, n_d) under several."""
         thickness, station = self._thickness(parameters), self.states.station
@@ -214,6 +240,8 @@ class AsBuiltStructure:
 
     def operator_slopes(self, parameters: AsBuilt, keys: Sequence[Key]) -> dict[Key, FloatArray]:
         """Return the derivatives (n_d, n_p) of :meth:`strain_operator` by ``keys`` [1/Pa per unit]."""
+        if self.in_flight is not None:
+            return self.in_flight.operator_slopes(parameters, keys)
         return operator_slopes(
             self.on_wall,
             self.pressure,
@@ -232,6 +260,10 @@ class AsBuiltStructure:
         amplitude = np.stack([self.states.nominal.strain(split(nodal_force(wall, one))) for one in loads], axis=1)
         constant = np.zeros((len(loads), self.n_gauges))
         return LoadResponse(table=nominal_table(amplitude, self.n_regions), constant=constant)
+
+    def nominal_strain(self, parameters: AsBuilt, loads: Sequence[Load]) -> FloatArray:
+        """Return the readings (n_loads, n_d) [m/m] under each of ``loads`` by :meth:`nominal_response`."""
+        return self.response_strain(parameters, self.nominal_response(loads))
 
     def _apparent(self, load: ApparentStrain) -> LoadResponse:
         if np.shape(load.strain) != (self.n_gauges,):
@@ -331,8 +363,8 @@ class AsBuiltStructure:
         return np.asarray(one - other)
 
 
-def refuse_beyond_calibration(vehicle: Vehicle, layout: str) -> None:
-    """Refuse a vehicle whose gauges or support cannot be varied as built, before anything is solved.
+def refuse_unheld(vehicle: Vehicle, layout: str) -> None:
+    """Refuse a vehicle of which no independent one can be built, tested and flown.
 
     Raises
     ------
@@ -341,10 +373,7 @@ def refuse_beyond_calibration(vehicle: Vehicle, layout: str) -> None:
     """
     refuse_beyond_fourier(vehicle, [layout])
     if vehicle.structure.support == "free_flight":
-        raise InputError(
-            "calibration and errors by region need a body that is held (`strainfmu equations` needs no model), "
-            "got structure.support = 'free_flight'"
-        )
+        raise InputError("structure.support: expected a body that is held, got 'free_flight'")
 
 
 def as_built_structure(
@@ -360,6 +389,8 @@ def as_built_structure(
     harmonic_within: int = LOW - 1,
 ) -> AsBuiltStructure:
     """Solve the structure of a vehicle for all errors of a vehicle as built.
+
+    A vehicle that flies free is held at its aft ring in the test.
 
     Parameters
     ----------
@@ -379,10 +410,45 @@ def as_built_structure(
     InputError
         The Fourier model cannot do what the file requests, or a gauge is not on the inner surface.
     """
+
+    def solve(one: Vehicle) -> AsBuiltStructure:
+        return _solved(
+            one,
+            layout,
+            resolution=resolution or vehicle.resolution.map,
+            properties=properties or load_properties(vehicle),
+            known_thickness=known_thickness,
+            known_taper=known_taper,
+            max_harmonic=max_harmonic,
+            harmonic_within=harmonic_within,
+            grid=surface,
+            progress=progress,
+        )
+
+    if vehicle.structure.support != "free_flight":
+        return solve(vehicle)
+    held = vehicle.structure.model_copy(update={"support": "clamped_aft", "covers": [], "point_masses": []})
+    on_ground, in_flight = solve(vehicle.model_copy(update={"structure": held})), solve(vehicle)
+    return replace(on_ground, in_flight=in_flight, _mesh_error=in_flight._mesh_error)
+
+
+def _solved(
+    vehicle: Vehicle,
+    layout: str,
+    *,
+    resolution: Resolution,
+    properties: LoadProperties,
+    known_thickness: FloatArray | None,
+    known_taper: FloatArray | None,
+    max_harmonic: int,
+    harmonic_within: int,
+    grid: SurfaceGrid | None,
+    progress: Progress | None,
+) -> AsBuiltStructure:
+    """Return :func:`as_built_structure` with the support of the vehicle file."""
     if layout not in vehicle.gauges.layouts:
         raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
-    refuse_beyond_calibration(vehicle, layout)
-    resolution = resolution or vehicle.resolution.map
+    refuse_beyond_fourier(vehicle, [layout])
     wall, regions = wall_of(vehicle), wall_regions(vehicle)
     drawing = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
     layouts, all_placed = place_layouts(vehicle, drawing, [layout])
@@ -393,14 +459,14 @@ def as_built_structure(
         built = built.changed(wall_thickness=known_thickness, wall_taper=taper)
         mesh = thickened(drawing, wall, regions, built.wall_thickness, taper)
     at_gauge = inner_surface_points(drawing, placed.x)
-    grid = surface or surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
+    grid = grid or surface_grid(vehicle.body(), resolution.surface_stations, resolution.surface_roll_angles)
     states = wall_states(
         mesh=mesh,
         wall=wall,
         regions=regions,
         gauges=placed,
         along=SHIFT * at_gauge.tangent[:, 0],
-        properties=properties or load_properties(vehicle),
+        properties=properties,
         max_harmonic=max(max_harmonic, resolution.harmonics),
         changed_harmonic=changed_harmonic_of(max_harmonic, resolution.harmonics),
         changed_within=harmonic_within,

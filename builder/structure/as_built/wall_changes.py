@@ -5,6 +5,9 @@ the adjoint a(s) = b K^-1 follows to second order from
 
     a_0 = b_0 K_0^-1,  a_1 = (b_1 - a_0 K_1) K_0^-1,  a_2 = (b_2 - a_1 K_1 - a_0 K_2) K_0^-1.
 
+In free flight rigid motions are taken out of every adjoint, with the inertia of the wall as expected: walls that
+differ strain a rigid motion no more than that one.
+
 An uneven wall changes it to first order, see :mod:`builder.structure.as_built.wall_harmonics`.
 """
 
@@ -24,6 +27,7 @@ from builder.structure.fourier.fourier_elasticity import (
     ring_products,
     stiffness_of_elements,
 )
+from builder.structure.fourier.free_flight import FlyingSolver
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh, line_edges, line_nodes
 from builder.structure.fourier.strain_operator import strain_rows, strain_rows_at
@@ -32,6 +36,9 @@ from strainfmu.arrays import FloatArray, IntArray
 
 CLAMP_LENGTH = 2e-3
 """Length of wall that yields as the clamp does, at which its effect is solved for [m]."""
+
+
+Solver = HarmonicSolver | FlyingSolver
 
 
 class ExpectedWall:
@@ -50,11 +57,11 @@ class ExpectedWall:
         self.mesh, self.x, self.n_m = mesh, stations[gauges], n_m
         self.stiffness = assemble_stiffness(mesh, material)
         self._stations, self._gauges = stations, gauges
-        self._solvers: dict[int, HarmonicSolver] = {}
+        self._solvers: dict[int, Solver] = {}
         self._adjoints: dict[int, FloatArray] = {}
         self._of_gauges: dict[int, FloatArray] = {}
 
-    def at_harmonic(self, n: int) -> tuple[HarmonicSolver, FloatArray]:
+    def at_harmonic(self, n: int) -> tuple[Solver, FloatArray]:
         """Return the factors of harmonic ``n`` and its adjoint (n_all, 3, n_dof), strain per nodal force at all
         stations [1/N].
 
@@ -63,7 +70,11 @@ class ExpectedWall:
         """
         for m in range(n, min(n + max(WAVES) + 1, self.n_m)):
             if m not in self._solvers:
-                self._solvers[m] = factor_harmonic(self.mesh, self.stiffness, m, twist=True)
+                self._solvers[m] = (
+                    FlyingSolver(self.mesh, self.stiffness, m)
+                    if self.mesh.masses is not None and m < 2
+                    else factor_harmonic(self.mesh, self.stiffness, m, twist=True)
+                )
                 self._adjoints[m] = solved(self._solvers[m], strain_rows(self.mesh, self._stations, m))
                 self._of_gauges[m] = self._adjoints[m][self._gauges]
         self._solvers.pop(n - 1, None)
@@ -77,7 +88,7 @@ class ExpectedWall:
         return found if m >= 0 else reflected(found)
 
 
-def solved(solver: HarmonicSolver, rows: FloatArray) -> FloatArray:
+def solved(solver: Solver, rows: FloatArray) -> FloatArray:
     """Return ``rows`` (.., n_dof) times the inverse stiffness."""
     return solver.solve(rows.reshape(-1, rows.shape[-1]).T).T.reshape(rows.shape)
 
@@ -97,7 +108,7 @@ class ThickerWall:
         terms = self._by_order(*(stiffness_of_elements(one, material, even, moved) for one in walls))
         self._stiffness = [_without_zeros(even, term) for term in terms]
 
-    def adjoints(self, solver: HarmonicSolver, n: int) -> tuple[FloatArray, FloatArray]:
+    def adjoints(self, solver: Solver, n: int) -> tuple[FloatArray, FloatArray]:
         """Return the adjoint of harmonic ``n`` per change and per its square, (n_s, 3, n_dof) each."""
         zeroth = self._expected.at_gauges(n)
         minus, plus, even = (strain_rows_at(one, self._n_nodes, n) for one in self._points)
@@ -157,9 +168,7 @@ class ElasticClamp:
         self._springs = product * material.youngs_modulus / CLAMP_LENGTH
         self._compliance = product / material.youngs_modulus
 
-    def adjoints(
-        self, stiffness: FourierStiffness, solver: HarmonicSolver, rows: FloatArray, n: int
-    ) -> FloatArray:
+    def adjoints(self, stiffness: FourierStiffness, solver: Solver, rows: FloatArray, n: int) -> FloatArray:
         """Return (2, n_s, 3, n_dof) change of the adjoint of harmonic ``n`` per length along and across the body;
         ``rows`` (n_s, 3, n_dof) are the strain rows."""
         matrix, found = stiffness.matrix(n), np.zeros((2, *rows.shape))
@@ -193,7 +202,7 @@ class StifferRegion:
         term = stiffness_of_elements(mesh, material, even, changed, size * weight[changed])
         self._stiffness = _without_zeros(even, term)
 
-    def adjoint(self, zeroth: FloatArray, solver: HarmonicSolver, n: int) -> FloatArray:
+    def adjoint(self, zeroth: FloatArray, solver: Solver, n: int) -> FloatArray:
         """Return the derivative (n_s, 3, n_dof) of the adjoint ``zeroth`` by the change."""
         return solved(solver, -_times(zeroth, self._stiffness.matrix(n)))
 
@@ -223,7 +232,7 @@ class UnevenChange:
 
 
 def uneven_adjoints(
-    changes: Sequence[UnevenChange], expected: ExpectedWall, solver: HarmonicSolver, n: int
+    changes: Sequence[UnevenChange], expected: ExpectedWall, solver: Solver, n: int
 ) -> Iterator[tuple[tuple[int, int, int], FloatArray]]:
     """Yield changes of the adjoint (n_s, 3, n_dof) by the amplitude of cos(w phi), those that are not zero.
 

@@ -235,7 +235,7 @@ def wall_states(
     expected = ExpectedWall(mesh, wall.material, stations, at, n_m)
     thicker = [_thicker(expected, wall, regions, k) for k in range(count if with_regions else 0)]
     uneven = [_uneven_change(expected, wall, regions, k) for k in range(len(regions))]
-    clamp = ElasticClamp(mesh, wall.material)
+    clamp = None if mesh.masses is not None else ElasticClamp(mesh, wall.material)
     stiffer = [_soft_joint(mesh, wall, station, expected.stiffness) for station in joints]
     stiffer += _stiffer_regions(mesh, wall, regions, expected.stiffness) if with_moduli else []
     whole = _Kept((), n_m, len(stations), rows)
@@ -260,7 +260,8 @@ def wall_states(
             per_change, per_square = one.adjoints(solver, n)
             of_wall.take(n, per_change, number)
             of_square.take(n, per_square, number)
-        of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
+        if clamp is not None:
+            of_soft.take(n, clamp.adjoints(expected.stiffness, solver, strain_rows(mesh, x, n), n), slice(2))
         for number, other in enumerate(stiffer, start=2):
             of_soft.take(n, other.adjoint(expected.at_gauges(n), solver, n), number)
         for place, change in uneven_adjoints(uneven, expected, solver, n):

@@ -7,9 +7,12 @@ from pathlib import Path
 
 from builder.campaign.snapshots import Snapshots
 from builder.structure.external import strain_per_snapshot
+from builder.structure.external.gauge_columns import columns_found
 from builder.structure.external.influence import structure_of_influence
+from builder.structure.external.influence_export import solved_influence
+from builder.structure.external.influence_file import Influence, read_influence
 from builder.structure.external.nastran.results import nastran_strains
-from builder.structure.solid.case import solid_case
+from builder.structure.solid.case import solid_case, structure_case
 from builder.structure.structure_file import Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map_needs import used_layouts
@@ -62,3 +65,23 @@ def external_structure(vehicle: Vehicle, snapshots: Snapshots) -> Structure:
     named = vehicle.structure.influence_facets
     facets = None if named is None else vehicle.beside(named)
     return structure_of_influence(path, facets, vehicle, layouts, results)
+
+
+def influence_of(vehicle: Vehicle) -> tuple[Influence, dict[str, tuple[str, ...]]]:
+    """Return the strain per force of a mesh, or of a matrix of another code, and the columns of the layout in use
+    and of its displaced gauges, as far as they are there.
+
+    Raises
+    ------
+    InputError
+        A file is missing or wrong.
+    """
+    entry, in_use = vehicle.structure, vehicle.gauges.layout
+    if entry.external is None:
+        case = structure_case(vehicle, [in_use])
+        found, layouts = solved_influence(case, in_use, Path("structure")), case.layouts
+    else:
+        layouts = solid_case(vehicle, [in_use]).layouts
+        facets = None if entry.influence_facets is None else vehicle.beside(entry.influence_facets)
+        found = read_influence(external_file(vehicle), facets, nastran_strains(vehicle, layouts))
+    return found, columns_found(found.path, found.column, layouts, in_use)

@@ -15,20 +15,20 @@ from builder.structure.solid.solid_model import strain_per_force
 from builder.structure.solid.swept_mesh import SweptMesh
 
 
-def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
-    """Solve ``case`` under unit forces at the nodes of its external surface and write the matrix.
+def solved_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
+    """Solve ``case`` under unit forces at the nodes of its external surface.
 
-    ``in_use`` is the layout whose gauges go by their own names.
+    ``in_use`` is the layout whose gauges go by their own names, ``path`` the name of the matrix.
 
     Raises
     ------
     InputError, StrainfmuError
-        As :func:`builder.structure.solid.solid_model.solve_solid_structure`; or the file could not be written.
+        As :func:`builder.structure.solid.solid_model.solve_solid_structure`.
     """
     mesh, strain = strain_per_force(case)
     node = surface_nodes(mesh, EXTERNAL)
     columns = strain_columns(case.layouts, in_use)
-    influence = Influence(
+    return Influence(
         path=path,
         node=mesh.node[node],
         facet=np.searchsorted(node, mesh.named_surface(EXTERNAL)),
@@ -36,5 +36,10 @@ def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
         strain_per_force=strain,
         split=not isinstance(mesh, SweptMesh),
     )
+
+
+def export_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
+    """Write the matrix of :func:`solved_influence`; errors as there, or the file could not be written."""
+    influence = solved_influence(case, in_use, path)
     write_influence(influence)
     return influence

@@ -20,7 +20,7 @@ from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, two_sector_
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-_ELEMENT_OF_FACET = {3: "tetrahedron4", 4: "hexahedron8", 6: "tetrahedron10", 8: "hexahedron20"}
+ELEMENT_OF_FACET = {3: "tetrahedron4", 4: "hexahedron8", 6: "tetrahedron10", 8: "hexahedron20"}
 """Kind of element by the nodes of its facets."""
 
 
@@ -100,7 +100,7 @@ def facet_pressure_load(node: FloatArray, facet: IntArray, column: IntArray | No
 
     ``column`` (f, n_f) is by default the nodes' own number.
     """
-    force = _facet_forces(_ELEMENT_OF_FACET[facet.shape[1]], node[facet])
+    force = _facet_forces(ELEMENT_OF_FACET[facet.shape[1]], node[facet])
     row = np.broadcast_to(3 * facet[:, None, :, None] + np.arange(3)[:, None, None], force.shape)
     n_p = len(node) if column is None else int(column.max()) + 1
     at = np.broadcast_to((facet if column is None else column)[:, None, None, :], force.shape)
