@@ -48,7 +48,9 @@ def thermal_modes(entry: Temperature, length: float) -> list[tuple[TemperatureFi
 
 
 def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> ThermalMap | None:
-    """Return the modes of the layout in use, the gauges' covariance 0; None without a section [temperature].
+    """Return the modes of the layout in use, with a unit covariance for :func:`with_isothermal` to replace.
+
+    None without a section [temperature].
 
     Raises
     ------
@@ -77,7 +79,7 @@ def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> 
         apparent_strain=_MICRO * np.array(entry.apparent_strain_um_per_m, dtype=float),
         gauge_factor_slope=_PER_100K * entry.gauge_factor_percent_per_100K,
         modulus_slope=_PER_100K * entry.modulus_percent_per_100K,
-        isothermal_covariance=np.zeros((n_d, n_d)),
+        isothermal_covariance=np.eye(n_d),
     )
 
 
@@ -126,12 +128,11 @@ def with_sensor_rows(thermal: ThermalMap | None, n_rows: int) -> ThermalMap | No
     if thermal is None:
         return None
     below = ((0, n_rows), (0, 0))
-    n = len(thermal.mode_strain) + n_rows
     return replace(
         thermal,
         mode_strain=np.pad(thermal.mode_strain, below),
         gauge_operator=np.pad(thermal.gauge_operator, below),
-        isothermal_covariance=np.zeros((n, n)),
+        isothermal_covariance=np.eye(len(thermal.mode_strain) + n_rows),
     )
 
 
