@@ -27,7 +27,7 @@ FIRST_PORT, PORTS = 43_300, 500
 CYCLE_TIME = 0.01
 
 _COMMAND = (sys.executable, "-c", "from strainfmu.cli.main import main; main()")
-_PATIENCE = 30.0
+_PATIENCE = 300.0
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from typing import Any
 import can
 import numpy as np
 import pytest
+from bridge_table import is_late
 from recorded_case import write_csv
 from snippets import ROOT, snippets
 from synthetic_vehicle import synthetic_inverse_map
@@ -115,7 +116,7 @@ def test_one_file_and_four_commands_and_three_times_usable(
             begin, sent = time.time(), started(send, folder)
             printed, _ = sent.communicate(timeout=PATIENCE)
             assert sent.returncode == 0, printed
-            flights.append((begin, time.time()))
+            flights.append((begin, time.time(), printed))
     finally:
         for one in running:
             one.send_signal(signal.SIGINT)
@@ -131,6 +132,6 @@ def test_one_file_and_four_commands_and_three_times_usable(
     assert f"'Unprotected': {(quality == 'Unprotected').sum()}" in capsys.readouterr().out
     with can.LogReader(folder / "own.blf") as log:
         when = np.array([message.timestamp for message in log if message.arbitration_id == ESTIMATE])
-    # How many of a flight's results are in time is the host's; none is confirmed by hand.
-    usable = [(quality[(begin < when) & (when < end)] == "Unprotected").sum() for begin, end in flights]
-    assert min(usable) > 0, usable
+    for begin, end, printed in flights:
+        usable = (quality[(begin < when) & (when < end)] == "Unprotected").sum()
+        assert is_late(ends[0], printed, 0.01) or usable > 75, "none is confirmed by hand"

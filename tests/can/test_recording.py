@@ -95,7 +95,7 @@ def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", LOG_SUFFIXES)
 def test_sigkill_loses_at_most_the_last_second(tmp_path: Path, suffix: str) -> None:
     """A killed process leaves a log that python-can's own reader reads, up to less than 1 s before the kill."""
-    path = tmp_path / f"run{suffix}"
+    path, begin = tmp_path / f"run{suffix}", time.time()
     process = subprocess.Popen([sys.executable, "-c", RECORDER, str(path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
@@ -116,7 +116,7 @@ def test_sigkill_loses_at_most_the_last_second(tmp_path: Path, suffix: str) -> N
         assert reader.object_count == len(found)
         assert len(list(reader)) == len(found)
         # The clock is made before the packages of the log are imported.
-        assert 0.0 <= found[0][0].time - reader.start_timestamp < 30.0
+        assert begin - 1e-3 <= reader.start_timestamp <= found[0][0].time
 
 
 def test_a_blf_cut_anywhere_gives_what_is_whole(tmp_path: Path) -> None:
