@@ -119,12 +119,12 @@ def with_unit(name: str, unit: str) -> str:
 
 
 CONDITION_QUANTITIES = tuple(
-    ConditionQuantity(one.name, **one.metadata["stated"]) for one in fields(FlightCondition) if one.metadata
+    ConditionQuantity(row.name, **row.metadata["stated"]) for row in fields(FlightCondition) if row.metadata
 )
 """What a flight condition consists of without flow parameters, in the order of its rows."""
 
-CONDITION_NAMES = tuple(one.name for one in CONDITION_QUANTITIES)
-CONDITION_COLUMNS = tuple(one.column for one in CONDITION_QUANTITIES)
+CONDITION_NAMES = tuple(quantity.name for quantity in CONDITION_QUANTITIES)
+CONDITION_COLUMNS = tuple(quantity.column for quantity in CONDITION_QUANTITIES)
 
 MACH_NUMBER, ANGLE_OF_ATTACK, SIDESLIP_ANGLE, ALTITUDE = CONDITION_NAMES
 MACH_COLUMN, ANGLE_COLUMN, SIDESLIP_COLUMN, ALTITUDE_COLUMN = CONDITION_COLUMNS

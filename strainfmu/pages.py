@@ -79,8 +79,8 @@ def table_html(
     return fold(table, caption, f"{len(rows)} rows") if folds else table
 
 
-def _class(**held: bool) -> str:
-    names = " ".join(name for name, holds in held.items() if holds)
+def _class(**classes: bool) -> str:
+    names = " ".join(name for name, holds in classes.items() if holds)
     return f' class="{names}"' if names else ""
 
 

@@ -16,8 +16,8 @@ def public_names(package: str) -> dict[str, str]:
     import ast
 
     stub = Path(str(sys.modules[package].__file__)).with_suffix(".pyi")
-    imports = [one for one in ast.parse(stub.read_text("utf-8")).body if isinstance(one, ast.ImportFrom)]
-    return {alias.name: str(one.module) for one in imports for alias in one.names}
+    imports = [line for line in ast.parse(stub.read_text("utf-8")).body if isinstance(line, ast.ImportFrom)]
+    return {alias.name: str(line.module) for line in imports for alias in line.names}
 
 
 def lazily(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

@@ -87,9 +87,9 @@ def read_csv(path: Path, largest: int = LARGEST) -> list[tuple[int, list[str]]]:
         raise InputError(f"{path}: not a CSV file: line {reader.line_num}: {error}") from error
 
 
-def shown_columns(found: Sequence[str], known: Collection[str]) -> str:
+def shown_columns(read: Sequence[str], known: Collection[str]) -> str:
     """Return names of columns for a message: nothing of a header that holds none of the ``known`` ones."""
-    names = [name.strip() for name in found]
+    names = [name.strip() for name in read]
     if not any(names):
         return "nothing"
     if not any(name in known for name in names):

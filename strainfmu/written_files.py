@@ -21,19 +21,19 @@ def check_outputs(parameters: Mapping[str, Any]) -> None:
         There is one, folders apart; or what is written would lie in a file.
     """
     paths = {name: Path(value) for name, value in parameters.items() if isinstance(value, str | Path) and value}
-    for name in (one for one in WRITTEN if one in paths):
+    for name in (option for option in WRITTEN if option in paths):
         path, option = paths[name], f"--{name.replace('_', '-')}"
         _refuse_in_a_file(path, option)
-        if any(other != name and _is_same_file(path, paths[other]) for other in paths):
+        if any(second != name and _is_same_file(path, paths[second]) for second in paths):
             raise InputError(f"{path}: {option}: expected another file than those that are read")
-        if any(other != name and path == paths.get(other) for other in WRITTEN):
+        if any(second != name and path == paths.get(second) for second in WRITTEN):
             raise InputError(f"{path}: {option}: expected another file than the others that are written")
 
 
 def _refuse_in_a_file(path: Path, option: str) -> None:
     """Refuse a path under a file, which no folder can be made in."""
     try:
-        above = next(one for one in path.absolute().parents if one.exists())
+        above = next(folder for folder in path.absolute().parents if folder.exists())
         is_folder = above.is_dir()
     except (OSError, ValueError):  # no name of a file at all: refused where it is written
         return
@@ -41,8 +41,8 @@ def _refuse_in_a_file(path: Path, option: str) -> None:
         raise InputError(f"{path}: {option}: expected a path in folders, got the file {above} instead of one")
 
 
-def _is_same_file(one: Path, other: Path) -> bool:
+def _is_same_file(first: Path, second: Path) -> bool:
     try:
-        return one.is_file() and other.exists() and one.samefile(other)
+        return first.is_file() and second.exists() and first.samefile(second)
     except (OSError, ValueError):  # no name of a file at all
         return False
