@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from random_map import N_GAUGES, map_of, missing, random_map, random_model
 from state_estimates import state_gain, state_offset
 
-from builder.aero.loads.operator import load_operator
-from builder.inverse.loads.covariance import coefficient_covariance
+from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError
@@ -209,14 +208,14 @@ def test_moment_moves_as_a_force_does() -> None:
 
 @pytest.mark.parametrize("dynamic_pressure_std", [0.0, 1.0, 2.4e3, 1e5])
 def test_uncertain_dynamic_pressure_widens_sigma(dynamic_pressure_std: float) -> None:
-    """The diagonal of the builder's coefficient covariance, to 1e-14."""
+    """cov(C) = D cov(F) D + C C' (s/q)^2 with D of 1/(q S) and 1/(q S L), on the diagonal, to 1e-14."""
     inverse_map = random_map()
     strain = inverse_map.mean_strain + 1e-6
     plain = Estimator(inverse_map).estimate(strain, Q)
     found = Estimator(inverse_map).estimate(strain, Q, dynamic_pressure_std=dynamic_pressure_std)
-    reference = ReferenceQuantities(0.2, 0.5, 0.0)
-    wanted = coefficient_covariance(plain.loads, plain.load_covariance, reference, Q, dynamic_pressure_std)
-    np.testing.assert_allclose(found.coefficients_std, np.sqrt(np.diag(wanted)), rtol=1e-14)
+    of_loads = coefficient_scale(Q, ReferenceQuantities(0.2, 0.5, 0.0)) ** 2 * np.diag(plain.load_covariance)
+    wanted = np.sqrt(of_loads + (plain.coefficients * dynamic_pressure_std / Q) ** 2)
+    np.testing.assert_allclose(found.coefficients_std, wanted, rtol=1e-14)
     np.testing.assert_array_equal(found.coefficients, plain.coefficients)
     np.testing.assert_array_equal(found.loads_std, plain.loads_std)
 

@@ -29,8 +29,9 @@ MAX_SIZE = 3_000_000
 
 
 def pictures(page: Page) -> list[Picture]:
-    """The page's figures, in order."""
-    return [block for section in page.sections for block in section.blocks if isinstance(block, Picture)]
+    """The page's figures of the map, in order; those of the flows have no values under the pointer."""
+    of_map = [section for section in page.sections if section.title != "Aerodynamics"]
+    return [block for section in of_map for block in section.blocks if isinstance(block, Picture)]
 
 
 def texts(one: Picture) -> list[str]:
