@@ -39,6 +39,7 @@ from strainfmu.estimator.reference.gain import load_gain
 from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.fmu.checks.step_cost import slave_of, steps_2
 from strainfmu.fmu.export import export_estimator
+from strainfmu.fmu.python.package import imports_put_back
 from strainfmu.recorded.run import estimate_file
 from strainfmu.version import __version__
 
@@ -298,7 +299,8 @@ def _steps(case: _Case, stack: ExitStack) -> Iterator[PeerRow]:
     def empty() -> Callable[[], object]:
         script = case.folder / "empty.py"
         script.write_text(SLAVE.format(n=case.n))
-        import_module("pythonfmu").FmuBuilder.build_FMU(str(script), dest=str(case.folder))
+        with imports_put_back():
+            import_module("pythonfmu").FmuBuilder.build_FMU(str(script), dest=str(case.folder))
         made, values = instance(case.folder / "Empty.fmu"), case.strain.tolist()
         inputs, outputs = list(range(case.n)), list(range(case.n, case.n + 5))
 

@@ -1,4 +1,4 @@
-"""README's commands for one's own vehicle share a folder: each solves the flows that the others have not."""
+"""README's commands for one's own vehicle share its cache: each solves the flows that the others have not."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from snippets import ROOT, snippets
 from builder.campaign import campaign_run as campaign
 from builder.trial import conditions
 from builder.vehicle.file import load_vehicle
+from builder.workspace import SHARED_VARIABLE
 from strainfmu.files import fingerprint
 
 Run = Callable[..., tuple[int, str, str]]
@@ -24,7 +25,7 @@ QUICK = {"stress": ("--conditions", "3", "--draws", "1")}
 
 
 def commands() -> list[list[str]]:
-    """Return the words of the commands from the vehicle file to the stress test."""
+    """Return the words of the commands from the vehicle file to the review of its gauges."""
     (block,) = [one for one in snippets(ROOT / "README.md") if "strainfmu stress" in one.text]
     return [shlex.split(line, comments=True)[1:] for line in block.text.splitlines()]
 
@@ -34,6 +35,7 @@ def test_no_flow_is_solved_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     """Snapshots and independent model by the build, flows beyond the envelope by the stress test."""
     copied_ogive(tmp_path / "ogive").rename(tmp_path / "ogive" / "my_vehicle.toml")
     monkeypatch.chdir(tmp_path / "ogive")
+    monkeypatch.delenv(SHARED_VARIABLE)
     monkeypatch.setattr(conditions, "MACH_KNOTS", KNOTS)
     monkeypatch.setattr(conditions, "INCIDENCE_KNOTS", KNOTS)
     solved, by_command = Counter[Any](), dict[str, int]()
@@ -52,5 +54,5 @@ def test_no_flow_is_solved_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         by_command[name] = solved.total() - before
     truth = load_vehicle(OGIVE).truth
     independent = len(truth.mach_number or ()) * len(truth.total_incidence_deg or ())
-    assert by_command == {"check": 0, "build": 15 + independent, "demo": 0, "stress": KNOTS**2}
+    assert by_command == {"check": 0, "build": 15 + independent, "demo": 0, "stress": KNOTS**2, "review": 0}
     assert set(solved.values()) == {1}

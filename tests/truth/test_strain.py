@@ -278,7 +278,7 @@ def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(flown: 
     assert all(one.common for one in found)
     flights = true_flights(by_region, structure, flown.table, CONDITIONS)
     for error, (kind, k) in zip(found, keys, strict=True):
-        size = kind.noise_std(noise) * np.eye(structure.counts.of(kind))[k]
+        size = kind.std(noise) * np.eye(structure.counts.of(kind))[k]
         change = change_of(flights, exactly_built(structure.counts), **{kind.name: size})
         assert np.linalg.norm(error.strain - change) < 0.03 * np.linalg.norm(change), (kind.name, k)
     stated = noise.model_copy(update={"gauge_gain_percent": 1.0})

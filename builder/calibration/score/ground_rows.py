@@ -263,7 +263,7 @@ def with_errors(entry: GroundTest, built: AsBuilt, random: np.random.Generator) 
         changes["region_modulus"] = 0.01 * entry.modulus_percent * signs
     if entry.zero_um_per_m:
         scatter = random.standard_t(HEAVY_TAIL, counts.gauge)
-        changes["zero"] = MICRO * entry.zero_um_per_m * (0.5 + scatter)
+        changes.update(zero=MICRO * entry.zero_um_per_m * (0.5 + scatter))
     if entry.taper_percent:
         changes["wall_taper"] = built.wall_taper + 0.01 * entry.taper_percent
     if entry.second_harmonic_percent:

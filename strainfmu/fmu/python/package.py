@@ -139,7 +139,7 @@ def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
 
 def _run_pythonfmu(script: Path, project_files: Sequence[Path], stage: Path) -> dict[str, bytes]:
     """Let PythonFMU pack the FMU; return the content of its entries by name."""
-    with _imports_put_back():
+    with imports_put_back():
         try:
             from pythonfmu.builder import FmuBuilder
         except ImportError as error:
@@ -154,7 +154,7 @@ def _run_pythonfmu(script: Path, project_files: Sequence[Path], stage: Path) -> 
 
 
 @contextmanager
-def _imports_put_back() -> Iterator[None]:
+def imports_put_back() -> Iterator[None]:
     """Undo what packing does to the interpreter's imports, and pack with the installed PythonFMU.
 
     PythonFMU imports the slave and leaves it and its folder behind. And an FMU that ran in this process has
