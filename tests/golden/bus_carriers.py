@@ -25,7 +25,7 @@ from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.system import Connection, System
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.fmu.python.package import _imports_put_back
+from strainfmu.fmu.python.package import imports_put_back
 from strainfmu.interface.fmi_variables import COEFFICIENTS
 
 CYCLE = 0.02
@@ -213,7 +213,7 @@ def _player(folder: Path, played: Mapping[str, np.ndarray]) -> Path:
     np.savez(folder / "stream.npz", names=[*played], values=np.column_stack([*played.values()]))
     script = folder / f"{name.lower()}_slave.py"
     script.write_text(PLAYER.format(name=name, n_fed=len(COEFFICIENTS)))
-    with _imports_put_back():
+    with imports_put_back():
         from pythonfmu import FmuBuilder
 
         return Path(
