@@ -48,7 +48,7 @@ class OneGauge:
     has_temperature: bool = False
     has_masses: bool = False
     section_station: Any = field(default_factory=lambda: np.zeros(0))
-    thermal: Any = field(default_factory=lambda: no_temperature(np.zeros((1, 1))))
+    thermal: Any = field(default_factory=lambda: no_temperature(np.eye(1)))
     sensors: Any = field(default_factory=lambda: strain_rows(1))
     envelope_score_limit: float = 1.5
     residual_degrees_of_freedom: int = 49
