@@ -174,8 +174,9 @@ def force_curves(snapshots: Snapshots) -> Figure:
         axis.set_xlabel(across)
         axis.set_ylabel(up)
         axis.grid(alpha=0.3)
-    for axis in (axes[0, 0], axes[0, 1], axes[1, 1]):
-        axis.legend(fontsize=8)
+    axes[0, 1].margins(y=0.25)  # room for its legend above the lines
+    for axis, columns in ((axes[0, 0], 1), (axes[0, 1], 3), (axes[1, 1], 1)):
+        axis.legend(fontsize=8, loc="upper left", ncols=columns)
     figure.suptitle(f"Forces in the plane of incidence: {snapshots.vehicle}, engine {snapshots.engine}")
     return figure
 

@@ -29,7 +29,7 @@ MAX_SIZE = 3_000_000
 
 
 def pictures(page: Page) -> list[Picture]:
-    """The page's figures of the map, in order; those of the flows have no values under the pointer."""
+    """The page's figures of the map, in order; curves and surfaces of flows have no values in text."""
     of_map = [section for section in page.sections if section.title != "Aerodynamics"]
     return [block for section in of_map for block in section.blocks if isinstance(block, Picture)]
 

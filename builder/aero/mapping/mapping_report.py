@@ -131,7 +131,7 @@ def mapping_report(
         largest_gap_point=gap.point,
         length=length,
         area_mismatch=float(source.area.sum() / target.area.sum()) - 1.0,
-        unfitted_fraction=float(target.node_area[~transfer.found.fits].sum() / target.area.sum()),
+        unfitted_fraction=float(target.node_area[~transfer.closest.fits].sum() / target.area.sum()),
         source_box=_box(source),
         target_box=_box(target),
         source_centre=_centre(source),
@@ -150,10 +150,10 @@ def surface_gap(transfer: PressureMap, source: SurfaceMesh, target: SurfaceMesh)
     # Of the source's nodes those on hardly any area are left out: the target's tip may be cut.
     order = np.argsort(-back.gap, kind="stable")
     relevant = np.cumsum(source.node_area[order]) > NEGLIGIBLE_AREA * source.area.sum()
-    target_node, source_node = int(np.argmax(transfer.found.gap)), int(order[np.argmax(relevant)])
-    if back.gap[source_node] > transfer.found.gap[target_node]:
+    target_node, source_node = int(np.argmax(transfer.closest.gap)), int(order[np.argmax(relevant)])
+    if back.gap[source_node] > transfer.closest.gap[target_node]:
         return SurfaceGap(float(back.gap[source_node]), source.point[source_node])
-    return SurfaceGap(float(transfer.found.gap[target_node]), target.point[target_node])
+    return SurfaceGap(float(transfer.closest.gap[target_node]), target.point[target_node])
 
 
 def _box(mesh: SurfaceMesh) -> FloatArray:

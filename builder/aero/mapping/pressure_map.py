@@ -128,13 +128,13 @@ class PressureMap:
 
     Attributes
     ----------
-    found : where the target's nodes lie on the source.
+    closest : where the target's nodes lie on the source.
     interpolation : sparse (n_target, n_source), consistent.
     source_loads, target_loads : (5 or 6, n) loads per nodal pressure, about the middle of the target's length.
     correction : (n_target, 5 or 6) pressure per missing load.
     """
 
-    found: ClosestPoints
+    closest: ClosestPoints
     interpolation: sparse.csr_array
     source_loads: FloatArray
     target_loads: FloatArray
@@ -193,7 +193,7 @@ def pressure_map(source: SurfaceMesh, target: SurfaceMesh, grid: SurfaceGrid | N
     inverse = np.linalg.pinv(gram, rcond=_RANK_CUT, hermitian=True)
     correction = per_area.T @ (scale[:, None] * inverse * scale)
     return PressureMap(
-        found=closest,
+        closest=closest,
         interpolation=interpolation_at(source, closest),
         source_loads=own_loads,
         target_loads=loads,
