@@ -35,7 +35,7 @@ from builder.pipeline.map_files import make_independent_flows, make_map, make_sn
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.shape_flows import make_shape_flows
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
-from builder.pipeline.trial_run import shape_conditions, world_of
+from builder.pipeline.trials import shape_conditions, world_of
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE, open_pipeline
 from builder.processors import processors
 from builder.reporting import Reporter, Silent

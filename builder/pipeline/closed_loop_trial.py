@@ -14,7 +14,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from builder.pipeline.trial_run import TrialOptions, TrialResult, written
 from builder.reporting import Reporter
 from builder.trial.cases import Case, ClosedLoop, LoopFault
 from builder.trial.faults import MICRO
@@ -39,22 +38,23 @@ QUANTITIES = {
 NOT_SHOWN = ("case", "size", "class", "verdict", "why")
 
 
-def run_closed_loop(
-    loop: ClosedLoop, scenario_path: Path, folder: Path, reporter: Reporter, options: TrialOptions
-) -> TrialResult:
-    """Fly a scenario in all ways of ``loop``; map and flight model are next to the map that is given, or where the
-    scenario says.
+def closed_loop_rows(
+    loop: ClosedLoop, scenario_path: Path, map_path: Path | None, only: Sequence[str], reporter: Reporter
+) -> tuple[str, list[Row]]:
+    """Fly a scenario in all ways of ``loop``, of ``only`` these faults; return its name and the rows.
+
+    Map and flight model are next to the map that is given, or where the scenario says.
 
     Raises
     ------
     InputError
         A file is missing or wrong, or the map has no tables.
     """
-    scenario = load_scenario(scenario_path, options.map_path and options.map_path.parent)
+    scenario = load_scenario(scenario_path, map_path and map_path.parent)
     inverse_map = load_inverse_map(scenario.inverse_map)
     if inverse_map.manifold is None:
         raise InputError(f"{scenario.inverse_map}: expected a map with tables, for the nonlinear estimator")
-    rows, faults = list[Row](), [fault for fault in loop.fault if fault.error in (options.only or (fault.error,))]
+    rows, faults = list[Row](), [fault for fault in loop.fault if not only or fault.error in only]
     with TemporaryDirectory() as scratch, reporter.stage("Closed loop: seeds of noise") as progress:
         linear_map = Path(scratch) / "linear.h5"
         save_inverse_map(inverse_map.without_tables(), linear_map)
@@ -68,7 +68,7 @@ def run_closed_loop(
             progress(number + 1, len(faults))
     for row in rows:
         reporter.note(", ".join(f"{name} {text_of(row[name])}" for name in row if name not in NOT_SHOWN))
-    return written(scenario.name, [], rows, folder, options.formats)
+    return scenario.name, rows
 
 
 def flown(scenario: Scenario, feedback: str) -> tuple[FlightResult, set[int]]:

@@ -201,9 +201,10 @@ def labelled(case: Case, estimator: str, rows: list[Row]) -> list[Row]:
 @dataclass(frozen=True, kw_only=True)
 class Task:
     """What a worker needs: the case, how it is flown, a function that makes the world, and one that returns the
-    rows of the case there; it imports both. ``key`` names the file of the rows."""
+    rows of the case there; it imports both. ``key`` names the file of the rows, ``world`` the world."""
 
     key: str
+    world: str
     case: Case
     plan: Plan
     make_world: Callable[[], Any]
@@ -217,10 +218,17 @@ BEYOND: Refused = (FlowReachError, NoSuchGaugesError)
 """The flows do not reach a case, or there are no such gauges to lose."""
 
 
+_WORLD = dict[str, Any]()
+"""The last world of a worker, by its name."""
+
+
 def run_task(task: Task, refused: Refused = BEYOND) -> tuple[Task, list[Row] | str]:
     """Return the rows of a task, or the line of an error that is ``refused``."""
     try:
-        rows = task.score(task.make_world(), task.case, task.plan)
+        if task.world not in _WORLD:
+            _WORLD.clear()
+            _WORLD[task.world] = task.make_world()
+        rows = task.score(_WORLD[task.world], task.case, task.plan)
     except refused as error:
         return task, "; ".join(str(error).splitlines())
     return task, [row for of_estimator in rows.values() for row in of_estimator]
@@ -234,6 +242,7 @@ def tasks_of(
     return [
         Task(
             key=fingerprint({**entries, "case": case.model_dump()}),
+            world=fingerprint(entries),
             case=case,
             plan=plan,
             make_world=make_world,

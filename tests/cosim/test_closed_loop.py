@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 from slender_vehicle import SlenderFiles
 
-from builder.pipeline.closed_loop_trial import run_closed_loop, with_fault, without_fault
-from builder.pipeline.trial_run import TrialOptions
+from builder.pipeline.closed_loop_trial import closed_loop_rows, with_fault, without_fault
 from builder.reporting import Silent
 from builder.trial.cases import ClosedLoop, load_trial, trial_path
 from strainfmu.cosim.models.flight_model import load_flight_model
@@ -40,6 +38,6 @@ def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario) -> None:
     assert json.loads(json.dumps(row))["holds"] == count
 
 
-def test_the_nonlinear_estimator_needs_tables(files: SlenderFiles, tmp_path: Path) -> None:
+def test_the_nonlinear_estimator_needs_tables(files: SlenderFiles) -> None:
     with pytest.raises(InputError, match=r"map\.h5: expected a map with tables"):
-        run_closed_loop(short(), files.scenario, tmp_path, Silent(), TrialOptions(changes={}))
+        closed_loop_rows(short(), files.scenario, None, (), Silent())

@@ -15,8 +15,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
-from builder.pipeline.trial_run import TrialOptions, check_fit, of_map, run_trial, world_of
-from builder.reporting import Silent
+from builder.pipeline.trials import check_fit, of_map, run_trial, world_of
 from builder.structure.fourier.fourier_model import structural_model
 from builder.trial.added import AtEnd, Heating, heated, standard_temperature
 from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
@@ -293,7 +292,7 @@ def test_the_sets_of_the_shipped_layout(world: World) -> None:
     with pytest.raises(NoSuchGaugesError, match="no such gauges to lose among 54 in 4 rows"):
         sets_of(world, **lost)
     case = Case.model_validate({"error": "lost gauges", "size": "all", "class": "beyond", "lost": lost})
-    _, text = run_task(RunTask(key="", case=case, plan=Plan(vehicles=1), make_world=lambda: world))
+    _, text = run_task(RunTask(key="", world="lost", case=case, plan=Plan(vehicles=1), make_world=lambda: world))
     assert text == "no such gauges to lose among 54 in 4 rows"
 
 
@@ -357,8 +356,7 @@ KNOWN = {"linear": {("all_stated", "")}}
 @pytest.mark.usefixtures("compiled_solver")
 @pytest.mark.parametrize("estimator", [None, "linear"])
 def test_what_the_shipped_vehicle_misses(estimator: Estimators | None, tmp_path: Path) -> None:
-    options = TrialOptions(changes={}, estimator=estimator)
-    result = run_trial(trial_path("stress"), IC3X, tmp_path / "stress", Silent(), options)
+    result = run_trial("stress", IC3X, tmp_path / "stress", estimator=estimator)
     rows = {(row["error"], row["size"]): row for row in result.rows if row["load"] == ALL}
     assert len(rows) >= 34
     known = MOST_UNDETECTED if estimator == "linear" else {}

@@ -18,7 +18,7 @@ from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.loads.sections import six_loads
 from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
-from builder.pipeline.trial_run import shape_conditions
+from builder.pipeline.trials import shape_conditions
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.displaced import refuse_others
 from builder.trial.cases import Plan, cases_for, load_trial, trial_path

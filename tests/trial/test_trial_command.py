@@ -20,8 +20,8 @@ from builder.aero.engines.euler import EulerEngine
 from builder.campaign.campaign_run import CampaignInterrupted
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
-from builder.pipeline import trial_run
-from builder.pipeline.trial_run import CASES
+from builder.pipeline import trials
+from builder.pipeline.trials import CASES
 from builder.reporting import Silent
 from builder.trial import conditions
 from builder.trial.cases import trial_path
@@ -67,7 +67,7 @@ def rows_in(folder: Path) -> dict[tuple[str, str, str], dict[str, str]]:
 
 def without(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
     """Let trials run as if ``packages`` were not installed; figures cost half of a short trial."""
-    monkeypatch.setattr(trial_run, "find_spec", lambda name: None if name in packages else find_spec(name))
+    monkeypatch.setattr(trials, "find_spec", lambda name: None if name in packages else find_spec(name))
 
 
 def entries_in(folder: Path) -> list[dict[str, Any]]:

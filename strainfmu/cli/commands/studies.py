@@ -18,7 +18,7 @@ from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from builder.pipeline.trial_run import TrialResult
+    from builder.pipeline.trials import TrialResult
     from builder.study import StudyResult
 
 
