@@ -90,3 +90,7 @@ class Pipeline:
     def made_from(self, *names: str) -> list[str]:
         """Return what each of ``names`` was made from, to be an input of the next file."""
         return [self.workspace.made_from(name) for name in names]
+
+    def inputs(self, *names: str, **more: Any) -> dict[str, Any]:
+        """Return what files are made from by their names without suffix, and ``more``: inputs of the next file."""
+        return {**{Path(name).stem: self.made_from(name) for name in names}, **more}

@@ -29,7 +29,7 @@ from builder.trial.estimators import EstimateReadings, Estimates, known_by, with
 from builder.trial.other_estimators import REGRESSIONS, of_random_walk, of_regression, training_flights
 from builder.trial.readings import ANGLES, Readings
 from builder.trial.world import World
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on, truth_surface
+from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
 from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.options import MapEntry
@@ -149,9 +149,8 @@ class ComparedWorld(World):
             return on_nodes(flows, mesh_of(surface))
         assert isinstance(self.flows, FlowTable)
         assert isinstance(surface, SurfaceGrid)
-        mach, incidence, roll = flow_states(conditions)
         weights = station_weights(truth_surface(self.vehicle).x, surface.x)
-        ratio = ratio_on(weights @ harmonics_at(self.flows, mach, incidence), roll, surface.roll_angle)
+        ratio = ratio_at(self.flows, conditions, surface.roll_angle, weights)
         return np.array([one.ambient_pressure for one in conditions])[:, None] * ratio
 
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:

@@ -22,7 +22,7 @@ from published_run import check_published_run
 import strainfmu
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.campaign.snapshots import load_snapshots
-from builder.pipeline.demonstration.flight_trial import score_flight
+from builder.pipeline.demonstration.flight_scores import score_flight
 from builder.vehicle.file import IC3X
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, SCHEMA, SCHEMA_VERSION, load_inverse_map

@@ -17,7 +17,7 @@ from builder.trial.conditions import held_out_conditions
 from builder.trial.world import World
 from builder.truth import flights as truth_flights
 from builder.truth.flights import Flights
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
+from builder.truth.revolution.flow_table import FlowTable, ratio_at
 from builder.truth.revolution.strain import TrueFlights, TrueStructure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
@@ -75,11 +75,9 @@ def net_pressure(
     structure: AsBuiltStructure, true: TrueStructure, table: FlowTable, flights: TrueFlights
 ) -> FloatArray:
     """Return (k, n_p) p - p_internal [Pa] on the nodes of ``structure``, linear between the table's stations."""
-    mach, incidence, wind = flow_states(flights.conditions)
     grid = structure.surface
-    between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))])
-    harmonic = np.einsum("kxm,xy->kym", harmonics_at(table, mach, incidence), between)
-    ratio = ratio_on(harmonic, wind, grid.roll_angle)
+    between = np.array([np.interp(grid.x, true.surface.x, row) for row in np.eye(len(true.surface.x))]).T
+    ratio = ratio_at(table, flights.conditions, grid.roll_angle, between)
     return np.asarray(flights.ambient_pressure[:, None] * ratio - flights.internal_pressure[:, None])
 
 

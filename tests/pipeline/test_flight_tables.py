@@ -18,9 +18,8 @@ from builder.inverse.sensors.structural import rows_on_surface
 from builder.pipeline.built_sensors import flown_sensors
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel
-from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import FlowTable, pressure_harmonics, truth_engine, truth_keys
-from builder.truth.revolution.strain import TrueStructure, sensor_readings
+from builder.truth.revolution.strain import TrueStructure, flight_model, sensor_readings
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import Fibre, InertialUnit, Ports, Sensors
 from strainfmu.cosim.models.flight_model import FlightModel, FlightPoint, evaluate

@@ -13,7 +13,7 @@ from scaled_maps import scaled_map
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
 from builder.pipeline.chosen_estimator import with_estimator
-from builder.pipeline.demonstration.flight_trial import AIR_DATA, flown_estimators, score_flight
+from builder.pipeline.demonstration.flight_scores import AIR_DATA, flown_estimators, score_flight
 from builder.vehicle.file import IC3X, VEHICLES, load_vehicle
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.errors import InputError

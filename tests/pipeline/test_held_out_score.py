@@ -18,8 +18,8 @@ from rich.console import Console
 
 import builder
 from builder.campaign.snapshots import Snapshots
-from builder.pipeline.demonstration import held_out_score as held_out
-from builder.pipeline.demonstration.flight_trial import Flown
+from builder.pipeline.demonstration import flight_scores as held_out
+from builder.pipeline.demonstration.flight_scores import Flown
 from builder.reporting import Silent
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.estimators import Estimates

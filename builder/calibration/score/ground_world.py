@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads.operator import coefficient_scales_at, load_operator
+from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.calibration.after_test.calibrated_map import calibrated_map, calibrated_structure
 from builder.calibration.after_test.left_by_test import LeftByTest, Remaining
 from builder.calibration.as_built.structure_of_test import prior_of_test, structure_of_test
@@ -40,7 +40,7 @@ from builder.trial.conditions import held_out_conditions
 from builder.trial.estimators import Estimates
 from builder.trial.faults import MICRO
 from builder.trial.readings import Readings
-from builder.truth.revolution.flow_table import FlowTable, flow_states, harmonics_at, ratio_on
+from builder.truth.revolution.flow_table import FlowTable, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
@@ -133,13 +133,14 @@ class GroundFlights:
 def flights_of(vehicle: Vehicle, table: FlowTable, grid: SurfaceGrid, count: int) -> GroundFlights:
     """Return ``count`` held-out flights, with the pressure on the nodes of ``grid``; the same for all seeds."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
-    mach, incidence, wind = flow_states(conditions)
-    ambient = np.array([one.ambient_pressure for one in conditions])
-    ratio = ratio_on(harmonics_at(table, mach, incidence), wind, grid.roll_angle)
-    net, reference = ambient[:, None] * (ratio - 1.0), vehicle.reference_quantities()
-    loads = net @ load_operator(grid, reference.moment_station).T
-    scale = coefficient_scales_at(conditions, reference)
-    return GroundFlights(conditions=tuple(conditions), pressure=net, coefficients=loads * scale)
+    ambient, ratio = [one.ambient_pressure for one in conditions], ratio_at(table, conditions, grid.roll_angle)
+    net, reference = np.array(ambient)[:, None] * (ratio - 1.0), vehicle.reference_quantities()
+    loads = load_operator(grid, reference.moment_station)
+    return GroundFlights(
+        conditions=tuple(conditions),
+        pressure=net,
+        coefficients=coefficients_of(net, loads, conditions, reference),
+    )
 
 
 @dataclass(eq=False, kw_only=True)

@@ -32,7 +32,7 @@ from builder.pipeline.calibrate import (
     write_calibration,
     write_zeros_of,
 )
-from builder.pipeline.demonstration.flight_trial import SCORE_VERSION, Flown, flown_estimators
+from builder.pipeline.demonstration.flight_scores import SCORE_VERSION, Flown, flown_estimators
 from builder.pipeline.demonstration.flown_shape import FLIGHT, make_flight_model, make_numbers
 from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
@@ -42,8 +42,8 @@ from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_b
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.counts import counts_of
 from builder.structure.loads.applied import Weight
-from builder.truth.revolution.flight_tables import plant_flight_model, plant_gauges
 from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.strain import flight_model
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.cosim.models.flight_model import FlightModel
@@ -113,7 +113,7 @@ class AsBuiltRun:
             file = Path(os.path.relpath(self.vehicle_path, path.parent)).as_posix()
             write_ground_test(test, path.parent, f"{vehicle.name}: ground test", file)
 
-        inputs = {"map": self.pipeline.made_from(MAP), **self.inputs}
+        inputs = self.pipeline.inputs(MAP, **self.inputs)
         holds = "ground test: load cases; loadtest.csv and channels.toml hold the recording"
         self.pipeline.make(TEST, holds, inputs, write)
 
@@ -181,9 +181,7 @@ class AsBuiltRun:
         """Make the flight model of the vehicle as built."""
 
         def model(flows: FlowTable, noise_std: float) -> FlightModel:
-            vehicle = self.pipeline.vehicle
-            gauges = plant_gauges(self.truth, self.built, vehicle.resolution.truth.harmonics)
-            return plant_flight_model(vehicle, flows, self.truth.surface, gauges, noise_std)
+            return flight_model(self.pipeline.vehicle, flows, self.truth, self.built, noise_std)
 
         make_flight_model(self.pipeline, self.inputs, model)
 
@@ -212,11 +210,7 @@ class AsBuiltRun:
             save(as_built_figure(recording.time, errors, pipeline.vehicle.name), pipeline.path("as_built.png"))
             return {name: of_map.entry() for name, of_map in flown.items()}
 
-        inputs = {
-            "version": SCORE_VERSION,
-            "maps": pipeline.made_from(MAP, CALIBRATED, EXACT),
-            "flight": pipeline.made_from(FLIGHT),
-        }
+        inputs = pipeline.inputs(FLIGHT, version=SCORE_VERSION, maps=pipeline.made_from(MAP, CALIBRATED, EXACT))
         holds = "map before and after the test, and exact, on the same strains (and as a figure, as_built.png)"
         return make_numbers(pipeline, "as_built.json", holds, inputs, entries)
 

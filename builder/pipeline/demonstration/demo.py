@@ -5,7 +5,6 @@ Every stage writes a file into one folder. A stage whose inputs have not changed
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,9 +20,10 @@ from builder.figures.drawing.canvas import save
 from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
-from builder.pipeline.demonstration.flight_trial import (
+from builder.pipeline.demonstration.flight_scores import (
     SCORE_VERSION,
     flown_estimators,
+    held_out_score,
     score_flight,
 )
 from builder.pipeline.demonstration.flown_shape import (
@@ -37,13 +37,13 @@ from builder.pipeline.demonstration.flown_shape import (
     fly_free_shape,
     make_coefficients,
     make_estimator,
+    make_figure,
     make_flight,
     make_flight_model,
     make_numbers,
     make_pictures,
     manoeuvre_warnings,
 )
-from builder.pipeline.demonstration.held_out_score import held_out_score
 from builder.pipeline.map_files import make_map, map_parts, solid_structure_of, true_structure_of
 from builder.pipeline.pipeline import FilesGiven, Pipeline
 from builder.pipeline.stages import AnyProgress, check_before_long_work, reporter_of
@@ -56,8 +56,8 @@ from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
 from builder.truth.flights import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
-from builder.truth.revolution.flight_tables import flight_model
 from builder.truth.revolution.flow_table import FlowTable, truth_knots
+from builder.truth.revolution.strain import flight_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
 from strainfmu.cosim.models.flight_model import FlightModel, check_envelope
@@ -212,9 +212,8 @@ def _flown(
     make_map(pipeline)
     snapshots = load_snapshots(pipeline.path(SNAPSHOTS))
     check_parameters(vehicle, path, snapshots.conditions(), manoeuvre)
-    for warning in manoeuvre_warnings(
-        vehicle, path, snapshots.conditions(), of_revolution and snapshots.grid is not None
-    ):
+    is_rolled = of_revolution and snapshots.grid is not None
+    for warning in manoeuvre_warnings(vehicle, path, snapshots.conditions(), is_rolled):
         reporter.note(warning)
     physics = flown_physics(vehicle, snapshots.engine if of_revolution else vehicle.aerodynamics.engine)
     if not of_revolution:
@@ -247,13 +246,10 @@ def _result(
     result."""
     inverse_map = load_inverse_map(pipeline.path(map_name))
     more = {"physics": physics.record(), **{name: entries for name, entries in more.items() if entries}}
-    inputs = {"version": SCORE_VERSION, "flight": pipeline.made_from(FLIGHT), **more}
+    inputs = pipeline.inputs(FLIGHT, version=SCORE_VERSION, **more)
+    holds = "accuracy of the flown FMU, as numbers"
     summary = make_numbers(
-        pipeline,
-        "summary.json",
-        "accuracy of the flown FMU, as numbers",
-        inputs,
-        lambda: {**score_flight(recording, inverse_map), **more},
+        pipeline, "summary.json", holds, inputs, lambda: {**score_flight(recording, inverse_map), **more}
     )
     return DemoResult(
         vehicle=pipeline.vehicle.name,
@@ -309,11 +305,7 @@ def _flight(pipeline: Pipeline, map_name: str, path: Trajectory, zeros: dict[str
         pipeline.make(
             PLANT,
             "FMI 2.0 co-simulation FMU: the vehicle on its manoeuvre, noisy strains out",
-            {
-                "flight_model": pipeline.made_from(FLIGHT_MODEL),
-                "trajectory": manoeuvre.read_bytes().hex(),
-                "library": digest_of("plant"),
-            },
+            pipeline.inputs(FLIGHT_MODEL, trajectory=manoeuvre.read_bytes().hex(), library=digest_of("plant")),
             lambda path: export_plant(pipeline.path(FLIGHT_MODEL), manoeuvre, path),
         )
         progress(2, 2)
@@ -340,11 +332,7 @@ def _held_out(pipeline: Pipeline) -> dict[str, Any]:
         snapshots, structure = map_parts(pipeline)
         return held_out_score(vehicle, snapshots, structure, pipeline.reporter, solid_structure_of(pipeline)) or {}
 
-    inputs = {
-        "map": pipeline.made_from(MAP),
-        "snapshots": pipeline.made_from(SNAPSHOTS),
-        "version": HELD_OUT_VERSION,
-    }
+    inputs = pipeline.inputs(MAP, SNAPSHOTS, version=HELD_OUT_VERSION)
     holds = "accuracy on imported results that maps are made without"
     entries = make_numbers(pipeline, "held_out.json", holds, inputs, score)
     if not entries:
@@ -360,43 +348,29 @@ def _figures(pipeline: Pipeline, recording: Recording, of_flight: str) -> None:
     snapshots = snapshots_on(load_snapshots(pipeline.path(SNAPSHOTS)), surface)
     inverse_map = load_inverse_map(pipeline.path(MAP))
     title = vehicle.name
-    of_pressure = {"snapshots": pipeline.made_from(SNAPSHOTS), "title": title}
-    of_all = {
-        **of_pressure,
-        "title": of_flight,
-        "map": pipeline.made_from(MAP),
-        "flight": pipeline.made_from(FLIGHT),
-    }
-    drawings: list[tuple[str, str, dict[str, Any], Callable[[], figures.Figure]]] = [
-        (
+    of_pressure = pipeline.inputs(SNAPSHOTS, title=title)
+    of_all = pipeline.inputs(SNAPSHOTS, MAP, FLIGHT, title=of_flight)
+    draw = partial(make_figure, pipeline)
+    with pipeline.reporter.stage("Figures"):
+        draw(
             "overview.png",
-            "figure: load, gauges and estimate in one picture",
+            "load, gauges and estimate in one picture",
             of_all,
             lambda: figures.overview(snapshots, surface, inverse_map, recording, of_flight),
-        ),
-        (
+        )
+        draw(
             "pressure_unrolled.png",
-            "figure: pressure of three conditions on the unrolled surface",
+            "pressure of three conditions on the unrolled surface",
             of_pressure,
             lambda: figures.pressure_unrolled(snapshots, surface, title),
-        ),
-        (
+        )
+        draw(
             "pressure_on_body.png",
-            "figure: the same on the body",
+            "the same on the body",
             of_pressure,
             lambda: figures.pressure_on_body(snapshots, surface, title),
-        ),
-        (
-            "gauges.png",
-            "figure: gauge layout",
-            {"map": pipeline.made_from(MAP)},
-            lambda: figures.gauges(inverse_map, surface),
-        ),
-    ]
-    with pipeline.reporter.stage("Figures") as progress:
-        for done, (name, holds, inputs, draw) in enumerate(drawings, start=1):
-            pipeline.make(name, holds, inputs, partial(lambda draw, path: save(draw(), path), draw))
-            progress(done, len(drawings))
+        )
+        draw("gauges.png", "gauge layout", pipeline.inputs(MAP), lambda: figures.gauges(inverse_map, surface))
         make_coefficients(pipeline, recording, of_flight)
         make_pictures(pipeline)
 
@@ -417,10 +391,6 @@ def _estimators(pipeline: Pipeline, recording: Recording, title: str) -> dict[st
         save(figure, pipeline.path("estimators.png"))
         return {name: of_flight.entry() for name, of_flight in flown.items()}
 
-    inputs = {
-        "map": pipeline.made_from(MAP),
-        "flight": pipeline.made_from(FLIGHT),
-        "version": SCORE_VERSION,
-    }
+    inputs = pipeline.inputs(MAP, FLIGHT, version=SCORE_VERSION)
     holds = "linear and nonlinear estimator on the same strains, as numbers (and as a figure, estimators.png)"
     return make_numbers(pipeline, "estimators.json", holds, inputs, entries)

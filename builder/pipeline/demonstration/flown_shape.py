@@ -7,7 +7,7 @@ the structure, hardware errors drawn. Its strains go into the estimator FMU step
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from hashlib import sha256
 from math import degrees
 from pathlib import Path
@@ -92,8 +92,7 @@ def make_flight(pipeline: Pipeline, holds: str, inputs: dict[str, Any], fly: Cal
     """Make the recording of a flight as HDF5 and CSV, and return it."""
     pipeline.make(FLIGHT, holds, inputs, lambda path: save_hdf5(fly(), path))
     recording = load_recording(pipeline.path(FLIGHT))
-    of_flight = {"flight": pipeline.made_from(FLIGHT)}
-    pipeline.make("flight.csv", "the same as CSV", of_flight, lambda path: save_csv(recording, path))
+    pipeline.make("flight.csv", "the same as CSV", pipeline.inputs(FLIGHT), lambda path: save_csv(recording, path))
     return recording
 
 
@@ -110,25 +109,24 @@ def make_numbers(
     return made
 
 
+def make_figure(
+    pipeline: Pipeline, name: str, holds: str, inputs: dict[str, Any], draw: Callable[[], figures.Figure]
+) -> None:
+    """Make the figure that ``draw`` returns."""
+    pipeline.make(name, f"figure: {holds}", inputs, lambda path: save(draw(), path))
+
+
 def make_coefficients(pipeline: Pipeline, recording: Recording, title: str) -> None:
     """Draw estimated against true coefficients."""
-    pipeline.make(
-        "coefficients.png",
-        "figure: estimated against true coefficients, 3 sigma bands",
-        {"flight": pipeline.made_from(FLIGHT), "title": title},
-        lambda path: save(figures.coefficients(recording, title), path),
-    )
+    holds, inputs = "estimated against true coefficients, 3 sigma bands", pipeline.inputs(FLIGHT, title=title)
+    make_figure(pipeline, "coefficients.png", holds, inputs, lambda: figures.coefficients(recording, title))
 
 
 def make_pictures(pipeline: Pipeline) -> None:
     """Make vehicle.png and vehicle.glb, and shape.png of another shape than a body of revolution, from the map and
     the snapshots in the pipeline's folder."""
     title = pipeline.vehicle.name
-    inputs: dict[str, Any] = {
-        "snapshots": pipeline.made_from(SNAPSHOTS),
-        "map": pipeline.made_from(MAP),
-        "title": title,
-    }
+    inputs = pipeline.inputs(SNAPSHOTS, MAP, title=title)
 
     def parts() -> tuple[Snapshots, InverseMap, str]:
         return load_snapshots(pipeline.path(SNAPSHOTS)), load_inverse_map(pipeline.path(MAP)), title
@@ -137,17 +135,14 @@ def make_pictures(pipeline: Pipeline) -> None:
         write_picture(scene_of_snapshot(*parts()), path)
 
     if not pipeline.vehicle.is_of_revolution:
-        holds = "figure: the shape with its gauges and the pressure of one condition"
-        pipeline.make("shape.png", holds, inputs, lambda path: save(shape_with_gauges(*parts()), path))
+        holds = "the shape with its gauges and the pressure of one condition"
+        make_figure(pipeline, "shape.png", holds, inputs, lambda: shape_with_gauges(*parts()))
     pipeline.make("vehicle.png", "figure: vehicle and gauges in three dimensions, from two sides", inputs, draw)
     pipeline.make("vehicle.glb", "the same to be turned: glTF, for browsers and Blender", inputs, draw)
 
 
 ROUND_OFF = 1e-9
 """By which a manoeuvre may exceed a range, in the unit of each quantity."""
-
-Covered = tuple[str, str, list[float], list[float]]
-"""Quantity, unit, what is flown, what is covered."""
 
 
 def check_parameters(
@@ -191,34 +186,27 @@ def manoeuvre_warnings(
     of_revolution : whether the snapshots are of a body of revolution, whose flows hold at every roll angle.
     """
     flown = [FlightCondition.of_row(row) for row in trajectory.conditions.tolist()]
-    largest, held = (degrees(max(one.total_incidence for one in some)) for some in (flown, conditions))
-    radians = f"warning: the manoeuvre flies {largest:.4g} deg at most, the map covers {held:.4g} deg: in radians?"
-    return [radians] * is_in_radians(largest, held) + [
-        f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
-        f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
-        for name, unit, values, covered in _ranges(vehicle, flown, conditions, of_revolution)
-        if min(values) < min(covered) - ROUND_OFF or max(values) > max(covered) + ROUND_OFF
-    ]
-
-
-def _ranges(
-    vehicle: Vehicle, flown: Sequence[FlightCondition], held: Sequence[FlightCondition], of_revolution: bool
-) -> Iterator[Covered]:
-    """Yield the quantities that bound a map of this form and symmetry."""
 
     def both(of: Callable[[FlightCondition], float]) -> tuple[list[float], list[float]]:
-        return [of(c) for c in flown], [of(c) for c in held]
+        return [of(c) for c in flown], [of(c) for c in conditions]
 
-    yield "Mach number", "", *both(lambda c: c.mach_number)
+    ranges = [("Mach number", "", *both(lambda c: c.mach_number))]
     if not (of_revolution and vehicle.map.symmetry == "full"):
-        yield "angle of attack", " deg", *both(lambda c: degrees(c.angle_of_attack))
-        yield "sideslip angle", " deg", *both(lambda c: degrees(c.sideslip_angle))
-    total, covered = both(lambda c: degrees(c.total_incidence))
-    yield "total incidence", " deg", total, [0.0, *covered]
-    heights, covered = both(lambda c: 1e-3 * c.altitude)
-    if vehicle.map.follows_pressure:
-        covered = list(vehicle.map.valid_altitude_km)
-    yield ALTITUDE, " km", heights, covered
+        ranges.append(("angle of attack", " deg", *both(lambda c: degrees(c.angle_of_attack))))
+        ranges.append(("sideslip angle", " deg", *both(lambda c: degrees(c.sideslip_angle))))
+    total, held = both(lambda c: degrees(c.total_incidence))
+    ranges.append(("total incidence", " deg", total, [0.0, *held]))
+    heights, listed = both(lambda c: 1e-3 * c.altitude)
+    covered = list(vehicle.map.valid_altitude_km) if vehicle.map.follows_pressure else listed
+    ranges.append((ALTITUDE, " km", heights, covered))
+    largest = max(total), max(held)
+    radians = "warning: the manoeuvre flies {:.4g} deg at most, the map covers {:.4g} deg: in radians?"
+    return [radians.format(*largest)] * is_in_radians(*largest) + [
+        f"warning: the manoeuvre flies {name} {min(values):.4g} to {max(values):.4g}{unit}, the map covers "
+        f"{min(covered):.4g} to {max(covered):.4g}{unit}: outside, sigmas may not hold"
+        for name, unit, values, covered in ranges
+        if min(values) < min(covered) - ROUND_OFF or max(values) > max(covered) + ROUND_OFF
+    ]
 
 
 NOISE_SEED = 1

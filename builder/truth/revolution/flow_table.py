@@ -113,6 +113,25 @@ def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> F
     return out
 
 
+def ratio_at(
+    table: FlowTable,
+    conditions: Sequence[FlightCondition],
+    roll_angle: FloatArray,
+    between: FloatArray | None = None,
+) -> FloatArray:
+    """Return p / p_inf (k, n_x n_phi) at ``conditions`` and ``roll_angle`` (n_phi,) [rad].
+
+    At the stations of ``table``, or those that have weights (n_x, stations) of them in ``between``; errors are
+    those of :func:`harmonics_at`.
+    """
+    mach, incidence, wind = flow_states(conditions)
+    harmonic = harmonics_at(table, mach, incidence)
+    harmonic = harmonic if between is None else between @ harmonic
+    m = np.arange(harmonic.shape[-1])
+    found = [h @ np.cos(np.outer(m, roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)]
+    return np.array(found).reshape(len(harmonic), -1)
+
+
 def by_parity(n_m: int) -> tuple[BoolArray, BoolArray]:
     """Return which of n_m harmonics are even, and which are odd."""
     is_odd = np.arange(n_m) % 2 == 1
@@ -148,16 +167,6 @@ def knot_weights(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> t
         for one in (direct + mirrored, direct - mirrored)
     )
     return even, odd
-
-
-def ratio_on(harmonic: FloatArray, wind: FloatArray, roll_angle: FloatArray) -> FloatArray:
-    """Return p / p_inf (k, n_x n_phi) at ``roll_angle`` (n_phi,) [rad].
-
-    ``harmonic`` (k, n_x, n_m) is :func:`harmonics_at`, ``wind`` (k,) the leeward meridian's roll angle [rad].
-    """
-    m = np.arange(harmonic.shape[-1])
-    found = [h @ np.cos(np.outer(m, roll_angle - at)) for h, at in zip(harmonic, wind, strict=True)]
-    return np.array(found).reshape(len(harmonic), -1)
 
 
 def save_flow_table(table: FlowTable, path: Path) -> str:
