@@ -46,11 +46,18 @@ from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure
 from builder.trial.added import temperature_of
 from builder.trial.cases import Case, GroundTests, Plan, TrialFile, cases_for, load_trial, trial_path
-from builder.trial.compared import NONLINEAR, ComparedWorld, compared_estimators, knowing, maps_for, refuse_unknown
+from builder.trial.compared import (
+    NONLINEAR,
+    REGRESSIONS,
+    ComparedWorld,
+    compared_estimators,
+    knowing,
+    maps_for,
+    refuse_unknown,
+)
 from builder.trial.conditions import flown_conditions
 from builder.trial.estimators import available
 from builder.trial.flows import stress_flow_inputs, stress_flows
-from builder.trial.other_estimators import REGRESSIONS
 from builder.trial.run import Score, Task, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
 from builder.trial.table import stress_entries, write_table

@@ -163,7 +163,7 @@ def _at_ends(estimator: Estimator, read: Readings, time: FloatArray) -> Estimate
         track, ends = estimator.filter(estimator.filter_time_constant), []
         for k in numbers.tolist():
             track.restart()
-            last = track.track(read.strain[k], time=time, **_of_sample(read.known, k, count))[-1]
+            last = track.track(read.strain[k], time=time, **chosen(read.known, k, count))[-1]
             ends.append((last.coefficients, last.coefficients_std, int(last.health)))
         return ends
 
@@ -171,16 +171,6 @@ def _at_ends(estimator: Estimator, read: Readings, time: FloatArray) -> Estimate
     with ThreadPoolExecutor(len(parts)) as pool:
         value, std, health = zip(*(end for part in pool.map(of_part, parts) for end in part), strict=True)
     return Estimates(value=np.array(value), std=np.array(std), health=np.array(health))
-
-
-def _of_sample(known: Mapping[str, Any], number: int, count: int) -> dict[str, Any]:
-    """Return what is known in sample ``number`` of ``count``."""
-    return {
-        name: _of_sample(value, number, count)
-        if isinstance(value, Mapping)
-        else float(np.broadcast_to(value, count)[number])
-        for name, value in known.items()
-    }
 
 
 def together(parts: list[Estimates]) -> Estimates:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -93,13 +94,7 @@ def level_readings(
     conditions: int = CONDITIONS,
 ) -> Iterator[Readings]:
     """Yield what ``vehicles`` read at each of ``conditions`` that map and flows cover, in blocks; ``fly`` makes
-    the flights there, the flights of the world by default.
-
-    Raises
-    ------
-    InputError
-        The Fourier model cannot do the vehicle.
-    """
+    the flights there, the flights of the world by default."""
     random = np.random.default_rng(seed)
     flown = replace(world, conditions=conditions).drawn_conditions(HARDWARE, random)
     return stated_readings(world, (fly or world.fly)(flown), random, vehicles)
@@ -117,18 +112,10 @@ def with_alarm_levels(inverse_map: InverseMap, flights: Iterable[Readings]) -> I
     """
     chi_square, outlier, expected, incidence = linear_tests(inverse_map, flights)
     scales, slope = alarm_levels(chi_square, outlier, expected, incidence)
-    agrees = bool(scales.max() <= LARGEST_SCALE)
-    facts = {
-        "chi_square_scale": float(scales[0]),
-        "outlier_scale": float(scales[1]),
-        "slope": slope,
-        "samples": len(chi_square),
-        "rate_before": float(np.mean((chi_square > 1.0) | (outlier > 1.0))),
-        "stated_rate": FALSE_ALARM_PROBABILITY,
-        "used": agrees,
-    }
+    of_scales = {"chi_square_scale": float(scales[0]), "outlier_scale": float(scales[1]), "slope": slope}
+    facts = _facts(np.stack([chi_square, outlier]), scales) | of_scales
     noted = replace(inverse_map, provenance={**inverse_map.provenance, "alarm_levels": facts})
-    if not agrees:
+    if not facts["used"]:
         return noted
     return replace(
         noted,
@@ -136,6 +123,16 @@ def with_alarm_levels(inverse_map: InverseMap, flights: Iterable[Readings]) -> I
         outlier_scale=inverse_map.outlier_scale * float(scales[1]),
         level_slope=slope,
     )
+
+
+def _facts(ratios: FloatArray, scales: FloatArray) -> dict[str, Any]:
+    """Return what the provenance says of ``scales`` of the levels that ``ratios`` (t, n) are over."""
+    return {
+        "samples": ratios.shape[1],
+        "rate_before": float(np.mean(ratios.max(axis=0) > 1.0)),
+        "stated_rate": FALSE_ALARM_PROBABILITY,
+        "used": bool(scales.max() <= LARGEST_SCALE),
+    }
 
 
 def alarm_scales(ratios: FloatArray) -> FloatArray:
@@ -215,15 +212,8 @@ def with_flight_alarm_levels(inverse_map: InverseMap, flights: Readings) -> Inve
     assert manifold is not None
     ratios = tail_ratios(inverse_map, with_map_errors(inverse_map, flights, np.random.default_rng(SEED)))
     scales = alarm_scales(ratios)
-    agrees = bool(scales.max() <= LARGEST_SCALE)
-    facts = {
-        "samples": ratios.shape[1],
-        "stated_rate": FALSE_ALARM_PROBABILITY,
-        "rate_before": float(np.mean(ratios.max(axis=0) > 1.0)),
-        "scales": scales.tolist(),
-        "used": agrees,
-    }
-    if agrees:
+    facts = _facts(ratios, scales) | {"scales": scales.tolist()}
+    if facts["used"]:
         manifold = replace(
             manifold,
             chi_square_scale=float(scales[0]),

@@ -49,13 +49,7 @@ Score = Callable[[Any, Case, Plan], dict[str, list[Row]]]
 
 
 def estimators_for(world: World, case: Case, names: Sequence[str]) -> dict[str, EstimateReadings]:
-    """Return the estimators of ``names`` for ``case``; a filter alone where each condition is flown for a while.
-
-    Raises
-    ------
-    InputError
-        The map has none of that name.
-    """
+    """Return the estimators of ``names`` for ``case``; a filter alone where a flight lasts for a while."""
     how = case.over_time
     if how is None:
         return {name: of_map(world.inverse_map, name) for name in names}
@@ -105,13 +99,7 @@ def with_lost_gauges(world: World, lost: Lost, read: Readings, random: np.random
 def scored(
     world: World, case: Case, plan: Plan, make_estimators: MakeEstimators = estimators_for
 ) -> dict[str, list[Row]]:
-    """Return the rows of one case by estimator.
-
-    Raises
-    ------
-    FlowReachError
-        The flows do not go as far.
-    """
+    """Return the rows of one case by estimator."""
     estimators = make_estimators(world, case, plan.estimators)
     read, parts = list[Readings](), {name: list[Estimates]() for name in estimators}
     for batch in readings_of(world, case, plan):

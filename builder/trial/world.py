@@ -95,13 +95,7 @@ class World:
         return self.vehicle.model_copy(update={"map": entry.model_copy(update=changed)})
 
     def flights(self, case: Case) -> Flights:
-        """Return the flights of ``case``; cases of one place and flow share them.
-
-        Raises
-        ------
-        FlowReachError
-            The flows do not go as far.
-        """
+        """Return the flights of ``case``; cases of one place and flow share them."""
         key = f"{case.where}{case.flow}"
         if key not in self._flights:
             random = np.random.default_rng(self.seed)
@@ -109,7 +103,7 @@ class World:
         return self._flights[key]
 
     def drawn_conditions(self, case: Case, random: np.random.Generator) -> list[FlightCondition]:
-        """Return conditions of ``case``; errors as :meth:`flights`."""
+        """Return conditions of ``case``."""
         table = self.flows if isinstance(self.flows, FlowTable) else None
         return flown_conditions(case.where, self._as_mapped, table, self.conditions, random)
 

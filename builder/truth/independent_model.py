@@ -73,13 +73,7 @@ def other_physics(vehicle: Vehicle) -> list[str]:
 
 
 def refuse_without_independent_model(vehicle: Vehicle) -> None:
-    """Refuse a vehicle that has no independent model, before anything is solved.
-
-    Raises
-    ------
-    InputError
-        Names the entry.
-    """
+    """Refuse a vehicle that has no independent model, before anything is solved."""
     if vehicle.is_of_revolution:
         refuse_beyond_fourier(vehicle, [vehicle.gauges.layout])
     else:

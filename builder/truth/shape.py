@@ -209,11 +209,6 @@ def shape_flights(
 
     ``operator`` (n_w, n_d, n_q) is :func:`~builder.truth.shape.on_nodes_of` for these flows, where it is
     known.
-
-    Raises
-    ------
-    InputError
-        The surfaces of flow and structure do not coincide.
     """
     pressures = pressures_at(vehicle, flows.conditions())
     operator = on_nodes_of(structure, flows) if operator is None else operator
@@ -308,13 +303,7 @@ BLOCK = 100
 
 
 def flows_along(vehicle: Vehicle, path: Trajectory, reporter: Reporter) -> tuple[FloatArray, Snapshots]:
-    """Solve the flow at points of time along a manoeuvre; return these times (k,) [s] and the pressures there.
-
-    Raises
-    ------
-    InputError
-        A condition is outside the engine's reach.
-    """
+    """Solve the flow at points of time along a manoeuvre; return these times (k,) [s] and the pressures there."""
     time = np.linspace(0.0, path.stop_time, FLOWS_ALONG_PATH)
     conditions = tuple(path.at(float(t)) for t in time)
     return time, shape_flows(vehicle, conditions, reporter, "Flow: the vehicle that flies")
@@ -327,13 +316,7 @@ def flights_along(
     time: FloatArray,
     path: Trajectory,
 ) -> Iterator[ShapeFlights]:
-    """Yield the flights at ``time`` (n,) [s], in blocks; ``flows`` are of :func:`flows_along`.
-
-    Raises
-    ------
-    InputError
-        The surfaces of flow and structure do not coincide.
-    """
+    """Yield the flights at ``time`` (n,) [s], in blocks; ``flows`` are of :func:`flows_along`."""
     knots, snapshots = flows
     operator, ratio = on_nodes_of(structure, snapshots), CubicSpline(knots, ratio_of(snapshots), axis=0)
     for first in range(0, len(time), BLOCK):

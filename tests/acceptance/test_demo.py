@@ -182,7 +182,7 @@ def test_every_command_runs_on_the_result(
     assert validate_fmu(str(tmp_path / "again.fmu")) == []
     monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
     monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
-    monkeypatch.setattr("builder.trial.other_estimators.COST_TRAINING", 60)
+    monkeypatch.setattr("builder.trial.compared.COST_TRAINING", 60)
     assert "bare product" in printed_by("bench", ic3x_demo)
     printed = printed_by("check", IC3X)
     assert "90 conditions, 85 distinct flows" in printed

@@ -17,33 +17,31 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import inverse_problem
 from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.fourier.fourier_model import StructuralModel
-from builder.trial import other_estimators
+from builder.trial import compared
 from builder.trial.cases import Built, Case, Plan
 from builder.trial.compared import (
     FIELD,
+    LEVEL,
     NONLINEAR,
+    REGRESSIONS,
     ComparedWorld,
+    after_reading,
+    before_readings,
     compared_estimators,
+    conformal_half_width,
     estimated_fields,
     field_errors,
     knowing,
     maps_for,
-    refuse_unknown,
-    station_weights,
-)
-from builder.trial.conditions import Where, flown_conditions
-from builder.trial.other_estimators import (
-    LEVEL,
-    REGRESSIONS,
-    after_reading,
-    before_readings,
-    conformal_half_width,
     of_random_walk,
     of_regression,
+    refuse_unknown,
+    station_weights,
     step_costs,
     training_flights,
     with_drawn_errors,
 )
+from builder.trial.conditions import Where, flown_conditions
 from builder.trial.readings import ANGLES, Readings
 from builder.trial.run import scored
 from builder.trial.score import ROLLING
@@ -213,7 +211,7 @@ def few_trees(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("sklearn")
     module, kind, arguments = REGRESSIONS["gradient boosting"]
     monkeypatch.setitem(REGRESSIONS, "gradient boosting", (module, kind, {**arguments, "max_iter": 20}))
-    monkeypatch.setattr(other_estimators, "COST_TRAINING", 200)
+    monkeypatch.setattr(compared, "COST_TRAINING", 200)
 
 
 @pytest.mark.usefixtures("few_trees")
@@ -266,7 +264,7 @@ def test_one_reading_without_a_walk_is_case_2(noise_map: InverseMap, monkeypatch
     assert np.all(last.std < first.std)
     assert np.all(np.abs(last.value - many.truth) <= 4.0 * last.std)
     assert last.health is None
-    monkeypatch.setattr(other_estimators, "STEP_STD", 0.0)
+    monkeypatch.setattr(compared, "STEP_STD", 0.0)
     mean, _ = after_reading(noise_map, before_readings(noise_map, 3), one.last, np.ones(3))
     expected = one.last @ state_gain(noise_map).T + state_offset(noise_map)
     np.testing.assert_allclose(mean, expected, atol=1e-6 * np.abs(expected).max())

@@ -13,9 +13,9 @@ from scaled_maps import scaled_map
 
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
+from builder.trial.compared import with_drawn_errors
 from builder.trial.conditions import flight_states
 from builder.trial.estimators import Estimates, of_map
-from builder.trial.other_estimators import with_drawn_errors
 from builder.trial.readings import Readings, joined, with_map_errors
 from builder.trial.run import labelled
 from builder.trial.score import PARTS, Clusters, Row, judged, rows_of

@@ -25,8 +25,8 @@ from builder.pipeline.trials import CASES
 from builder.reporting import Silent
 from builder.trial import conditions
 from builder.trial.cases import trial_path
+from builder.trial.compared import REGRESSIONS
 from builder.trial.flows import stress_flows
-from builder.trial.other_estimators import REGRESSIONS
 from builder.vehicle.file import VEHICLES, load_vehicle
 
 Run = Callable[..., tuple[int, str, str]]

@@ -40,12 +40,11 @@ from builder.structure.loads.applied import STANDARD_GRAVITY, Load, PadForce, We
 from builder.trial.cases import Case, GroundTest, Plan
 from builder.trial.estimators import Estimates, of_map, together
 from builder.trial.faults import MICRO
-from builder.trial.readings import Readings, joined, navigation_at
+from builder.trial.readings import Readings, joined
 from builder.trial.run import add_worst_set, labelled
 from builder.trial.score import NONE, Clusters, Row, rows_of
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 
 HEAVY_TAIL = 3.0
@@ -421,11 +420,11 @@ def estimates_of(world: GroundWorld, test: Tested, estimate: Estimate, name: str
     kind, _, state = name.partition(", ")
     built = test.built
     if state == EXACT:
-        key = built.vector.tobytes(), kind
-        if key not in world.exact:
-            known = Remaining(parameters=built, covariance=np.zeros((len(built.vector),) * 2))
-            world.exact[key] = _flown(world, test, world.map_of(kind, world.true_on_map, known), built.zero)
-        return world.exact[key]
+        known = Remaining(parameters=built, covariance=np.zeros((len(built.vector),) * 2))
+        return world.once(  # cases share it
+            (built.vector.tobytes(), kind),
+            lambda: _flown(world, test, world.map_of(kind, world.true_on_map, known), built.zero),
+        )
     if state == BEFORE:
         return _flown(world, test, world.drawing(kind), built.zero)
     if kind == EQUATIONS:
@@ -446,18 +445,13 @@ def _flown(
 
 def readings_of(world: GroundWorld, test: Tested, noise_std: FloatArray, zero: FloatArray) -> Readings:
     """Return what a vehicle reads with several draws of noise in each flight, less ``zero`` (n_d,) [m/m]."""
-    flights, draws, built = world.flights, world.options.draws, test.built
-    strain = flights.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
-    every, random = np.repeat(strain, draws, axis=0), np.random.default_rng([test.number, 42])
-    known = navigation_at(flights.conditions, draws)
-    known[DYNAMIC_PRESSURE] = np.repeat([one.dynamic_pressure for one in flights.conditions], draws)
-    return Readings(
+    built, flights, random = test.built, world.flights, np.random.default_rng([test.number, 42])
+    strain = world.pressure @ world.true_structure.strain_operator(built).T + (built.zero - zero)
+    every = strain[flights.flight]
+    return replace(
+        flights,
         strain=every + noise_std * random.standard_normal(every.shape),
-        known=known,
-        truth=np.repeat(flights.coefficients, draws, axis=0),
         vehicle=np.full(len(every), test.number),
-        flight=np.repeat(np.arange(len(strain)), draws),
-        conditions=flights.conditions,
         name=f"vehicle {test.number}",
     )
 

@@ -8,9 +8,10 @@ the others by the mean of each piece. The tables of the structure are solved onc
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -37,16 +38,17 @@ from builder.structure.loads.loaded_structure import LoadProperties
 from builder.structure.mapped_structure import MappedStructure
 from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions
-from builder.trial.estimators import Estimates
 from builder.trial.faults import MICRO
-from builder.trial.readings import Readings
+from builder.trial.readings import Readings, navigation_at
 from builder.truth.revolution.flow_table import FlowTable, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
+from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.flight_condition import FlightCondition
+
+Made = TypeVar("Made")
 
 HARMONICS = 14
 """Of loads: pads of half angle 30 deg need 12."""
@@ -121,25 +123,23 @@ EXACT, BEFORE = "known exactly", "before the test"
 """Ends of an estimator's name: what is known of the vehicle; without one what its test says."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class GroundFlights:
-    """Net pressure (k, n_p) [Pa] on the nodes of the independent model, and the true coefficients (k, 5)."""
-
-    conditions: tuple[FlightCondition, ...]
-    pressure: FloatArray
-    coefficients: FloatArray
-
-
-def flights_of(vehicle: Vehicle, table: FlowTable, grid: SurfaceGrid, count: int) -> GroundFlights:
-    """Return ``count`` held-out flights, with the pressure on the nodes of ``grid``; the same for all seeds."""
+def flights_of(
+    vehicle: Vehicle, table: FlowTable, grid: SurfaceGrid, count: int, draws: int = 1
+) -> tuple[FloatArray, Readings]:
+    """Return net pressure (k, n_p) [Pa] on the nodes of ``grid`` in ``count`` held-out flights, the same for all
+    seeds; and what is read there in as many ``draws`` of noise each, but for the strain."""
     conditions = held_out_conditions(vehicle, table, count, np.random.default_rng(31))
     ambient, ratio = [one.ambient_pressure for one in conditions], ratio_at(table, conditions, grid.roll_angle)
     net, reference = np.array(ambient)[:, None] * (ratio - 1.0), vehicle.reference_quantities()
-    loads = load_operator(grid, reference.moment_station)
-    return GroundFlights(
+    coefficients = coefficients_of(net, load_operator(grid, reference.moment_station), conditions, reference)
+    flight, q = np.repeat(np.arange(count), draws), np.array([one.dynamic_pressure for one in conditions])
+    return net, Readings(
+        strain=np.empty((len(flight), 0)),
+        known={**navigation_at(conditions, draws), DYNAMIC_PRESSURE: q[flight]},
+        truth=coefficients[flight],
+        vehicle=np.zeros_like(flight),
+        flight=flight,
         conditions=tuple(conditions),
-        pressure=net,
-        coefficients=coefficients_of(net, loads, conditions, reference),
     )
 
 
@@ -152,19 +152,18 @@ class GroundWorld:
     vehicle : its linear map holds no errors of the hardware but those that the test leaves.
     snapshots : on the nodes of ``structure``, the map's.
     true_structure : of the truth.
-    flights : on the truth's own nodes.
+    pressure, flights : net pressure on the truth's own nodes (k, n_p) [Pa], and readings but for the strain.
     options : of the file.
-    exact : what vehicles read, and estimates where they are known exactly; cases share them.
     """
 
     vehicle: Vehicle
     snapshots: Snapshots
     structure: AsBuiltStructure
     true_structure: AsBuiltStructure
-    flights: GroundFlights
+    pressure: FloatArray
+    flights: Readings
     options: GroundTests
-    exact: dict[tuple[bytes, str], tuple[Readings, Estimates]] = field(default_factory=dict)
-    _made: dict[Any, Any] = field(default_factory=dict)
+    _made: dict[Hashable, Any] = field(default_factory=dict)
 
     @cached_property
     def true_on_map(self) -> AsBuiltStructure:
@@ -203,14 +202,13 @@ class GroundWorld:
             return structure.load_strain(built, [applied])
         if stated.force == NO_VECTOR or applied.force == NO_VECTOR:
             return np.zeros(structure.n_gauges)
-        place = replace(stated, force=NO_VECTOR)
-        if place not in self._made:
-            units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
-            solved = together([structure.response(one) for one in units])
-            self._made[place] = solved, structure.nominal_response(units)
+        units = [replace(stated, force=unit) for unit in UNIT_VECTORS]
+        responses = self.once(
+            replace(stated, force=NO_VECTOR),
+            lambda: (together([structure.response(one) for one in units]), structure.nominal_response(units)),
+        )
         strain, of_drawing = (
-            np.asarray(applied.force) @ structure.response_strain(built, response)
-            for response in self._made[place]
+            np.asarray(applied.force) @ structure.response_strain(built, response) for response in responses
         )
         if replace(stated, force=applied.force) == applied:
             return np.asarray(strain)
@@ -230,17 +228,21 @@ class GroundWorld:
 
     def model(self, entry: GroundTest) -> ReadingsModel:
         """Return the test of a case, without readings."""
-        key = entry.pads, entry.reading_std_um_per_m
+        noise, structure = MICRO * entry.reading_std_um_per_m, self.structure
+        errors = LoadErrors(common=0.01 * self.options.load_cell_percent)
+
+        def made() -> ReadingsModel:
+            test = load_test_of(structure, self._cases(entry.pads, noise, errors), errors, noise)
+            return ReadingsModel(structure, test, prior_of_test(self.vehicle, structure))
+
+        return self.once((entry.pads, noise), made)
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what ``make`` returned first for ``key``."""
         if key not in self._made:
-            noise, errors = (
-                MICRO * entry.reading_std_um_per_m,
-                LoadErrors(common=0.01 * self.options.load_cell_percent),
-            )
-            cases = self._cases(entry.pads, noise, errors)
-            test = load_test_of(self.structure, cases, errors, noise)
-            self._made[key] = ReadingsModel(self.structure, test, prior_of_test(self.vehicle, self.structure))
-        model: ReadingsModel = self._made[key]
-        return model
+            self._made[key] = make()
+        made: Made = self._made[key]
+        return made
 
     def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[PlannedCase]:
         """Return ``pads`` bonded pads that are proposed, in the order in which they are run, with zero readings
@@ -262,13 +264,10 @@ class GroundWorld:
 
     def drawing(self, kind: str) -> InverseMap:
         """Return the map of the drawing with every tolerance but of zeros, which a tare takes off."""
-        if kind not in self._made:
-            std = prior_of_test(self.vehicle, self.structure)
-            std = std.changed(zero=np.zeros(std.n_gauges))
-            nominal = Remaining(parameters=self.structure.exactly_built(), covariance=np.diag(std.vector**2))
-            self._made[kind] = self.map_of(kind, self.structure, nominal)
-        inverse_map: InverseMap = self._made[kind]
-        return inverse_map
+        std = prior_of_test(self.vehicle, self.structure)
+        std = std.changed(zero=np.zeros(std.n_gauges))
+        nominal = Remaining(parameters=self.structure.exactly_built(), covariance=np.diag(std.vector**2))
+        return self.once(kind, lambda: self.map_of(kind, self.structure, nominal))
 
 
 def ground_world(
@@ -279,12 +278,14 @@ def ground_world(
     vehicle = vehicle.model_copy(update={"noise": vehicle.noise.without_hardware_errors(), "map": entry})
     structure = structure_of_test(vehicle, properties_of(vehicle), HARMONICS)
     true_structure = structure_of_truth(vehicle, options.walls == "smooth")
+    pressure, flights = flights_of(vehicle, table, true_structure.surface, conditions, options.draws)
     return GroundWorld(
         vehicle=vehicle,
         snapshots=snapshots_on(snapshots, structure.surface),
         structure=structure,
         true_structure=true_structure,
-        flights=flights_of(vehicle, table, true_structure.surface, conditions),
+        pressure=pressure,
+        flights=flights,
         options=options,
     )
 

@@ -111,13 +111,7 @@ class DemoResult:
 
 
 def refuse_without_demo(vehicle: Vehicle) -> None:
-    """Refuse a vehicle that no demonstration flies.
-
-    Raises
-    ------
-    InputError
-        Names the entry.
-    """
+    """Refuse a vehicle that no demonstration flies."""
     if vehicle.structure.external is not None:
         raise InputError(
             f"structure.{vehicle.structure.external}: no demonstration flies it, the vehicle that flies needs a "

@@ -215,15 +215,7 @@ OF_ROLLING = (ROLLING, f"sigma.{ROLLING}")
 
 
 def fly_free_shape(pipeline: Pipeline, path: Trajectory, built: AsBuilt) -> Recording:
-    """Make the FMU and its flight along ``path``, with figures, in the pipeline's folder; return the recording.
-
-    Raises
-    ------
-    InputError
-        An entry of the vehicle file does not fit, or a condition is outside the engine's reach.
-    StrainfmuError
-        A file could not be written or the FMU failed.
-    """
+    """Make the FMU and its flight along ``path``, with figures, in the pipeline's folder; return the recording."""
     vehicle = pipeline.vehicle
     make_estimator(pipeline)
     inputs = {

@@ -98,13 +98,7 @@ def flow_states(conditions: Sequence[FlightCondition]) -> tuple[FloatArray, Floa
 
 
 def harmonics_at(table: FlowTable, mach: FloatArray, incidence: FloatArray) -> FloatArray:
-    """Return (k, n_x, n_m) harmonics of p / p_inf at ``mach`` (k,) and total ``incidence`` (k,) [rad].
-
-    Raises
-    ------
-    InputError
-        A condition is outside the knots.
-    """
+    """Return (k, n_x, n_m) harmonics of p / p_inf at ``mach`` (k,) and total ``incidence`` (k,) [rad]."""
     n_x, n_m = table.harmonic.shape[2:]
     out = np.zeros((len(mach), n_x, n_m))
     for of_parity, weight in zip(by_parity(n_m), knot_weights(table, mach, incidence), strict=True):
@@ -274,13 +268,7 @@ def truth_inputs(vehicle: Vehicle) -> dict[str, Any]:
 def independent_flows(
     vehicle: Vehicle, reporter: Reporter, journal: Journal | None = None, scheduling: Scheduling | None = None
 ) -> FlowTable:
-    """Solve the flows of the independent model and return their table.
-
-    Raises
-    ------
-    InputError
-        A condition is outside the solver's reach.
-    """
+    """Solve the flows of the independent model and return their table."""
     mach, incidence = truth_knots(vehicle)
     how: dict[str, Any] = {"title": "Flow: the vehicle that flies", "journal": journal, "scheduling": scheduling}
     flows = solved_flows(vehicle, mach, incidence[1:], reporter, **how)

@@ -201,13 +201,7 @@ class TrueFlights(Flights):
 def true_flights(
     vehicle: Vehicle, structure: TrueStructure, table: FlowTable, conditions: list[FlightCondition]
 ) -> TrueFlights:
-    """Return the flights of ``vehicle`` at ``conditions``.
-
-    Raises
-    ------
-    InputError
-        A condition is outside the table.
-    """
+    """Return the flights of ``vehicle`` at ``conditions``."""
     # Strain and loads are linear in the pressure: they are found for the flows of the table and interpolated.
     mach, incidence, _ = flow_states(conditions)
     knots = table.harmonic.reshape(-1, *table.harmonic.shape[2:])

@@ -157,6 +157,6 @@ def _rival_costs(map_path: Path) -> dict[str, float]:
     if find_spec("sklearn") is None:
         print("learning estimators: not timed, they need strainfmu[rivals]")
         return {}
-    from builder.trial.other_estimators import step_costs
+    from builder.trial.compared import step_costs
 
     return step_costs(manifold)
