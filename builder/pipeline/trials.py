@@ -87,30 +87,7 @@ SUFFIXES = (".csv", ".parquet", ".json")
 class TrialResult:
     """The table of a trial, the vehicle's name, and the files that were written.
 
-    Attributes
-    ----------
-    rows : one per case, estimator and load; load "all" is the sample as a whole. Columns, as far as they apply:
-
-        - ``case``, ``error``, ``size``, ``class`` (drawn, alone, beyond, unobservable), ``estimator``, ``load``;
-        - ``samples``, ``vehicles``, ``flights`` : numbers of them;
-        - ``right_ok_percent``, ``right_flagged_percent``, ``wrong_flagged_percent``, ``undetected_percent``,
-          ``no_estimate_percent`` : parts of the samples, 100 % together;
-        - ``covered_percent``, ``covered_1_percent`` : samples with an estimate inside 3 sigma and 1 sigma;
-        - ``flagged_percent`` : health neither OK nor DEGRADED, or no estimate;
-        - ``alarm_percent`` : health INCONSISTENT or SUSPECT;
-        - ``.._error``, ``.._upper`` : standard error of a fraction, clustered by vehicle and flight, and its upper
-          limit at 95 %;
-        - ``rms``, ``bias``, ``sigma``, ``rms_z`` : rms error, mean error, mean sigma [1, angles: rad], rms of the
-          error over sigma;
-        - ``bound``, ``over_bound``, ``over_single`` : Cramer-Rao bound, rms error over it, and over the one of
-          single samples;
-        - ``over_exact`` : rms error after a ground test over the exactly known vehicle's;
-        - ``sets``, ``worst_set``, ``worst_set_percent`` : lost gauges or tested vehicles, and the set with the
-          smallest coverage;
-        - ``refused_percent``, ``named_percent``, ``silent_percent``, ``blamed_percent`` : load "test": refused,
-          naming the error, accepting it with coverage below 99 %, blaming sound parts;
-        - ``health`` : fraction of each state [%];
-        - ``verdict``, ``why`` : ok, open or missed, and what is off.
+    ``rows`` are one per case, estimator and load, by the columns of ``trial.csv``.
     """
 
     vehicle: str

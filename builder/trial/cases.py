@@ -107,21 +107,14 @@ ALL_STATED = "all_stated"
 """Error that stands for all that sigma includes, drawn together: the first row of a table."""
 
 CaseClass = Literal["drawn", "alone", "beyond", "unobservable", "stated"]
-"""``drawn``
-    All errors that sigma includes, drawn together at their stated sizes: sigma is as large as the errors, neither
-    smaller nor larger, and health does not object.
-``alone``
-    Some of them, of at most twice their sizes: sigma includes them. Outside the envelope ``beyond``.
-``beyond``
-    Beyond the envelope, beyond the stated sizes, or of a kind that no sigma includes: flagged, or right all the
-    same.
-``unobservable``
-    The strain is the strain of another flight inside the envelope: no function of strain and air data separates
-    the two, only another sensor does. Listed without a verdict. On the shipped vehicle the strain of these differs
-    from the nearest flight's inside by a chi-square of 1 to 3, median over flights, with all hardware errors in
-    the covariance; the strain of cases ``beyond`` with many undetected samples by 60 to 870.
-``stated``
-    ``alone`` up to twice what the vehicle file states, ``beyond`` above."""
+"""``drawn``, all errors that sigma includes together at their stated sizes; ``alone``, some of them of at most
+twice their sizes; ``beyond`` the envelope, the stated sizes, or what any sigma includes; ``stated``: ``alone`` up
+to twice what the vehicle file states, ``beyond`` above. :data:`builder.trial.score.LIMITS` has the aims of each.
+
+``unobservable``: the strain is the strain of another flight inside the envelope: no function of strain and air
+data separates the two, only another sensor does. On the shipped vehicle the strain of these differs from the
+nearest flight's inside by a chi-square of 1 to 3, median over flights, with all hardware errors in the covariance;
+the strain of cases ``beyond`` with many undetected samples by 60 to 870."""
 
 LEAST_STRAIN_UM_PER_M = 1.0
 """Strain [um/m] of a slender vehicle without incidence: 0.76 at most on the shipped one at 20 km."""

@@ -38,7 +38,7 @@ from builder.processors import one_thread_of_blas
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km
-from builder.trial.estimators import EstimateReadings, Estimates, known_by, with_inputs
+from builder.trial.estimators import EstimateReadings, Estimates, estimate_of, with_inputs
 from builder.trial.readings import ANGLES, Readings
 from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
@@ -228,7 +228,7 @@ def compared_estimators(world: ComparedWorld, case: Case, names: Sequence[str]) 
 def _with_field(estimator: Estimator, read: Readings, field_pressure: FloatArray) -> Estimates:
     """Return the estimates of last readings, with M_R where it is estimated and known, air data, and the error of
     the field relative to the true one (n, n_p) [Pa]."""
-    made = estimator.estimate(read.last, **known_by(estimator, read.known))
+    made = estimate_of(estimator, read)
     value, std, others = made.coefficients, made.coefficients_std, dict[str, tuple[FloatArray, FloatArray]]()
     if read.truth.shape[1] > value.shape[1] and made.other_coefficients.shape[-1]:
         value, std = np.column_stack([value, made.M_R]), np.column_stack([std, made.sigma.M_R])

@@ -77,7 +77,10 @@ def of_map(inverse_map: InverseMap, name: str = "map") -> EstimateReadings:
     available(inverse_map, [name])
     estimator = Estimator(inverse_map.without_tables() if kind == "linear" else inverse_map)
     if how == STEPPING:
-        return lambda read: _stepping(estimator, read)
+        # From the state that is estimated from the true one.
+        return lambda read: estimates_from(
+            estimate_of(estimator, read, estimate_of(estimator, read, read.states).state)
+        )
     return of_estimator(estimator.filter(float(seconds)) if seconds else estimator)
 
 
@@ -100,10 +103,10 @@ def of_estimator(estimator: Estimator) -> EstimateReadings:
     """Return ``estimator``: of single samples, along flights in time, or at the ends of short flights."""
 
     def estimate(read: Readings) -> Estimates:
-        known = known_by(estimator, read.known)
         if read.time is None:
-            return estimates_from(estimator.estimate(read.strain, **known))
-        return (_at_ends if read.strain.ndim > 2 else _along)(estimator, replace(read, known=known), read.time)
+            return estimates_from(estimate_of(estimator, read))
+        along, known = _at_ends if read.strain.ndim > 2 else _along, known_by(estimator, read.known)
+        return along(estimator, replace(read, known=known), read.time)
 
     return estimate
 
@@ -125,6 +128,11 @@ def known_by(estimator: Estimator, known: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in known.items() if not (both and name == needless)}
 
 
+def estimate_of(estimator: Estimator, read: Readings, start: FloatArray | None = None) -> Estimate:
+    """Return the estimate of the last reading of each sample, in a step from states ``start`` (n, 4) if given."""
+    return estimator.estimate(read.last, **known_by(estimator, read.known), start=start)
+
+
 def estimates_from(made: Estimate, air_data: Sequence[str] = ()) -> Estimates:
     """Return the loads of estimates, and the ``air_data`` of these names where some are known."""
     value, std, columns = (
@@ -136,12 +144,6 @@ def estimates_from(made: Estimate, air_data: Sequence[str] = ()) -> Estimates:
         value = np.hstack([value, made.air_data.value[:, columns]])
         std = np.hstack([std, made.air_data.std[:, columns]])
     return Estimates(value=value, std=std, health=np.asarray(made.health, dtype=np.int64))
-
-
-def _stepping(estimator: Estimator, read: Readings) -> Estimates:
-    known = known_by(estimator, read.known)
-    made = estimator.estimate(read.strain, **known, start=read.states)
-    return estimates_from(estimator.estimate(read.strain, **known, start=made.state))
 
 
 def _along(estimator: Estimator, read: Readings, time: FloatArray) -> Estimates:

@@ -16,7 +16,7 @@ import numpy as np
 from builder.inverse.envelope.score_limit import tail_quantile
 from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import Where
-from builder.trial.estimators import known_by
+from builder.trial.estimators import estimate_of
 from builder.trial.readings import Readings, read_own_vehicles, with_map_errors
 from builder.trial.world import World
 from builder.truth.flights import Flights
@@ -233,12 +233,12 @@ def tail_ratios(inverse_map: InverseMap, flights: Readings) -> FloatArray:
     the upper :data:`UPPER` of it from the true state; the tests of the others are of the true state.
     """
     estimator = Estimator(inverse_map)
-    made = estimator.estimate(flights.strain, **known_by(estimator, flights.known), start=flights.states)
+    made = estimate_of(estimator, flights, flights.states)
     ratios = _ratios(estimator, made)
     upper = np.flatnonzero(np.any(ratios > np.quantile(ratios, 1.0 - UPPER, axis=1, keepdims=True), axis=0))
-    known = known_by(estimator, flights.rows(upper).known)
-    again = estimator.estimate(flights.strain[upper], **known, start=np.asarray(made.state)[upper])
-    ratios[:, upper] = _ratios(estimator, again)
+    ratios[:, upper] = _ratios(
+        estimator, estimate_of(estimator, flights.rows(upper), np.asarray(made.state)[upper])
+    )
     return ratios
 
 

@@ -311,15 +311,13 @@ def _given(
 
 def _computed(air: Air, noise: Noise, of: Column, random: np.random.Generator) -> dict[str, Any]:
     """Return M, p_inf or altitude, and q_inf that is computed of them."""
-    pressure = of(AMBIENT_PRESSURE)
-    error = random.standard_normal((2, len(pressure)))
-    mach = of(MACH_NUMBER) + air.mach_off + noise.navigation_mach_number * error[0]
-    altitude = altitude_at(pressure / air.day) + air.altitude_off
-    static = static_pressure_at(altitude)
-    if air.source == "pressure":
-        static = static * (1.0 + 0.01 * noise.navigation_static_pressure_percent * error[1])
-    last = {STATIC_PRESSURE: static} if air.source == "pressure" else {ALTITUDE: altitude}
-    return {MACH_NUMBER: mach, DYNAMIC_PRESSURE: 0.5 * HEAT_CAPACITY_RATIO * mach**2 * static, **last}
+    altitude = altitude_at(of(AMBIENT_PRESSURE) / air.day) + air.altitude_off
+    exact = {MACH_NUMBER: of(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
+    known = _with_errors(exact, noise, random)
+    if air.source == "altitude":
+        known = {MACH_NUMBER: known[MACH_NUMBER], ALTITUDE: altitude}
+    static = known.get(STATIC_PRESSURE, exact[STATIC_PRESSURE])
+    return {**known, DYNAMIC_PRESSURE: 0.5 * HEAT_CAPACITY_RATIO * known[MACH_NUMBER] ** 2 * static}
 
 
 def altitude_at(pressure: FloatArray) -> FloatArray:

@@ -18,13 +18,7 @@ ENGINES_IN_WORDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class FlownPhysics:
-    """Flow models by the names of their engines.
-
-    Attributes
-    ----------
-    flies : of the vehicle that flies.
-    of_map : of the snapshots that the map is built from.
-    """
+    """Flow models by the names of their engines: what ``flies``, and what the snapshots ``of_map`` are made by."""
 
     flies: str
     of_map: str
@@ -37,9 +31,8 @@ class FlownPhysics:
     @property
     def model(self) -> str:
         """What flies, in a few words."""
-        if self.is_that_of_map:
-            return "independent finer model"
-        return f"another physics, {ENGINES_IN_WORDS[self.flies]}"
+        other = f"another physics, {ENGINES_IN_WORDS[self.flies]}"
+        return "independent finer model" if self.is_that_of_map else other
 
     @property
     def sentence(self) -> str:
@@ -58,16 +51,12 @@ class FlownPhysics:
 
 
 def flown_physics(vehicle: Vehicle, engine: str) -> FlownPhysics:
-    """Return the physics of the vehicle that flies in a demonstration, and the physics of the map.
-
-    ``engine`` is the engine of the snapshots, which an option may have set.
-    """
+    """Return the physics of the vehicle that flies, and of a map of snapshots by ``engine``."""
     return FlownPhysics(flies=vehicle.truth_engine() if vehicle.is_of_revolution else engine, of_map=engine)
 
 
 def other_physics(vehicle: Vehicle) -> list[str]:
-    """Return, in one line, that the independent model of ``vehicle`` has another physics than its engine, or
-    nothing."""
+    """Return a line where the independent model has another physics than the engine of ``vehicle``, else none."""
     physics = flown_physics(vehicle, vehicle.aerodynamics.engine)
     return [] if physics.is_that_of_map else [physics.sentence]
 

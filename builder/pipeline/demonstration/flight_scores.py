@@ -29,7 +29,7 @@ from builder.reporting import Reporter, Silent
 from builder.structure.structure_file import Structure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import at_any_roll
-from builder.trial.estimators import Estimates, estimates_from, known_by, of_map, together
+from builder.trial.estimators import Estimates, estimate_of, estimates_from, of_map, together
 from builder.trial.levels import stated_readings
 from builder.trial.readings import ANGLES, Readings, joined
 from builder.trial.score import ROLLING, Row, by_load, rows_of
@@ -150,9 +150,8 @@ def flown_estimators(
     )
     flown = {"linear": Flown(read, of_map(inverse_map, "linear")(read))}
     if inverse_map.manifold is not None:
-        nonlinear = Estimator(inverse_map)
         made = (
-            estimates_from(nonlinear.estimate(read.strain, **known_by(nonlinear, read.known)), AIR_DATA)
+            estimates_from(estimate_of(Estimator(inverse_map), read), AIR_DATA)
             if estimator is None
             else outputs_of(recording, names, estimator)
         )
