@@ -115,8 +115,7 @@ def ratio_at(
 ) -> FloatArray:
     """Return p / p_inf (k, n_x n_phi) at ``conditions`` and ``roll_angle`` (n_phi,) [rad].
 
-    At the stations of ``table``, or those that have weights (n_x, stations) of them in ``between``; errors are
-    those of :func:`harmonics_at`.
+    At the stations of ``table``, or at others: ``between`` (n_x, stations) has weights of these for each.
     """
     mach, incidence, wind = flow_states(conditions)
     harmonic = harmonics_at(table, mach, incidence)
