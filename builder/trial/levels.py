@@ -22,10 +22,9 @@ from builder.trial.world import World
 from builder.truth.flights import Flights
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.alarm_limits import outlier_threshold, shape_limit
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit, outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
@@ -251,5 +250,5 @@ def _ratios(estimator: Estimator, found: Estimate) -> FloatArray:
         (np.max(np.abs(found.standardised_residual), axis=1) / found.residual_limit) ** 2,
     ]
     if manifold.discrepancy_shapes.shape[1]:
-        tests.append(found.discrepancy_chi_square / shape_limit(manifold, estimator.settings.alarm_scale))
+        tests.append(found.discrepancy_chi_square / (estimator.settings.alarm_scale * manifold.shape_limit))
     return np.stack(tests)

@@ -1,12 +1,29 @@
-"""Health of an estimate: its states and the alarm level of chi-square."""
+"""Health of an estimate: its states, the detection thresholds, and the smallest bias of a gauge that they detect.
+
+With P (n_d, n_d) the precision of the residual r = d - m, (P r)_i / P_ii is the difference of gauge i from the
+value that all others predict, with variance 1 / P_ii; so z_i = (P r)_i / sqrt(P_ii) is standard normal without a
+fault. A bias b of gauge i shifts z_i by b sqrt(P_ii). Source: Baarda, A testing procedure for use in geodetic
+networks (1968), the w-test of "data snooping"; Rasmussen & Williams, section 5.4.2, for a Gaussian prior.
+"""
 
 from __future__ import annotations
 
 from enum import IntEnum
 from functools import cache
 from math import erfc, exp, lgamma, log, sqrt
+from statistics import NormalDist
+
+import numpy as np
+
+from strainfmu.arrays import FloatArray
 
 FALSE_ALARM_PROBABILITY = 1e-4
+
+AMBIGUOUS_CORRELATION = 0.9
+"""|correlation| of two z above which a 10 sigma bias of one is taken for the other in more than 1 % of cases."""
+
+MISS_PROBABILITY = 0.01
+"""Probability that a bias of the stated detectable size is missed."""
 
 
 class HealthState(IntEnum):
@@ -87,3 +104,23 @@ def chi_square_limit(degrees_of_freedom: int, false_alarm_probability: float = F
         if abs(step) <= _SMALLEST_STEP * value:
             break
     return value
+
+
+def outlier_threshold(n_gauges: int, false_alarm_probability: float) -> float:
+    """Return the level that the largest |z| of ``n_gauges`` exceeds with no more than the probability given.
+
+    Two-sided, Bonferroni: each gauge gets 1 / n_gauges of the probability, whatever their correlation.
+    """
+    return -NormalDist().inv_cdf(0.5 * false_alarm_probability / n_gauges)
+
+
+def detectable_bias(
+    precision: FloatArray, threshold: float, miss_probability: float = MISS_PROBABILITY
+) -> FloatArray:
+    """Return (n_d,) the bias of each gauge [m/m] that takes its |z| beyond ``threshold`` but for the probability.
+
+    Baarda's (1968), without the far tail. ``precision`` (n_d,) holds P_ii [1/(m/m)^2]; the bias is infinite where
+    it is 0, as no other gauge checks this one.
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray((threshold + NormalDist().inv_cdf(1.0 - miss_probability)) / np.sqrt(precision))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.estimator.air_data import NAVIGATION
-from strainfmu.estimator.alarm_limits import outlier_threshold
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, outlier_threshold
 
 # Gauges that are lost.
 

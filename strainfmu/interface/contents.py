@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from zipfile import BadZipFile, ZipFile
 
-from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.map.inverse_map import groups_of_outputs
 from strainfmu.estimator.map.validity import all_ranges
 from strainfmu.interface.estimator_variables import estimator_arrays, estimator_interface
@@ -71,8 +70,7 @@ class FmuContents:
 
 def estimator_contents(inverse_map: InverseMap) -> dict[str, Any]:
     """Return the entries of the estimator of a map. A later version may add entries; it changes none."""
-    n, manifold = inverse_map.n_strain_gauges, inverse_map.manifold
-    limit = inverse_map.envelope_score_limit if manifold is None else outside_score(manifold)
+    n, limit = inverse_map.n_strain_gauges, inverse_map.outside_score
     ranges, groups = all_ranges(inverse_map), groups_of_outputs(inverse_map)
     zeros = inverse_map.zero_offset[:n].tolist()
     return {

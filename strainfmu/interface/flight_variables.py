@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
 from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, INERTIAL_INPUTS, Q_SOURCE, AirInput
-from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.enumerations import Q_SOURCE_TYPE
@@ -190,7 +189,7 @@ def _of_flight_state(variable: Variable, manifold: ManifoldMap, gauges: tuple[st
     texts = {one.name: _text(one, manifold) for one in AIR_INPUTS} | _FLIGHT_TEXT
     one = replace(variable, description=texts.get(variable.name, variable.description))
     if one.name == ENVELOPE_SCORE:
-        one = replace(one, description=f"{one.description}; OUTSIDE above {outside_score(manifold):g}")
+        one = replace(one, description=f"{one.description}; OUTSIDE above {manifold.outside_score:g}")
     if one.name == DYNAMIC_PRESSURE:
         return replace(one, start=0.0)
     if one.causality != "output" or one.name == VALID_GAUGES:

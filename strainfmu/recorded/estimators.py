@@ -34,7 +34,6 @@ from strainfmu.estimator.air_inputs import (
     STD,
     QSource,
 )
-from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
@@ -297,9 +296,7 @@ class MapBlocks(BlockEstimator):
             *(NAVIGATION_INPUTS if estimator.is_nonlinear else ()),
             *(INERTIAL_NAMES if inverse_map.has_masses else ()),
         )
-        self.envelope_score_limit = (
-            inverse_map.envelope_score_limit if manifold is None else outside_score(manifold)
-        )
+        self.envelope_score_limit = inverse_map.outside_score
         self.parameter_names = estimator.parameters.names
         sharpens = manifold is not None and manifold.parameters is not None
         self.sharpening = self.parameter_names if sharpens else ()

@@ -16,10 +16,9 @@ from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.errors import InputError
-from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.gain import load_covariance, residual_precision
 from strainfmu.estimator.settings import (

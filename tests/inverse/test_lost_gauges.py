@@ -17,14 +17,15 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import solve
 from builder.inverse.solved_map import inverse_map_of
+from builder.reports.findings.gauge_value import correlations
+from builder.reports.findings.gauge_value import isolable_bias as bias_by_precision
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from builder.vehicle.map.options import MapEntry
-from strainfmu.estimator.alarm_limits import correlations, minimal_isolable_bias, outlier_threshold
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, HealthState, outlier_threshold
 from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
 
@@ -200,14 +201,14 @@ def isolable_bias(inverse_map: InverseMap) -> np.ndarray:
     """(54,) bias of each gauge, in its sigmas, that is attributed to it in 99 % of cases."""
     precision = residual_precision(inverse_map)
     threshold = outlier_threshold(N_GAUGES, FALSE_ALARM_PROBABILITY)
-    return minimal_isolable_bias(precision, correlations(precision), threshold, 0.01) / inverse_map.noise_std
+    return bias_by_precision(np.diag(precision), correlations(precision), threshold, 0.01) / inverse_map.noise_std
 
 
 def test_a_bias_of_ten_sigma_is_found_and_blamed_on_its_gauge(inverse_map: InverseMap) -> None:
     """4,000 steps, 10 sigma of gauge noise on a random gauge: found in 99 %, isolated in 95 %.
 
     Of gauges that the others check well enough: the few whose stated minimal bias is above 10 sigma are listed by
-    :func:`minimal_isolable_bias`, and of all gauges together 98 % are still found.
+    :func:`isolable_bias`, and of all gauges together 98 % are still found.
     """
     needed = isolable_bias(inverse_map)
     checked = np.flatnonzero(needed <= 10.0)

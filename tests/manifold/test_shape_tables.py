@@ -29,7 +29,6 @@ from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.nonlinear_build import with_manifold
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
-from strainfmu.estimator.alarm_limits import outside_score
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimates.pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
@@ -350,7 +349,7 @@ def test_two_deviations_beyond_a_range_are_outside() -> None:
     """Ranges of both angles are few deviations wide; with others it takes three."""
     estimator, tables = Estimator(inverse_map()), inverse_map().manifold
     assert tables is not None
-    assert outside_score(tables) < outside_score(flight_map())
+    assert tables.outside_score < flight_map().outside_score
 
     def at(sideslip: float) -> Estimate:
         one = FlightCondition(6.5, 0.0, sideslip, ALTITUDE)

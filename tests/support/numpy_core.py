@@ -23,10 +23,15 @@ from strainfmu.estimator.air_inputs import (
     STD,
     VIBRATION,
 )
-from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.core import Layout, NoCoreError, Series
 from strainfmu.estimator.gauge_zeros import GaugeZeros
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, USABLE_STATES, HealthState, chi_square_limit
+from strainfmu.estimator.health import (
+    FALSE_ALARM_PROBABILITY,
+    USABLE_STATES,
+    HealthState,
+    chi_square_limit,
+    outlier_threshold,
+)
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
 from strainfmu.estimator.map.sensors import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.validity import (

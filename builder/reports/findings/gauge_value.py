@@ -18,18 +18,19 @@ from itertools import combinations
 from typing import NamedTuple, TypedDict
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.sparse.csgraph import connected_components
+from scipy.special import ndtr
 
 from builder.reports.findings.envelope_states import ALL, FEW, air_data_at, envelope, strain_at
 from strainfmu.arrays import FloatArray, IntArray, inverse_root
-from strainfmu.estimator.alarm_limits import (
-    ambiguous_groups,
-    correlations,
-    detectable_noncentrality,
-    minimal_detectable_bias,
-    minimal_isolable_bias,
+from strainfmu.estimator.health import (
+    AMBIGUOUS_CORRELATION,
+    FALSE_ALARM_PROBABILITY,
+    MISS_PROBABILITY,
+    detectable_bias,
     outlier_threshold,
 )
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -38,9 +39,6 @@ from strainfmu.estimator.reference.air import N_AIR, air_inputs
 from strainfmu.estimator.reference.gain import nominal, residual_precision
 from strainfmu.estimator.reference.linear import models
 from strainfmu.estimator.reference.nonlinear import NonlinearReference, Sample, coefficient_slopes
-
-MISS_PROBABILITY = 0.01
-"""Probability that a bias of the stated detectable or isolable size is missed."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -131,16 +129,66 @@ def _detection(precision: FloatArray, information: FloatArray) -> _Detection:
     """Return which biases show in residuals of ``precision`` P (n, n), from ``information`` (n,) of each gauge."""
     n, minimum = len(precision), MIN_INFORMATION * information
     # The precision of a gauge that no other checks is round-off.
-    precision_checked = np.where(np.eye(n, dtype=bool) & (precision <= minimum), 0.0, precision)
-    correlation = correlations(precision, minimum)
-    per_gauge = detectable_noncentrality(1, FALSE_ALARM_PROBABILITY / n, MISS_PROBABILITY)
-    detectable = minimal_detectable_bias(precision_checked, per_gauge)
-    threshold = outlier_threshold(n, FALSE_ALARM_PROBABILITY)
+    checked = np.where(np.diag(precision) <= minimum, 0.0, np.diag(precision))
+    correlation, threshold = correlations(precision, minimum), outlier_threshold(n, FALSE_ALARM_PROBABILITY)
     return {
-        "detectable_bias": detectable,
-        "isolable_bias": minimal_isolable_bias(precision_checked, correlation, threshold, MISS_PROBABILITY),
+        "detectable_bias": detectable_bias(checked, threshold),
+        "isolable_bias": isolable_bias(checked, correlation, threshold, MISS_PROBABILITY),
         "groups": ambiguous_groups(correlation),
     }
+
+
+def correlations(precision: FloatArray, min_precision: FloatArray | float = 0.0) -> FloatArray:
+    """Return (n, n) correlations P_ij / sqrt(P_ii P_jj) of z; 0 with gauges of at most ``min_precision``, which no
+    other checks."""
+    of_gauge = np.diag(precision)
+    scale = np.where(of_gauge > min_precision, np.maximum(of_gauge, 1e-300) ** -0.5, 0.0)
+    return np.asarray(precision * np.outer(scale, scale))
+
+
+def ambiguous_groups(correlation: FloatArray, limit: float = AMBIGUOUS_CORRELATION) -> tuple[tuple[int, ...], ...]:
+    """Return the groups of two gauges or more, by index, that are linked by |correlation| >= ``limit``.
+
+    A bias in one of a group shifts the z of all of it nearly alike (Foerstner 1983; Teunissen 2018 on
+    identification): an alarm points to the group.
+    """
+    count, group = connected_components(np.abs(correlation) >= limit, directed=False)
+    groups = [tuple(np.flatnonzero(group == number).tolist()) for number in range(count)]
+    return tuple(members for members in groups if len(members) > 1)
+
+
+def isolable_bias(
+    precision: FloatArray, correlation: FloatArray, threshold: float, miss_probability: float
+) -> FloatArray:
+    """Return (n,) bias [m/m] of gauge i that is attributed to gauge i with probability 1 - ``miss_probability``.
+
+    Attributed means: |z_i| > ``threshold`` and |z_i| > |z_j| for all j. With delta = b sqrt(P_ii) and rho the
+    correlation of z_i and z_j, z_i -+ z_j is normal of mean delta (1 -+ rho) and variance 2 (1 -+ rho); so a miss
+    has at most the probability
+
+        Phi(k - delta) + sum_j Phi(-delta sqrt((1 - rho_ij) / 2)) + Phi(-delta sqrt((1 + rho_ij) / 2)),
+
+    Bonferroni's bound on the events of Teunissen, Distributional theory for the DIA method (2018). Infinite where
+    |rho| = 1 or nothing checks the gauge. ``precision`` (n,) holds P_ii.
+    """
+    n = len(precision)
+    others = correlation[~np.eye(n, dtype=bool)].reshape(n, n - 1)
+    apart = np.sqrt(np.maximum(1.0 - np.concatenate([others, -others], axis=1), 0.0) / 2.0)
+
+    def delta(row: FloatArray) -> float:
+        def excess(delta: float) -> float:
+            return float(ndtr(threshold - delta) + ndtr(-delta * row).sum()) - miss_probability
+
+        # Two gauges closer than this differ by round-off alone.
+        if row.min(initial=1.0) < 1e-7:
+            return np.inf
+        high = threshold + 1.0
+        while excess(high) > 0.0:
+            high *= 2.0
+        return float(brentq(excess, 0.0, high))
+
+    with np.errstate(divide="ignore"):
+        return np.asarray([delta(row) for row in apart] / np.sqrt(precision))
 
 
 class _About(NamedTuple):

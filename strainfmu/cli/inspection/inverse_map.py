@@ -17,8 +17,8 @@ from rich.table import Table
 from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.cli.inspection.provenance import provenance_rows
 from strainfmu.estimator.air_inputs import VIBRATION
-from strainfmu.estimator.alarm_limits import detectable_noncentrality, minimal_detectable_bias
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, outlier_threshold
+from strainfmu.estimator.health import detectable_bias as detected_bias
 from strainfmu.estimator.map.inverse_map import (
     COEFFICIENT_NAMES,
     LOAD_NAMES,
@@ -39,7 +39,6 @@ from strainfmu.estimator.reference.readings import amplitudes
 from strainfmu.files import content_hash_of
 
 MICRO = 1e6
-MISS_PROBABILITY = 0.01
 EIGENVALUES_SHOWN = 12
 CASE_NAMES = {1: "1, least squares on POD modes", 2: "2, low-rank Gaussian prior"}
 
@@ -108,11 +107,10 @@ def detectable_bias(inverse_map: InverseMap) -> FloatArray:
 
     At the estimator's rate of false alarms, shared among the gauges; infinite where no other gauge checks one.
     """
-    precision = np.diag(np.diag(residual_precision(inverse_map)))
+    precision = np.diag(residual_precision(inverse_map))
     floor = MIN_INFORMATION * np.sum(inverse_root(inverse_map.noise_covariance) ** 2, axis=0)
-    precision[precision < floor] = 0.0
-    level = FALSE_ALARM_PROBABILITY / inverse_map.n_gauges
-    return minimal_detectable_bias(precision, detectable_noncentrality(1, level, MISS_PROBABILITY))
+    threshold = outlier_threshold(inverse_map.n_gauges, FALSE_ALARM_PROBABILITY)
+    return detected_bias(np.where(precision < floor, 0.0, precision), threshold)
 
 
 def _summary(loaded: InverseMap, title: str, content_hash: str) -> Table:

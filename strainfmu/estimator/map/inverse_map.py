@@ -276,6 +276,11 @@ class InverseMap:
         return self.reference_area * np.where(self.is_moment, self.reference_length, 1.0)
 
     @property
+    def outside_score(self) -> float:
+        """Score from which an estimate is outside of what the map holds for."""
+        return self.envelope_score_limit if self.manifold is None else self.manifold.outside_score
+
+    @property
     def follows_pressure(self) -> bool:
         """Whether strain, loads and errors but the gauges' own follow the dynamic pressure."""
         return self.form == PER_PRESSURE

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.errors import InputError
+from strainfmu.estimator.health import chi_square_limit
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W
 from strainfmu.estimator.map.schema import COVARIANCE, FROM_0, INCREASING, POSITIVE, RANGE, check, described, entry
 from strainfmu.estimator.other_loads import FIVE_LOADS
@@ -232,6 +233,15 @@ def field_with_known(shape_field: ShapeField, powers: Powers, value: FloatArray,
     )
 
 
+OUTSIDE_SCORE, OUTSIDE_SCORE_OF_SHAPES = 3.0, 2.0
+"""Standard deviations by which the flight state leaves the ranges of the map from which it is outside.
+
+The second holds where angle of attack and sideslip have ranges of their own: these are a few degrees wide, few
+standard deviations of the angles. At the very end of a range it takes 1 good flight in 44 for one outside, if
+errors are as large as stated.
+"""
+
+
 class StatePrior(NamedTuple):
     """Mean and standard deviation (4,) of the flight state where nothing is known."""
 
@@ -331,6 +341,16 @@ class ManifoldMap:
     def n_loads(self) -> int:
         """Number of loads n_f."""
         return len(self.error_load)
+
+    @property
+    def outside_score(self) -> float:
+        """Range score from which a flight is outside."""
+        return OUTSIDE_SCORE if self.crossflow_range is None else OUTSIDE_SCORE_OF_SHAPES
+
+    @property
+    def shape_limit(self) -> float:
+        """Detection threshold of the chi-square of the discrepancy modes."""
+        return self.shape_scale * chi_square_limit(max(self.discrepancy_shapes.shape[1], 1))
 
     @cached_property
     def gain_std(self) -> FloatArray:

@@ -34,8 +34,8 @@ from strainfmu.estimator.air_inputs import (
     TOTAL_TEMPERATURE_ERROR,
     QSource,
 )
-from strainfmu.estimator.alarm_limits import outlier_threshold
 from strainfmu.estimator.arguments import given as positive
+from strainfmu.estimator.health import outlier_threshold
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, N_STATES, U, W
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.policies import FALSE_ALARMS, NAVIGATION_ALARM

@@ -25,9 +25,13 @@ from strainfmu.errors import InputError
 from strainfmu.estimator import policies
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
-from strainfmu.estimator.alarm_limits import AMBIGUOUS_CORRELATION, outlier_threshold, outside_score, shape_limit
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, chi_square_limit
+from strainfmu.estimator.health import (
+    AMBIGUOUS_CORRELATION,
+    FALSE_ALARM_PROBABILITY,
+    chi_square_limit,
+    outlier_threshold,
+)
 from strainfmu.estimator.map.flight_tables import MIN_INCIDENCE
 from strainfmu.estimator.map.inverse_map import InverseMap, has_filter, has_other_outputs
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap, Powers
@@ -343,7 +347,7 @@ DERIVED: tuple[Stored, ...] = (
     Stored("flight.crossflow_half", "half widths of these", lambda s: s.tables.crossflow[1], "2", unit="rad",
         rule=POSITIVE, kind="values"),
     Stored("flight.outside_score", "of the flight state from which it is outside",
-        lambda s: outside_score(s.tables)),
+        lambda s: s.tables.outside_score),
     Stored("flight.range_tolerance", "part of a range by which it may be left", policies.RANGE_TOLERANCE),
     Stored("flight.navigation_error",
         "of navigation without a standard deviation: of M, relative of p_inf and q_inf",
@@ -370,7 +374,7 @@ DERIVED: tuple[Stored, ...] = (
     Stored("flight.warm_iterations", "of a step that goes on", policies.WARM_ITERATIONS, kind="whole", low=0,
         high=1000),
     Stored("flight.shape_limit", "sum of squares of discrepancy modes from which strain does not fit",
-        lambda s: shape_limit(s.tables, 1.0)),
+        lambda s: s.tables.shape_limit),
     Stored("flight.outlier_threshold", "of the largest leave-one-out residual",
         lambda s: outlier_threshold(s.tables.n_gauges, FALSE_ALARM_PROBABILITY)),
     Stored("flight.chi_square_limit", "by degrees of freedom from 0 on",
