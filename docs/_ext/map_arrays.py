@@ -14,7 +14,7 @@ from strainfmu.estimator.map.schema import Entry, entries, records_of
 def _rows(name: str, one: Entry) -> Iterator[str]:
     shape = one.shape.replace(" ", " x ").replace("+", " + ")
     meaning = one.meaning.replace("|", "\\|")
-    yield f"| `{name}` | {shape} | {one.unit} | {meaning} | {f'`{one.stored.place}`' if one.stored else ''} |"
+    yield f"| `{name}` | {shape} | {one.unit} | {meaning} | {f'`{one.place}`' if one.place else ''} |"
 
 
 def array_table(record: type) -> str:

@@ -63,7 +63,7 @@ class Stored:
     rule : one of the rules above.
     kind : ``number``, ``whole`` number, ``count`` (unsigned), ``values`` (a few, copied), ``array`` or ``text``;
         by the shape a number or an array if empty.
-    low, high : of a number; of a whole number also a symbol.
+    low, high : smallest and largest number; of a whole number also a symbol.
     member : name in C, if another one.
     """
 
@@ -94,19 +94,21 @@ class Stored:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Entry:
-    """A field of a record of a map: its values, what stands for none, and its array in ``map.bin``."""
+class Entry(Stored):
+    """A field of a record of a map, and its array in ``map.bin`` where it has a place there.
 
-    shape: str
-    unit: str
-    meaning: str
-    neutral: Any
-    dtype: Any
-    rule: str
-    low: float
-    high: float
-    allowed: tuple[Any, ...]
-    stored: Stored | None
+    Attributes
+    ----------
+    neutral : number, or function of the map, that stands where a map does not have the data; a file leaves it out.
+    dtype : of an array.
+    allowed : what a number or texts must be one of.
+    stored : shape in ``map.bin``, if another one.
+    """
+
+    neutral: Any = field(default_factory=lambda: MISSING)  # by default there is none
+    dtype: Any = float
+    allowed: tuple[Any, ...] = ()
+    stored: str = ""
 
     @property
     def axes(self) -> list[str]:
@@ -119,50 +121,20 @@ def entry(
     unit: str = "1",
     meaning: str = "",
     *,
-    neutral: Any = MISSING,
-    default: Any = MISSING,
-    dtype: Any = float,
-    record: type[Any] | None = None,
-    rule: str = ANY,
-    low: float | None = None,
-    high: float | None = None,
-    allowed: tuple[Any, ...] = (),
     place: str = "",
-    stored: str | None = None,
-    **form: Any,
+    default: Any = MISSING,
+    record: type[Any] | None = None,
+    **about: Any,
 ) -> Any:
-    """Return the field of an array, number, text or record of a map.
+    """Return the field of an array, number, text or ``record`` of a map; other arguments are those of the entry.
 
-    Parameters
-    ----------
-    neutral : number, or function of the map, that stands where a map does not have the data; a file leaves it out.
-    default : of a field that a caller may leave out; None also where there is no such array.
-    record : type of a record inside.
-    rule, low, high, allowed : what values must be; a number is from ``low`` to ``high``, or one of ``allowed``, as
-        texts are.
-    place, stored, form : array of ``map.bin``, its shape there, the field's if None, kind and member; see
-        :class:`Stored`.
+    ``default`` is of a field that a caller may leave out; None also where there is no such array.
     """
-    array = None
-    if place:
-        of_file = shape if stored is None else stored
-        array = Stored(place, meaning, shape=of_file, unit=unit, rule=rule, low=low, high=high, **form)
-    stated = Entry(
-        shape=shape,
-        unit=unit,
-        meaning=meaning,
-        neutral=neutral,
-        dtype=dtype,
-        rule=rule,
-        low=-np.inf if low is None else low,
-        high=np.inf if high is None else high,
-        allowed=allowed,
-        stored=array,
-    )
+    stated = Entry(place, meaning, shape=shape, unit=unit, **about)
     metadata = {"entry": stated, "unit": unit} | ({"record": record, "units": {}} if record else {})
-    if neutral is not MISSING:
+    if stated.neutral is not MISSING:
         metadata |= OPTIONAL
-        default = np.zeros(0, dtype=dtype) if default is MISSING else default
+        default = np.zeros(0, dtype=stated.dtype) if default is MISSING else default
     if default is MISSING or isinstance(default, int | float | str | None):
         return field(default=default, metadata=metadata)
     return field(default_factory=lambda: default, metadata=metadata)
@@ -262,8 +234,9 @@ def _check_values(where: str, stated: Entry, value: Any) -> None:
     is_allowed, words = _RULES.get(stated.rule, (lambda value: True, ""))
     if not is_allowed(value):
         raise InputError(f"{where}{'' if stated.shape else f' is {value:g},'} must be {words}")
-    if not stated.shape and not stated.low <= value <= stated.high:
-        words = f"at least {stated.low:g}" if stated.high == np.inf else f"{stated.low:g} to {stated.high:g}"
+    low, high = stated.low, stated.high
+    if not stated.shape and low is not None and not low <= value <= (np.inf if high is None else high):
+        words = f"at least {low:g}" if high is None else f"{low:g} to {high:g}"
         raise InputError(f"{where} is {value:g}, must be {words}")
 
 

@@ -459,11 +459,11 @@ def _field_arrays() -> tuple[Stored, ...]:
     arrays = list[Stored]()
     for kind, record, symbols in RECORDS:
         for name, stated in entries(kind).items():
-            if stated.stored is not None:
-                axes = stated.stored.shape
+            if stated.place:
+                axes = stated.stored or stated.shape
                 value = partial(_field_value, name=name, record=record, shape=stated.shape, stored=axes)
                 shape = " ".join(symbols.get(axis, axis) for axis in axes.split())
-                arrays.append(replace(stated.stored, shape=shape, value=value))
+                arrays.append(replace(stated, shape=shape, value=value))
     return tuple(arrays)
 
 
