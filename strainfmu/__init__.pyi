@@ -22,9 +22,9 @@ from strainfmu.estimator.health import HealthState as HealthState
 
 # Zero offsets
 from strainfmu.estimator.gauge_zeros import GaugeZeros as GaugeZeros
-from strainfmu.estimator.zeros.tare import KnownStrain as KnownStrain
-from strainfmu.estimator.zeros.tare import Tare as Tare
-from strainfmu.estimator.zeros.tare import TareLimits as TareLimits
+from strainfmu.estimator.tare import KnownStrain as KnownStrain
+from strainfmu.estimator.tare import Tare as Tare
+from strainfmu.estimator.tare import TareLimits as TareLimits
 from strainfmu.cosim.estimators.zeros_file import load_zeros as load_zeros
 
 # Recordings

@@ -25,7 +25,7 @@ from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros, zero_fault
 from strainfmu.estimator.map.inverse_map import has_other_outputs, load_inverse_map
 from strainfmu.estimator.settings import EstimatorSettings, setting_fault
-from strainfmu.estimator.zeros.tare import EdgeTare, KnownStrain
+from strainfmu.estimator.tare import EdgeTare, KnownStrain
 from strainfmu.fmu.python.stop_time import stop_fault
 from strainfmu.fmu.python.wrapper_exit import let_go_at_exit
 from strainfmu.interface.estimator_variables import (

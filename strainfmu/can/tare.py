@@ -21,7 +21,7 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
-from strainfmu.estimator.zeros.tare import (
+from strainfmu.estimator.tare import (
     LEAST_SAMPLES,
     KnownStrain,
     TareLimits,

@@ -2,7 +2,7 @@
 
 The data go one way. :mod:`~strainfmu.estimator.estimator` reads a map (``map``), hands it to the compiled
 :mod:`~strainfmu.estimator.core` as bytes that ``resource`` writes, gives the core samples
-(:mod:`~strainfmu.estimator.sample_records`), and returns an :mod:`~strainfmu.estimator.estimate`. FMUs, Python,
+(:mod:`~strainfmu.estimator.arguments`), and returns an :mod:`~strainfmu.estimator.estimate`. FMUs, Python,
 recorded data and the bus use this core.
 
 ``reference`` is the theory in numpy, by which tests check the core. Off the deadline it gives the pressure on the

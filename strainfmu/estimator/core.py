@@ -1,7 +1,7 @@
 """The compiled estimator: its library, and a handle on one map.
 
 The library is the one that native FMUs carry, ``fmus/native/binaries``; ``strainload.h`` documents its functions.
-Where a platform has none, or one of other sources, :mod:`strainfmu.estimator.development_library` makes one.
+Where a platform has none, or one of other sources, :mod:`strainfmu.estimator.library_sources` makes one.
 """
 
 from __future__ import annotations
@@ -20,9 +20,14 @@ import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.development_library import SUFFIX, development_library
-from strainfmu.estimator.development_library import NoCoreError as NoCoreError
-from strainfmu.estimator.library_sources import BINARIES, is_of_sources, library_digest
+from strainfmu.estimator.library_sources import (
+    BINARIES,
+    SUFFIX,
+    development_library,
+    is_of_sources,
+    library_digest,
+)
+from strainfmu.estimator.library_sources import NoCoreError as NoCoreError
 
 VERSION = 5
 """``SL_VERSION`` of the library that this file calls."""

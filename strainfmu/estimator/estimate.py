@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike
 from strainfmu.arrays import BoolArray, FloatArray, IntArray, component, float_or_array
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
-from strainfmu.estimator.estimates.axes import TurnedCoefficients, turned
-from strainfmu.estimator.estimates.pressure import PressureField
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, names_of, rows_of
@@ -39,7 +37,7 @@ class Source(Protocol):
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField: ...
 
-    def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray: ...
+    def other_loads_of(self, estimate: Estimate) -> FloatArray: ...
 
 
 class NamedLoads:
@@ -122,6 +120,39 @@ class SectionLoads:
     torsion = component("loads", 5, "(.., n_s) torsion moment about x [N m], positive with starboard going down.")
 
 
+@dataclass(frozen=True, eq=False)
+class TurnedCoefficients:
+    """Drag, side force and lift coefficient [1], (.., 3), and their standard deviations.
+
+    The wind seen by the body is V (cos a cos b, -sin b, sin a cos b). Drag acts along it, lift upward in the plane
+    of symmetry and normal to it, the wind-axis side force to starboard and normal to both. Stability axes are the
+    wind axes of b = 0: their side force is the body's.
+    """
+
+    values: FloatArray
+    std: FloatArray
+
+    C_D = component("values", 0, "Drag coefficient [1], positive along the wind.")
+    C_S = component("values", 1, "Side force coefficient [1] of these axes, positive to starboard.")
+    C_L = component("values", 2, "Lift coefficient [1], positive up.")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PressureField:
+    """Pressure at the n_p nodes of a map, ``point`` and ``triangle`` of the map.
+
+    Attributes
+    ----------
+    pressure : (n_p,) [Pa]; NaN where the estimate holds no loads.
+    std : (n_p,) standard deviation of each node [Pa].
+    is_net : whether ``pressure`` is p - p_inf, as of a linear map whose internal pressure is the ambient one.
+    """
+
+    pressure: FloatArray
+    std: FloatArray
+    is_net: bool
+
+
 class _Value(property):
     """A value of an estimate, described by a text; ``read`` returns it of the estimate and the property's name."""
 
@@ -152,14 +183,12 @@ def _of_fit(text: str, kind: type[Any] | None = None, *, order: int = 0) -> Any:
     return _Value(text, read)
 
 
+_OTHERS = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
+
+
 def _other(text: str) -> Any:
     """Return a value of the loads behind the five, which the core of some maps does not have."""
-
-    def read(estimate: Estimate, name: str) -> Any:
-        values = estimate._field(name)
-        return values if values.shape[-1] else estimate._estimator.other_loads_of(estimate, name)
-
-    return _Value(text, read)
+    return _Value(text, lambda estimate, name: estimate._others[_OTHERS.index(name)])
 
 
 class Estimate(NamedLoads):
@@ -193,6 +222,11 @@ class Estimate(NamedLoads):
 
     def _fit(self, name: str) -> FloatArray:
         return np.asarray(self._fit_record[..., self._estimator.core.fit[name]])
+
+    @cached_property
+    def _others(self) -> Sequence[FloatArray]:
+        values = [self._field(name) for name in _OTHERS]
+        return values if values[0].shape[-1] else self._estimator.other_loads_of(self)
 
     def _number(self, name: str, kind: type[Any]) -> Any:
         """Return a field of one number as a ``kind``, of k samples as (k,)."""
@@ -554,3 +588,35 @@ def _tuples(rows: list[tuple[Any, ...]]) -> Any:
     array = np.empty(len(rows), dtype=object)
     array[:] = rows
     return array
+
+
+def turned(
+    coefficients: FloatArray,
+    covariance: FloatArray,
+    angles: tuple[ArrayLike, ArrayLike],
+    stds: tuple[ArrayLike, ArrayLike],
+) -> TurnedCoefficients:
+    """Return C_D, C_S and C_L of body ``coefficients`` (.., 5) with ``covariance`` (.., 5, 5).
+
+    ``angles`` are a and b [rad], one or one of each sample; ``stds`` of their errors [rad] add to the variances to
+    first order.
+    """
+    a, b = np.broadcast_arrays(*(np.asarray(angle, dtype=float) for angle in angles))
+    turn, order = _axes(a, b), np.array([0, 2, 1])
+    body, of_body = coefficients[..., order], covariance[..., order[:, None], order]
+    variance = np.einsum("...ij,...jk,...ik->...i", turn, of_body, turn)
+    # Derivatives by an angle: a quarter turn more, less what does not turn.
+    by_a = _axes(a + 0.5 * np.pi, b) * np.array([[1.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
+    by_b = _axes(a, b + 0.5 * np.pi) * np.array([[1.0], [1.0], [0.0]])
+    for slope, std in zip((by_a, by_b), stds, strict=True):
+        error = np.einsum("...ij,...j->...i", slope, body) * np.asarray(std, dtype=float)[..., None]
+        variance = variance + error**2
+    return TurnedCoefficients(np.einsum("...ij,...j->...i", turn, body), np.sqrt(variance))
+
+
+def _axes(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return (.., 3, 3) unit vectors of drag, side force and lift in body axes."""
+    drag = np.stack([np.cos(a) * np.cos(b), -np.sin(b), np.sin(a) * np.cos(b)], axis=-1)
+    side = np.stack([np.cos(a) * np.sin(b), np.cos(b), np.sin(a) * np.sin(b)], axis=-1)
+    lift = np.stack([-np.sin(a), np.zeros_like(a), np.cos(a)], axis=-1)
+    return np.stack([drag, side, lift], axis=-2)

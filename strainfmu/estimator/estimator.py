@@ -25,14 +25,20 @@ from strainfmu.estimator.air_inputs import (
 )
 from strainfmu.estimator.arguments import (
     SampleInputs,
+    SampleRecords,
+    Samples,
     checked_mask,
+    checked_start,
     is_series,
     per_sample,
     real_numbers,
+    refuse_without_altitude,
+    split,
+    time_of,
+    times_of,
 )
 from strainfmu.estimator.core import Core, Series
-from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure import PressureField
+from strainfmu.estimator.estimate import Estimate, PressureField
 from strainfmu.estimator.gauge_zeros import GaugeZeros, zeros_of_map
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import flow_parameters
@@ -40,23 +46,13 @@ from strainfmu.estimator.off_deadline import absolute_loads, surface_pressure
 from strainfmu.estimator.other_loads import names_of, number_of
 from strainfmu.estimator.policies import LARGEST_TIME, SMALLEST_TIME
 from strainfmu.estimator.resource.map_file import native_resource
-from strainfmu.estimator.sample_records import (
-    SampleRecords,
-    Samples,
-    checked_start,
-    refuse_without_altitude,
-    split,
-    time_of,
-    times_of,
-)
 from strainfmu.estimator.settings import EstimatorSettings, default_settings
 from strainfmu.estimator.signal_names import (
-    COEFFICIENT_ARRAY,
     FILTER_TIME_CONSTANT,
     LOAD_NAMES,
     STRAIN,
 )
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, judged_tare, limits_record
+from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, judged_tare, limits_record
 
 # Members of an Enum by name: through its class each use takes as long as a call.
 _EACH, _TRACK = Series.EACH, Series.TRACK
@@ -452,19 +448,18 @@ class Estimator:
 
     # What is made of estimates off the deadline.
 
-    def other_loads_of(self, estimate: Estimate, name: str) -> FloatArray:
-        """Return the loads behind the five of a map whose core has none.
+    def other_loads_of(self, estimate: Estimate) -> FloatArray:
+        """Return (4, .., m) the loads behind the five of a map whose core has none, their standard deviations,
+        coefficients and theirs.
 
         They are zero where the five loads are known, but for maps of form "absolute" with such loads.
         """
-        shape = estimate.loads.shape[:-1]
-        if not self.inverse_map.has_other_loads or self.is_nonlinear:
-            five = estimate.coefficients if COEFFICIENT_ARRAY in name else estimate.loads
-            known = np.isfinite(five).all(axis=-1, keepdims=True)
-            return np.where(known, np.zeros((*shape, number_of(self.load_groups))), nan)
-        return absolute_loads(self.inverse_map, self.zeros, self.settings, estimate, self.core.inputs)[
-            name
-        ].reshape(*shape, -1)
+        if self.inverse_map.has_other_loads and not self.is_nonlinear:
+            loads = absolute_loads(self.inverse_map, self.zeros, self.settings, estimate, self.core.inputs)
+            return loads.reshape(4, *estimate.loads.shape[:-1], -1)
+        five = np.stack([estimate.loads, estimate.loads, estimate.coefficients, estimate.coefficients])
+        known = np.isfinite(five).all(axis=-1, keepdims=True)
+        return np.where(known, np.zeros(number_of(self.load_groups)), nan)
 
     def pressure_of(self, estimate: Estimate, with_std: bool = True) -> PressureField:
         """Return the pressure on the surface of one ``estimate``: :meth:`Estimate.pressure`."""

@@ -2,34 +2,47 @@
 
 These are the loads behind the five of a linear map of form "absolute". The pressure follows from the flight state
 of the core and its covariance, and from the sensors and air data that it used.
+
+**Linear.** At the pressure ratio s = q_inf / q_nominal the states follow from (d - d_0) / s + d_0 - m = A q + e
+with cov e = Gamma_g / s^2 + N N' and what errors in proportion to strain add at the strain. The pressure is
+s (p_mean + V q), and the field that no state holds adds its standard deviation.
+
+**Nonlinear.** With C the covariance with strain of pressure off the tables that the gain may correct:
+p = p(x) + C S^-1 r, as the loads. The variance of a node with the derivative J_p by the state is
+
+    (J_p - C S^-1 J) E_x (..)' + sigma_p^2 - C S^-1 C'.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import BoolArray, FloatArray
+from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, DYNAMIC_PRESSURE, INERTIAL_NAMES, STD, VIBRATION
 from strainfmu.estimator.core import Layout
-from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure import (
-    PressureField,
-    flight_pressure,
-    linear_pressure,
-    no_field,
-    unknown_field,
-)
+from strainfmu.estimator.estimate import Estimate, PressureField
 from strainfmu.estimator.gauge_zeros import GaugeZeros
-from strainfmu.estimator.map.flight_tables import LOG_PRESSURE
+from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, MIN_INCIDENCE, Response, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, with_gauge_covariance
-from strainfmu.estimator.map.nonlinear_map import ManifoldMap, ShapeField, field_with_known, with_known
+from strainfmu.estimator.map.nonlinear_map import (
+    FlightField,
+    ManifoldMap,
+    ShapeField,
+    field_with_known,
+    with_known,
+)
 from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
-from strainfmu.estimator.other_loads import OTHER_LOADS
+from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
-from strainfmu.estimator.reference.air import air_inputs_of
+from strainfmu.estimator.reference.air import air_inputs_of, lognormal_std
 from strainfmu.estimator.reference.linear import estimate as linear_estimate
+from strainfmu.estimator.reference.linear import excess_covariance
+from strainfmu.estimator.reference.nonlinear import strain_covariance
 from strainfmu.estimator.reference.readings import amplitudes, row_noise, rows_of
 from strainfmu.estimator.settings import EstimatorSettings
 from strainfmu.estimator.signal_names import TEMPERATURE, THRUST
@@ -136,17 +149,11 @@ def _without_motion(
     return with_gauge_covariance(inverse_map, noise, of_tables), rows
 
 
-_NAMES = ("other_loads", "other_loads_std", "other_coefficients", "other_coefficients_std")
-
-
-def _std(covariance: FloatArray) -> FloatArray:
-    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-
-
 def absolute_loads(
     inverse_map: InverseMap, zeros: GaugeZeros, settings: EstimatorSettings, estimate: Estimate, places: Layout
-) -> dict[str, FloatArray]:
-    """Return the loads behind the five of k samples by the field of an estimate, (k, n_f - 5).
+) -> FloatArray:
+    """Return (4, k, n_f - 5) loads behind the five of k samples by the field of an estimate, and their standard
+    deviations, then coefficients and theirs.
 
     ``places`` is the layout of the samples of ``estimate``. All is NaN without valid sensors, coefficients also
     without q_inf.
@@ -164,26 +171,234 @@ def absolute_loads(
     known &= np.isfinite(stated)
     q = np.where(known, stated, 1.0)
     std = np.where(np.isnan(pressure_std), inverse_map.dynamic_pressure_error * q, pressure_std)
-    lengths = np.where(inverse_map.is_moment[OTHER_LOADS], settings.reference_length, 1.0)
-    scale = inverse_map.references[OTHER_LOADS] / (settings.reference_area * lengths)
-    loads = {name: np.full((len(rows), len(scale)), np.nan) for name in _NAMES}
     masks, which = np.unique(valid, axis=0, return_inverse=True)
+    loads = np.full((4, len(rows), inverse_map.n_loads), np.nan)
     for number, used in enumerate(masks):
         of_mask = np.flatnonzero(which.reshape(-1) == number)
-        if not used.any():
-            continue
-        read = np.where(used, rows[of_mask], 0.0)
-        fit = linear_estimate(inverse_map, read, used, q[of_mask], std[of_mask], noise)
-        for name, value, turn in (
-            ("other_loads", fit.loads, np.ones(1)),
-            ("other_loads_std", _std(fit.covariance), np.ones(1)),
-            (
-                "other_coefficients",
-                fit.coefficients,
-                scale * np.where(known[of_mask], 1.0, np.nan)[:, None],
-            ),
-            ("other_coefficients_std", _std(fit.coefficient_covariance), scale),
-        ):
-            loads[name][of_mask] = turn * value[:, OTHER_LOADS]
-    loads["other_coefficients_std"][~known] = np.nan
-    return loads
+        if used.any():
+            read = np.where(used, rows[of_mask], 0.0)
+            fit = linear_estimate(inverse_map, read, used, q[of_mask], std[of_mask], noise)
+            variances = (
+                np.diagonal(each, axis1=1, axis2=2) for each in (fit.covariance, fit.coefficient_covariance)
+            )
+            of_loads, of_coefficients = map(np.sqrt, variances)
+            loads[:, of_mask] = fit.loads, of_loads, fit.coefficients, of_coefficients
+    lengths = np.where(inverse_map.is_moment, settings.reference_length, 1.0)
+    loads[2:] *= inverse_map.references / (settings.reference_area * lengths)
+    loads[2:, ~known] = np.nan
+    return loads[:, :, OTHER_LOADS]
+
+
+MIN_OF_EXCESS = 0.25
+"""Least variance of a node relative to that at the mean strain: the linear model of the errors could give less."""
+
+MIN_LEFT = 0.05
+"""Least part of the variance of pressure off the tables that strain leaves: C holds its low harmonics alone."""
+
+
+def unknown_field(n_nodes: int, is_net: bool) -> PressureField:
+    """Return the pressure of a sample without an estimate: NaN at all ``n_nodes``."""
+    return PressureField(pressure=np.full(n_nodes, np.nan), std=np.full(n_nodes, np.nan), is_net=is_net)
+
+
+def no_field() -> InputError:
+    """Return the error of a map without a pressure field."""
+    return InputError("inverse map: holds no pressure field, expected one built with keep_field = true in [map]")
+
+
+def linear_pressure(
+    inverse_map: InverseMap,
+    strain: FloatArray,
+    valid: BoolArray,
+    dynamic_pressure: float,
+    dynamic_pressure_std: float,
+    with_std: bool = True,
+) -> PressureField:
+    """Return the pressure of one sample of ``strain`` (n_d,) [m/m] by the linear map from the ``valid`` gauges.
+
+    q_inf and its standard deviation [Pa] are NaN where not known. ``with_std`` false leaves the standard deviation
+    of the pressure NaN.
+
+    Raises
+    ------
+    InputError
+        The map holds no pressure field.
+    """
+    if not inverse_map.has_field:
+        raise no_field()
+    scaled, is_net = inverse_map.follows_pressure, inverse_map.field_is_net
+    ratio = dynamic_pressure / inverse_map.nominal_dynamic_pressure if scaled else 1.0
+    few = inverse_map.case == 1 and np.count_nonzero(valid) < inverse_map.n_states
+    if not ratio > 0.0 or few or not valid.any():
+        return unknown_field(len(inverse_map.field_mean), is_net)
+    data, of_all = strain - inverse_map.mean_strain, inverse_map.noise_covariance
+    if scaled:
+        error, fixed = inverse_map.error_strain, inverse_map.fixed_strain
+        data = (strain - fixed) / ratio + fixed - inverse_map.mean_strain
+        of_all = inverse_map.gauge_covariance / ratio**2 + error @ error.T
+    noise, operator = of_all[np.ix_(valid, valid)], inverse_map.state_operator[valid]
+    weighted = np.linalg.solve(noise, operator).T
+    precision = weighted @ operator + inverse_map.regularisation * np.eye(operator.shape[1])
+    gain = np.linalg.solve(precision, weighted)
+    state = gain @ data[valid]
+    mean, modes = inverse_map.field_mean.astype(float), inverse_map.field_modes.astype(float)
+    pressure = ratio * (mean + modes @ state)
+    if not with_std:
+        return replace(unknown_field(len(mean), is_net), pressure=pressure)
+    covariance = gain @ noise @ gain.T
+    if inverse_map.case == 2:  # the prior
+        unresolved = np.eye(len(gain)) - gain @ operator
+        covariance = covariance + unresolved @ unresolved.T
+    variance = np.einsum("pq,qr,pr->p", modes, covariance, modes, optimize=True)
+    excess = gain @ _excess(inverse_map, state, valid) @ gain.T
+    variance = np.maximum(
+        variance + np.einsum("pq,qr,pr->p", modes, excess, modes, optimize=True), MIN_OF_EXCESS * variance
+    )
+    # The strain of the field that no state holds is in Case 1 part of the states' error: the sum bounds both.
+    std, rest = np.sqrt(variance), inverse_map.field_std.astype(float)
+    std = ratio * (std + rest if inverse_map.case == 1 else np.hypot(std, rest))
+    if scaled:
+        by_ratio = mean + modes @ (gain @ (inverse_map.fixed_strain - inverse_map.mean_strain)[valid])
+        std = np.hypot(std, by_ratio * dynamic_pressure_std / inverse_map.nominal_dynamic_pressure)
+    return PressureField(pressure=pressure, std=std, is_net=is_net)
+
+
+def _excess(inverse_map: InverseMap, state: FloatArray, valid: BoolArray) -> FloatArray:
+    """Return what errors in proportion to strain add to the covariance of the ``valid`` gauges at ``state``."""
+    mean = inverse_map.load_of_mean - inverse_map.fixed_load
+    loads = mean[FIVE_LOADS] + inverse_map.load_per_state[FIVE_LOADS] @ state
+    coefficients = loads / (inverse_map.nominal_dynamic_pressure * inverse_map.references[FIVE_LOADS])
+    return excess_covariance(inverse_map, coefficients[None])[0][np.ix_(valid, valid)]
+
+
+def table_pressure(manifold: ManifoldMap, field: FlightField | ShapeField, state: FloatArray) -> Response:
+    """Return the pressure (n_p,) [Pa] of the tables at ``state`` (4,), and its derivatives (n_p, 4)."""
+    return (
+        _of_shape(manifold, field, state) if isinstance(field, ShapeField) else _of_rings(manifold, field, state)
+    )
+
+
+def _of_shape(manifold: ManifoldMap, field: ShapeField, state: FloatArray) -> Response:
+    tables = field.tables(manifold.tables)
+    value, jacobian = (field.modes @ each[0] for each in evaluate(tables, state[None]))
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    jacobian[:, LOG_PRESSURE] += pressure
+    return Response(value + pressure, jacobian)
+
+
+def _of_rings(manifold: ManifoldMap, field: FlightField, state: FloatArray) -> Response:
+    u, w = float(state[U]), float(state[W])
+    incidence = float(np.sqrt(u * u + w * w + MIN_INCIDENCE**2))
+    at_mach = local_basis(manifold.mach_knots, state[MACH : MACH + 1])
+    at_incidence = local_basis(manifold.incidence_knots, np.array([incidence]))
+    (i,), (of_mach,), (by_mach_knots,) = at_mach
+    (j,), (of_incidence,), (by_incidence_knots,) = at_incidence
+    local = field.amplitude[i : i + 4, j : j + 4].astype(float)
+    pairs = ((of_mach, of_incidence), (by_mach_knots, of_incidence), (of_mach, by_incidence_knots))
+    amplitude, by_mach, by_incidence = (np.einsum("a,b,abxm->xm", a, b, local, optimize=True) for a, b in pairs)
+    m = np.arange(local.shape[3])
+    angle = np.outer(m, field.roll_angle - np.arctan2(w, u))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    value = (amplitude @ cosine).ravel()
+    along = (by_incidence @ cosine).ravel()
+    turned = ((m * amplitude) @ sine).ravel() / incidence  # by phi_T, times its derivative 1/a_T
+    jacobian = np.stack(
+        [
+            (by_mach @ cosine).ravel(),
+            (u * along - w * turned) / incidence,
+            (w * along + u * turned) / incidence,
+            value,
+        ],
+        axis=1,
+    )
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    return Response(pressure * value, pressure * jacobian)
+
+
+def flight_pressure(
+    manifold: ManifoldMap,
+    tables: ManifoldMap,
+    field: FlightField | ShapeField,
+    *,
+    state: FloatArray,
+    state_covariance: FloatArray,
+    strain: FloatArray,
+    used: BoolArray,
+    with_std: bool = True,
+) -> PressureField:
+    """Return the pressure at an estimated flight state.
+
+    Parameters
+    ----------
+    manifold, tables, field : the map's, with the noise of the sample; tables and field with what is known of it.
+    state, state_covariance : (4,), (4, 4) of the estimate.
+    strain, used : (n_d,) strain [m/m], and the gauges that the state follows from.
+    with_std : false leaves the standard deviation NaN.
+    """
+    table, n_d = table_pressure(manifold, field, state), len(strain)
+    value, by_state_of_rows = (each[0] for each in evaluate(tables.tables, state[None]))
+    covariance = strain_covariance(tables, manifold.gauge_covariance, state[None], considered=False)[0]
+    factor = np.linalg.cholesky(np.where(used[:, None] & used, covariance, np.eye(n_d)))
+    residual = np.where(used, strain - value[:n_d], 0.0)
+    jacobian = np.where(used[:, None], by_state_of_rows[:n_d], 0.0)
+    whitened = np.linalg.solve(factor, np.column_stack([residual, jacobian]))
+    pressure = float(np.exp(state[LOG_PRESSURE]))
+    if not with_std:
+        weights = np.asarray(np.linalg.solve(factor.T, whitened[:, 0]), dtype=float)
+        correction = pressure * pressure * _corrected(field, used, weights)
+        return replace(unknown_field(field.n_nodes, is_net=False), pressure=table.value + correction)
+    gain = pressure * pressure * _turned(field, factor, used)
+    by_state = table.jacobian - gain @ whitened[:, 1:]
+    prior = pressure * pressure * _relative_variance(field, state)
+    left = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
+    # Errors of ln p_inf are normal, those of p_inf reach further.
+    of_log = float(np.sqrt(state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
+    wider = (float(lognormal_std(np.array(of_log))) / of_log) ** 2
+    variance = wider * np.einsum("px,xy,py->p", by_state, state_covariance, by_state) + left
+    return PressureField(pressure=table.value + gain @ whitened[:, 0], std=np.sqrt(variance), is_net=False)
+
+
+def _corrected(field: FlightField | ShapeField, used: BoolArray, weights: FloatArray) -> FloatArray:
+    """Return (n_p,) C times ``weights`` (n_d,)."""
+    if isinstance(field, ShapeField):
+        return np.asarray(field.strain_covariance[:, used].astype(float) @ weights[used])
+    return np.asarray((_around(field) @ _of_stations(field, used, weights)).T.ravel())
+
+
+def _relative_variance(field: FlightField | ShapeField, state: FloatArray) -> FloatArray:
+    """Return (n_p,) variance of the pressure off the tables, per p_inf^2."""
+    if isinstance(field, ShapeField):
+        return field.error_std**2
+    return np.asarray((field.error_std[:, None] ** 2 + _at_wind(field, state).astype(float) ** 2).ravel())
+
+
+def _turned(field: FlightField | ShapeField, factor: FloatArray, used: BoolArray) -> FloatArray:
+    """Return (n_p, n_d) C L'^-1 per p_inf^2, L (n_d, n_d) the Cholesky factor of S."""
+    if isinstance(field, ShapeField):
+        return np.asarray(np.linalg.solve(factor, np.where(used, field.strain_covariance, 0.0).T).T)
+    n_x, n_h, _, n_d = field.strain_covariance.shape
+    known = np.where(used, field.strain_covariance, 0.0).reshape(-1, n_d)
+    whitened = np.linalg.solve(factor, known.T).T.reshape(n_x, 2 * n_h, n_d)
+    return np.asarray((_around(field) @ whitened).reshape(-1, n_d))
+
+
+def _of_stations(field: FlightField, used: BoolArray, weights: FloatArray) -> FloatArray:
+    """Return (2 n_h, n_x) amplitudes of C times ``weights`` (n_d,)."""
+    known = field.strain_covariance[..., used].astype(float) @ weights[used]
+    return np.asarray(known.reshape(len(known), -1).T)
+
+
+def _around(field: FlightField) -> FloatArray:
+    """Return (n_roll, 2 n_h) cosines and sines round the body."""
+    angle = np.outer(field.roll_angle, np.arange(field.strain_covariance.shape[1]))
+    return np.stack([np.cos(angle), np.sin(angle)], axis=2).reshape(len(angle), -1)
+
+
+def _at_wind(field: FlightField, state: FloatArray) -> FloatArray:
+    """Return (n_x, n_roll) the error of the tables at the nodes, with the leeward meridian where ``state`` has
+    it."""
+    n_roll = len(field.roll_angle)
+    place = ((field.roll_angle - np.arctan2(state[W], state[U])) * n_roll / (2.0 * np.pi)) % n_roll
+    below = np.floor(place).astype(np.int64) % n_roll
+    other = (below + 1) % n_roll
+    return np.maximum(field.table_error_std[:, below], field.table_error_std[:, other])

@@ -27,7 +27,7 @@ from strainfmu.estimator.map.inverse_map import (
     save_inverse_map,
 )
 from strainfmu.estimator.signal_names import STRAIN
-from strainfmu.estimator.zeros.tare import KnownStrain
+from strainfmu.estimator.tare import KnownStrain
 from strainfmu.files import built_time_of, content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 from strainfmu.estimator.air_inputs import QSource
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 
 HEALTH_TYPE = "HealthState"
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.signal_names import TARE as TARE
-from strainfmu.estimator.zeros.tare import LEAST_SAMPLES, TareLimits
+from strainfmu.estimator.tare import LEAST_SAMPLES, TareLimits
 from strainfmu.interface.enumerations import TARE_TYPE
 from strainfmu.interface.fmi_variables import Variable
 

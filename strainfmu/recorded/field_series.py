@@ -18,8 +18,8 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure import no_field
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.off_deadline import no_field
 from strainfmu.files import GuardedFile, whole_file, writing
 
 FIELD_SUFFIX = ".vtkhdf"

@@ -17,7 +17,7 @@ from strainfmu.estimator.air_inputs import STD
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.validity import flow_parameters
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits, refusal
+from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits, refusal
 from strainfmu.interface.sensor_variables import reading_units
 from strainfmu.recorded.estimators import recorded_readings
 from strainfmu.recorded.names import QUANTITIES, Wanted

@@ -12,9 +12,8 @@ import pytest
 from raw_fmu import this_platform
 
 from strainfmu.errors import InputError
-from strainfmu.estimator import core, development_library
-from strainfmu.estimator.development_library import NoCoreError
-from strainfmu.estimator.library_sources import LIBRARIES, MARK, library_digest
+from strainfmu.estimator import core, library_sources
+from strainfmu.estimator.library_sources import LIBRARIES, MARK, NoCoreError, library_digest
 from strainfmu.fmu.native import package
 from strainfmu.fmu.native.build import NATIVE, PLATFORMS, library_file
 
@@ -110,7 +109,7 @@ def test_an_edited_rule_of_health_is_what_python_says(tmp_path: Path, cache: Pat
 
 def test_without_a_compiler_one_line_says_what_to_install(native: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     edit(native)
-    monkeypatch.setattr(development_library.shutil, "which", lambda name: None)
+    monkeypatch.setattr(library_sources.shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "ziglang", None)
     with pytest.raises(
         NoCoreError, match=r"^the compiled estimator: native/binaries/\S+ has a library of other C "

@@ -16,7 +16,7 @@ from other_load_maps import with_own_further
 from random_map import map_of, random_model
 from thermal_maps import with_temperature
 
-from strainfmu.estimator.estimates.pressure import PressureField
+from strainfmu.estimator.estimate import PressureField
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import evaluate

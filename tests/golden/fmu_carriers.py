@@ -17,10 +17,10 @@ from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
 from strainfmu.estimator.air_data import AIR_DATA_NAMES
 from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, STD
+from strainfmu.estimator.arguments import EXACT
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.other_loads import LoadArray
-from strainfmu.estimator.sample_records import EXACT
 from strainfmu.estimator.settings import default_settings
 from strainfmu.interface.estimator_variables import LOADS, estimator_arrays, estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

@@ -19,10 +19,10 @@ from builder.truth.revolution.flow_table import FlowTable, harmonics_at
 from builder.truth.revolution.strain import TrueStructure, true_flights
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import FlightField
+from strainfmu.estimator.off_deadline import table_pressure
 
 
 def exact_vehicle(vehicle: Vehicle, **entry: object) -> Vehicle:

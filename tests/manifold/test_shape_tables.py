@@ -30,12 +30,12 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.manifold.state_tables import state_tables
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
-from strainfmu.estimator.estimates.pressure import table_pressure
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.flight_tables import FlightTables, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap
+from strainfmu.estimator.off_deadline import table_pressure
 from strainfmu.flight_condition import FlightCondition
 
 RANDOM = np.random.default_rng(8)

@@ -19,7 +19,7 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.zeros.tare import KnownStrain
+from strainfmu.estimator.tare import KnownStrain
 
 _HARMONICS = 2
 """Highest harmonic in roll angle; the harmonic of own weight is 1."""

@@ -19,7 +19,7 @@ from strainfmu.errors import InputError, StrainfmuError
 
 if TYPE_CHECKING:
     from strainfmu.can.replay import ReplaySummary
-    from strainfmu.estimator.zeros.tare import Tare
+    from strainfmu.estimator.tare import Tare
     from strainfmu.recorded.run import EstimationSummary
 
 
@@ -142,7 +142,7 @@ OF_KNOWN_LOADS = ("weight_up_roll_deg", "weight_nose_deg", "ambient_pressure", "
 
 def tare(*, inverse_map: Path, recording: Path, output: Path, vehicle: Path | None, **options: Any) -> None:
     """Find zero offsets and print them."""
-    from strainfmu.estimator.zeros.tare import refusal
+    from strainfmu.estimator.tare import refusal
 
     loads = {name: options.pop(name) for name in OF_KNOWN_LOADS}
     known, known_of = None, dict[str, str | float]()

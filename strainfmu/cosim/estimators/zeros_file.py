@@ -14,7 +14,7 @@ import numpy as np
 from strainfmu.cosim.toml_table import TomlTable, read_toml
 from strainfmu.errors import InputError
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO, GaugeZeros
-from strainfmu.estimator.zeros.tare import KnownStrain
+from strainfmu.estimator.tare import KnownStrain
 from strainfmu.files import write_bytes_atomically
 
 MICRO = 1e-6

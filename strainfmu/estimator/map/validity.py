@@ -12,18 +12,15 @@ hold, whatever strain and coefficients say.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import degrees, radians
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from strainfmu.arrays import FloatArray
-from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
-from strainfmu.estimator.arguments import per_sample
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 from strainfmu.flight_condition import (
     ALTITUDE,
@@ -73,39 +70,6 @@ class FlowParameters:
         """(n_p,) width of each range; of a value that the snapshots hold fixed its size, at least 1."""
         width = self.maximum - self.minimum
         return np.asarray(np.where(width > 0.0, width, np.maximum(np.abs(self.maximum), 1.0)))
-
-    def values(
-        self, given: Mapping[str, ArrayLike] | None, samples: int, argument: str = "parameters"
-    ) -> FloatArray:
-        """Return (samples, n_p) the values ``given`` by name, NaN of those that are not.
-
-        ``argument`` is what errors call ``given``.
-
-        Raises
-        ------
-        InputError
-            ``given`` names nothing, the map has no parameter of a name, or a value is no number or not one of each
-            sample.
-        """
-        values = np.full((samples, len(self.names)), np.nan)
-        if given is None:
-            return values
-        known = ", ".join(self.names) or "none"
-        if not isinstance(given, Mapping):
-            raise InputError(f"{argument}: expected values by name, of the map's {known}, got {given!r}")
-        for name, value in given.items():
-            if name not in self.names:
-                raise InputError(f"{argument}: expected the parameters of the map, {known}, got '{name}'")
-            values[:, self.names.index(name)] = per_sample(name, value, samples)
-        return values
-
-    def stds(self, given: Mapping[str, ArrayLike] | None, samples: int) -> FloatArray:
-        """Return (samples, n_p) standard deviations ``given`` by name, as :meth:`values`; errors as there, and for
-        one below 0."""
-        stds = self.values(given, samples, "parameters_std")
-        if np.any(stds < 0.0):
-            raise InputError(f"parameters_std: expected numbers from 0 on, got {np.nanmin(stds):g}")
-        return stds
 
     def outside(self, score: FloatArray) -> tuple[str, ...]:
         """Return the names of those that leave their range, by their ``score`` (n_p,)."""

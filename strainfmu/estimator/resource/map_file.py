@@ -22,7 +22,7 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
-from strainfmu.estimator import policies
+from strainfmu.estimator import policies, tare
 from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
@@ -60,8 +60,6 @@ from strainfmu.estimator.settings import (
     default_settings,
 )
 from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
-from strainfmu.estimator.zeros import tare
-from strainfmu.estimator.zeros.load_patterns import load_odds, load_patterns
 
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48
@@ -330,10 +328,10 @@ DERIVED: tuple[Stored, ...] = (
         unit="m/m"),
     Stored(f"{TARE}.known_std", "its standard deviation", lambda s: s.known.std, "n_strains", unit="m/m",
         rule=FROM_0),
-    Stored(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: load_patterns(s.map),
+    Stored(f"{TARE}.pattern", "orthonormal strains of flights", lambda s: tare.load_patterns(s.map),
         "n_patterns n_strains"),
     Stored(f"{TARE}.load_odds", "threshold of the part along them by the number of gauges",
-        lambda s: load_odds(s.map), "n_strains+1"),
+        lambda s: tare.load_odds(s.map), "n_strains+1"),
     Stored("flight.min_incidence", "rounds the cone of total angle of attack off at its tip",
         MIN_INCIDENCE, unit="rad", rule=POSITIVE),
     *_tables("flight", lambda s: s.tables.tables.fixed_response),

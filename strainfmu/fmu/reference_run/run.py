@@ -21,7 +21,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.estimator.policies import RETURN_AFTER
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FORCE, MOMENT, TEMPERATURE
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 from strainfmu.fmu.reference_run.flight_path import rounded
 from strainfmu.fmu.reference_run.readings import FAULT_STATES, Fault, Readings, reference_readings
 from strainfmu.interface.estimator_variables import estimator_interface, output_values

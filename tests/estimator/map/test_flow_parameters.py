@@ -91,7 +91,7 @@ def test_values_without_names_are_refused_in_one_line(estimator: Estimator, give
         with pytest.raises(InputError, match=r"^parameters: expected values by name, of the map's fin_deg, power"):
             call(strain, NOMINAL, parameters=given)
     with pytest.raises(InputError, match=r"^parameters_std: expected values by name, .* got \S"):
-        estimator.parameters.stds(given, 1)
+        estimator.step(strain, NOMINAL, parameters_std=given)
 
 
 def test_a_map_without_parameters_has_none() -> None:

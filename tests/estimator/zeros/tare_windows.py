@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from random_map import map_of, random_model
 
-from strainfmu.estimator.zeros.tare import KnownStrain, TareLimits
+from strainfmu.estimator.tare import KnownStrain, TareLimits
 
 N_D = 12
 HELD = map_of(random_model(n_gauges=N_D))

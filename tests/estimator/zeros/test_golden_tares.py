@@ -10,7 +10,7 @@ from tare_windows import HELD, TareWindow, tare_window
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import EdgeTare, refusal, taken_text
+from strainfmu.estimator.tare import EdgeTare, refusal, taken_text
 
 pytestmark = pytest.mark.fast
 

@@ -10,8 +10,7 @@ from tare_windows import HELD
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.load_patterns import largest_part, load_odds, load_patterns, part_survival
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare
+from strainfmu.estimator.tare import KnownStrain, Tare, largest_part, load_odds, load_patterns, part_survival
 
 pytestmark = pytest.mark.fast
 

@@ -11,7 +11,7 @@ from random_map import map_of, random_model
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
-from strainfmu.estimator.zeros.tare import KnownStrain, Tare, TareLimits
+from strainfmu.estimator.tare import KnownStrain, Tare, TareLimits
 
 pytestmark = pytest.mark.fast
 

@@ -8,7 +8,7 @@ from random_map import map_of, random_model
 
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.zeros.tare import EdgeTare, TareLimits, TareState, limits_record
+from strainfmu.estimator.tare import EdgeTare, TareLimits, TareState, limits_record
 
 pytestmark = pytest.mark.fast
 

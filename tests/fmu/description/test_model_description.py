@@ -16,7 +16,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_flight_model, 
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import LAST_INPUTS, QSource
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 from strainfmu.fmu.description.fmi2 import model_description
 from strainfmu.fmu.description.fmi3 import FIRST_SCALAR, model_description_3
 from strainfmu.fmu.description.fmu_description import FmuDescription, generation_time, model_identifier

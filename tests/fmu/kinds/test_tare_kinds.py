@@ -17,7 +17,7 @@ from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import load_inverse_map
-from strainfmu.estimator.zeros.tare import KnownStrain, TareState
+from strainfmu.estimator.tare import KnownStrain, TareState
 from strainfmu.fmu.export import export_estimator
 from strainfmu.interface.tare_variables import zero_in_use_names
 from strainfmu.interface.zero_variables import zero_names

@@ -19,7 +19,7 @@ from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.sensors import SensorRows
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 
 pytestmark = pytest.mark.fast
 

@@ -18,7 +18,7 @@ from raw_fmu import ERROR, OK, VALUES, Fmu2, Fmu3, first_zero, of_filter, write_
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 
 pytestmark = pytest.mark.fast
 

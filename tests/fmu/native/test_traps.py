@@ -21,7 +21,7 @@ from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.zeros.tare import TareState
+from strainfmu.estimator.tare import TareState
 from strainfmu.fmu.native.build import library_file
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.filter_variables import FILTER_TIME_CONSTANT

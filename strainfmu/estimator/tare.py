@@ -3,6 +3,12 @@
 The compiled core computes them (``fmus/native/estimator/zeros``): of a window, or by the edges of a flag, as an
 FMU takes it. While the flag is up readings are averaged, then judged as a window is; besides, the dynamic pressure
 must be known in every step. The bus, FMUs and recordings say the same of a tare.
+
+Readings of a tare must not look like load. The strain of every flow of the map is a sum of a few patterns: the
+mean flow's and one for each pressure mode. Own weight has three more. Zeros are random from gauge to gauge. With k
+orthonormal patterns of n gauges, the part b of their sum of squares that lies along the patterns has the
+distribution Beta(k/2, (n - k)/2) for normal zeros, whatever their size. Source: the F test of a linear model, Rao,
+*Linear Statistical Inference and its Applications*, section 4b.2.
 """
 
 from __future__ import annotations
@@ -11,15 +17,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 from math import isnan
-from typing import Protocol
 
 import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
+from strainfmu.estimator.core import Core
 from strainfmu.estimator.gauge_zeros import GaugeZeros
+from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY
 from strainfmu.estimator.map.inverse_map import InverseMap
+from strainfmu.estimator.map.sensors import SPECIFIC_FORCE
 from strainfmu.estimator.signal_names import ZERO, ZERO_COMMON_STD, ZERO_STD
 
 LEAST_SAMPLES = 64
@@ -257,21 +265,6 @@ def _notes(inverse_map: InverseMap, outcome: Mapping[str, FloatArray]) -> tuple[
     return tuple(notes)
 
 
-class StepCore(Protocol):
-    """What :class:`EdgeTare` needs of a core."""
-
-    def tare_step(
-        self, limits: FloatArray, is_up: bool, strain: FloatArray, dynamic_pressure: float
-    ) -> tuple[bool, Mapping[str, FloatArray]]: ...
-
-    def tare_drop(self) -> Mapping[str, FloatArray]: ...
-
-    @property
-    def tare_state(self) -> bytes: ...
-
-    def restore_tare(self, state: bytes) -> Mapping[str, FloatArray]: ...
-
-
 class EdgeTare:
     """Takes the tare of the strain gauges of ``held`` by ``core``, which takes no other tare by steps.
 
@@ -285,7 +278,7 @@ class EdgeTare:
     text : the last outcome, one line; "" if there was none since :attr:`text` was emptied.
     """
 
-    def __init__(self, core: StepCore, inverse_map: InverseMap, known: KnownStrain | None = None) -> None:
+    def __init__(self, core: Core, inverse_map: InverseMap, known: KnownStrain | None = None) -> None:
         self._core, self._map, self._limits = core, inverse_map, TareLimits()
         self._record = limits_record(self._limits, known, inverse_map.n_strain_gauges)
         self.state, self.is_up = TareState.IDLE, False
@@ -345,3 +338,63 @@ class EdgeTare:
             )
         tare = judged_tare(self._map, outcome, self._limits)
         return refused_text(refusal(tare)) if reasons else taken_text(tare, "steps")
+
+
+GAUGES_PER_PATTERN = 4
+"""Gauges that read for each pattern, at least: with fewer any zeros look like load."""
+
+_HALVINGS = 60
+"""Of the interval that a limit is searched in: to the precision of a double."""
+
+
+def load_patterns(inverse_map: InverseMap) -> FloatArray:
+    """Return (k, n_d) strain of loads, to any scale.
+
+    Of the mean flow; of own weight along each axis, if the map knows masses; then of pressure modes in order.
+    """
+    n, inertia = inverse_map.n_strain_gauges, inverse_map.inertia
+    weight = np.zeros((inverse_map.n_gauges, 0)) if inertia is None else inertia.mode_strain[:, SPECIFIC_FORCE]
+    columns = np.column_stack([inverse_map.mean_strain, weight, inverse_map.state_operator])[:n]
+    return np.ascontiguousarray(columns[:, : max(1, n // GAUGES_PER_PATTERN)].T)
+
+
+def load_odds(inverse_map: InverseMap) -> FloatArray:
+    """Return (n_d + 1,) limits of b / (1 - b) by the number of gauges that read; 0 where no pattern is judged.
+
+    Random zeros exceed them with :data:`FALSE_ALARM_PROBABILITY`.
+    """
+    n_patterns = len(load_patterns(inverse_map))
+    odds = np.zeros(inverse_map.n_strain_gauges + 1)
+    for n in range(GAUGES_PER_PATTERN, len(odds)):
+        part = largest_part(min(n_patterns, n // GAUGES_PER_PATTERN), n, FALSE_ALARM_PROBABILITY)
+        odds[n] = part / (1.0 - part)
+    return odds
+
+
+def largest_part(n_patterns: int, n_gauges: int, probability: float) -> float:
+    """Return the part of the sum of squares along patterns that random zeros exceed with ``probability``.
+
+    An odd number of patterns counts as the next even one, whose limit is a little higher.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        part = 0.5 * (low + high)
+        if part_survival(part, n_patterns + n_patterns % 2, n_gauges) > probability:
+            low = part
+        else:
+            high = part
+    return high
+
+
+def part_survival(part: float, n_patterns: int, n_gauges: int) -> float:
+    """Return the probability that a Beta(k/2, (n - k)/2) variable exceeds ``part``, k = ``n_patterns`` even.
+
+    Source: (1 - b)^m sum_{i < k/2} (m)_i b^i / i! with m = (n - k)/2, repeated integration by parts of the beta
+    function (Abramowitz & Stegun, 26.5.7).
+    """
+    half_left = 0.5 * (n_gauges - n_patterns)
+    term = total = 1.0
+    for i in range(1, n_patterns // 2):
+        term *= part * (half_left + i - 1.0) / i
+        total += term
+    return float((1.0 - part) ** half_left * total)

@@ -1,1 +1,0 @@
-"""Estimates of loads and of surface pressure, with every number by name, and how they are shown."""

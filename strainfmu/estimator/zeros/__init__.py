@@ -1,1 +1,0 @@
-"""Zeros of the strain gauges, and how a tare finds them."""
