@@ -226,7 +226,7 @@ class Estimate(NamedLoads):
     @cached_property
     def _others(self) -> Sequence[FloatArray]:
         values = [self._field(name) for name in _OTHERS]
-        return values if values[0].shape[-1] else self._estimator.other_loads_of(self)
+        return values if values[0].shape[-1] else [*self._estimator.other_loads_of(self)]
 
     def _number(self, name: str, kind: type[Any]) -> Any:
         """Return a field of one number as a ``kind``, of k samples as (k,)."""

@@ -91,11 +91,9 @@ def _of_tables(
     state, covariance = estimate.state, estimate.state_covariance
     if not estimate.is_linear:
         tables, value, std = manifold, *_known_parameters(estimate, sample)
-        if manifold.parameters is not None and isinstance(field, ShapeField) and np.isfinite(std).any():
-            powers = manifold.parameters.powers
-            if field.parameters is not None:
-                tables = with_known(manifold, value, std)
-                field = field_with_known(field, powers, value, std)
+        if isinstance(field, ShapeField) and field.parameters is not None and manifold.parameters is not None:
+            tables = with_known(manifold, value, std)
+            field = field_with_known(field, manifold.parameters.powers, value, std)
         return flight_pressure(
             manifold,
             tables,
@@ -149,6 +147,10 @@ def _without_motion(
     return with_gauge_covariance(inverse_map, noise, of_tables), rows
 
 
+def _std(covariance: FloatArray) -> FloatArray:
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+
 def absolute_loads(
     inverse_map: InverseMap, zeros: GaugeZeros, settings: EstimatorSettings, estimate: Estimate, places: Layout
 ) -> FloatArray:
@@ -178,11 +180,8 @@ def absolute_loads(
         if used.any():
             read = np.where(used, rows[of_mask], 0.0)
             fit = linear_estimate(inverse_map, read, used, q[of_mask], std[of_mask], noise)
-            variances = (
-                np.diagonal(each, axis1=1, axis2=2) for each in (fit.covariance, fit.coefficient_covariance)
-            )
-            of_loads, of_coefficients = map(np.sqrt, variances)
-            loads[:, of_mask] = fit.loads, of_loads, fit.coefficients, of_coefficients
+            loads[0, of_mask], loads[1, of_mask] = fit.loads, _std(fit.covariance)
+            loads[2, of_mask], loads[3, of_mask] = fit.coefficients, _std(fit.coefficient_covariance)
     lengths = np.where(inverse_map.is_moment, settings.reference_length, 1.0)
     loads[2:] *= inverse_map.references / (settings.reference_area * lengths)
     loads[2:, ~known] = np.nan

@@ -212,10 +212,10 @@ def field_with_known(shape_field: ShapeField, powers: Powers, value: FloatArray,
     """Return ``shape_field`` where parameters of the flow are known; ``value`` and ``std`` as of
     :func:`with_known`.
 
-        Its errors are less by the errors of their spread, and hold what is left.
+    Its errors are less by the errors of their spread, and hold what is left.
     """
     changes = shape_field.parameters
-    if changes is None:
+    if changes is None or not np.any(np.isfinite(value) & np.isfinite(std)):
         return shape_field
     known = known_powers(powers, value, std)
     spread = np.hstack([*changes.spread_error])
