@@ -67,13 +67,7 @@ class SampleInputs(TypedDict, total=False):
 
 
 def real_numbers(name: str, values: ArrayLike) -> FloatArray:
-    """Return ``values`` as an array of real numbers.
-
-    Raises
-    ------
-    InputError
-        They are complex, of which a part would be lost, or are no numbers, or rows of unequal length.
-    """
+    """Return ``values`` as an array of real numbers."""
     try:
         array = np.asarray(values)
         if array.dtype.kind != "c":
@@ -84,24 +78,12 @@ def real_numbers(name: str, values: ArrayLike) -> FloatArray:
 
 
 def is_series(strain: ArrayLike) -> bool:
-    """Return whether ``strain`` has two axes, samples and sensors.
-
-    Raises
-    ------
-    InputError
-        It is complex, no numbers, or rows of unequal length.
-    """
+    """Return whether ``strain`` has two axes, samples and sensors."""
     return (strain if type(strain) is np.ndarray else real_numbers(STRAIN, strain)).ndim == 2
 
 
 def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
-    """Return ``strain`` of k samples (k, n_d), or of one (n_d,), as (k, n_d) [m/m].
-
-    Raises
-    ------
-    InputError
-        It has another shape, or holds something else than real numbers.
-    """
+    """Return ``strain`` of k samples (k, n_d), or of one (n_d,), as (k, n_d) [m/m]."""
     d = real_numbers(STRAIN, strain)
     if d.ndim not in (1, 2) or d.shape[-1] != n_gauges:
         raise InputError(
@@ -111,13 +93,7 @@ def strain_of_samples(strain: ArrayLike, n_gauges: int) -> FloatArray:
 
 
 def checked_mask(valid: ArrayLike, n_gauges: int, samples: int | None = None) -> BoolArray:
-    """Return a copy of ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d).
-
-    Raises
-    ------
-    InputError
-        It has another shape, or is not of bool.
-    """
+    """Return a copy of ``valid`` as an array: (n_d,), or for a number of ``samples`` also (k, n_d)."""
     mask = np.array(valid)
     shapes = [(n_gauges,)] if samples is None else [(n_gauges,), (samples, n_gauges)]
     if mask.shape not in shapes or mask.dtype != np.bool_:
@@ -132,13 +108,7 @@ def given(values: FloatArray) -> FloatArray:
 
 
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
-    """Return ``value``, one number or one of each sample, as (samples,).
-
-    Raises
-    ------
-    InputError
-        It holds something else than numbers, or another number of them.
-    """
+    """Return ``value``, one number or one of each sample, as (samples,)."""
     values = None
     try:
         array = np.asarray(value)
@@ -325,13 +295,7 @@ class SampleRecords:
 
 
 def _source_number(source: QSource | str | ArrayLike) -> Any:
-    """Return the number of a source of the dynamic pressure, or the numbers of the sources of each sample.
-
-    Raises
-    ------
-    InputError
-        It is none.
-    """
+    """Return the number of a source of the dynamic pressure, or the numbers of the sources of each sample."""
     if type(source) is QSource:
         return _SOURCES[source]
     if isinstance(source, str):

@@ -159,13 +159,7 @@ class Core:
         return other
 
     def set(self, first: int, values: FloatArray) -> None:
-        """Set the settings from place ``first`` on to ``values``.
-
-        Raises
-        ------
-        InputError
-            A value is not allowed.
-        """
+        """Set the settings from place ``first`` on to ``values``."""
         settings = np.ascontiguousarray(values, dtype=float)
         if not self._library.sl_set(self._handle, first, settings.size, settings.ctypes.data, self._text):
             raise InputError(self._text.value.decode())
@@ -301,13 +295,7 @@ class Core:
         return state.raw
 
     def restore_tare(self, state: bytes) -> Outcome:
-        """Go on from what :attr:`tare_state` gave.
-
-        Raises
-        ------
-        InputError
-            It is of another map, or no state of a tare.
-        """
+        """Go on from what :attr:`tare_state` gave."""
         size, outcome = self._tare_state_size, self._new_outcome()
         if len(state) != size:
             raise InputError(f"tare: {len(state)} bytes found, must be {size}: it is of another map")

@@ -89,13 +89,7 @@ def is_of_sources(content: bytes, digest: str) -> bool:
 
 
 def require_digest(content: bytes, digest: str, platform: str, library: str) -> None:
-    """Refuse a library for ``platform`` whose ``content`` carries another digest than ``digest``, "" for any.
-
-    Raises
-    ------
-    InputError
-        It was built from other sources, or by a build that compiles no digest in.
-    """
+    """Refuse a library for ``platform`` whose ``content`` carries another digest than ``digest``, "" for any."""
     if not is_of_sources(content, digest):
         raise InputError(
             f"fmus/native/{BINARIES}/{platform}/{library}: expected a library of the C sources in fmus/native, got"

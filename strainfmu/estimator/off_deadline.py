@@ -57,11 +57,6 @@ def surface_pressure(
     """Return pressure and standard deviation at every node of the map's surface, of one sample.
 
     ``places`` is the layout of the sample of ``estimate``; ``with_std`` false leaves the standard deviation NaN.
-
-    Raises
-    ------
-    InputError
-        The map holds no pressure field.
     """
     sample = {name: estimate.sample[place] for name, place in places.items()}
     strain_map, strain = _without_motion(inverse_map, zeros, estimate.sample[: inverse_map.n_gauges], sample)
@@ -217,11 +212,6 @@ def linear_pressure(
 
     q_inf and its standard deviation [Pa] are NaN where not known. ``with_std`` false leaves the standard deviation
     of the pressure NaN.
-
-    Raises
-    ------
-    InputError
-        The map holds no pressure field.
     """
     if not inverse_map.has_field:
         raise no_field()

@@ -167,13 +167,7 @@ class LoadArray:
 
 
 def load_groups(inverse_map: Any) -> tuple[LoadGroup, ...]:
-    """Return the groups of a map, in the order of their rows.
-
-    Raises
-    ------
-    InputError
-        An entry of the map on places is wrong.
-    """
+    """Return the groups of a map, in the order of their rows."""
     return _groups([family.places(inverse_map) for family in FAMILIES])
 
 

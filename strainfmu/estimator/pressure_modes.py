@@ -62,13 +62,7 @@ class PressureModes:
 
 
 def mean_snapshot(snapshots: FloatArray) -> FloatArray:
-    """Return the mean (n_p,) [Pa] of ``snapshots`` (N, n_p) [Pa].
-
-    Raises
-    ------
-    InputError
-        Fewer than two snapshots.
-    """
+    """Return the mean (n_p,) [Pa] of ``snapshots`` (N, n_p) [Pa]."""
     if len(snapshots) < 2:
         raise InputError(f"{len(snapshots)} snapshot found, at least 2 are needed")
     mean: FloatArray = snapshots.mean(axis=0)
@@ -94,13 +88,7 @@ class LowRankPrior:
 
 
 def prior_of_snapshots(snapshots: FloatArray) -> LowRankPrior:
-    """Return the prior of ``snapshots`` (N, n_p) [Pa], N states.
-
-    Raises
-    ------
-    InputError
-        Fewer than two snapshots, or snapshots that are all equal.
-    """
+    """Return the prior of ``snapshots`` (N, n_p) [Pa], N states."""
     mean = mean_snapshot(snapshots)
     factor = snapshots - mean
     factor /= np.sqrt(len(snapshots) - 1)
@@ -110,13 +98,7 @@ def prior_of_snapshots(snapshots: FloatArray) -> LowRankPrior:
 
 
 def prior_of_modes(modes: PressureModes, n_modes: int) -> LowRankPrior:
-    """Return the prior truncated to the first ``n_modes`` POD modes: F = V_r diag(standard deviations).
-
-    Raises
-    ------
-    InputError
-        The snapshots hold fewer modes.
-    """
+    """Return the prior truncated to the first ``n_modes`` POD modes: F = V_r diag(standard deviations)."""
     available = modes.modes.shape[1]
     if not 1 <= n_modes <= available:
         raise InputError(
@@ -166,11 +148,6 @@ def leading_modes(
 
     The method of snapshots (Sirovich 1987): eigenvectors of F^T W F (N, N). Squaring costs weak modes digits, so
     modes and singular values are solved again within the leading ones (Rayleigh and Ritz).
-
-    Raises
-    ------
-    InputError
-        The snapshots have fewer modes.
     """
     fields, n_snapshots = prior.factor, prior.n_states
     if isinstance(r, bool) or int(r) != r or not 1 <= r < n_snapshots:
@@ -207,11 +184,6 @@ def area_weights(node_area: FloatArray) -> FloatArray:
     """Return the weights (n_p,) of the area-weighted inner product: area [m2] over the mean area.
 
     With this scaling coefficients keep the unit Pa, and equal areas give the Euclidean inner product.
-
-    Raises
-    ------
-    InputError
-        A node has no area.
     """
     missing = int(np.sum(~(node_area > 0.0)))
     if missing:

@@ -94,11 +94,6 @@ def select_gamma(rule: Rule, data: DataSpectrum) -> float:
     ``corrected_discrepancy``: r2 = n_d - dof, which holds on average at gamma = 1 for a calibrated prior.
     ``gcv``: minimum of r2 / (n_d - dof)^2 (Golub, Heath & Wahba, Technometrics 21, 1979).
     ``evidence``: maximum marginal likelihood of d under q ~ N(0, I/gamma) (MacKay, Neural Computation 4, 1992).
-
-    Raises
-    ------
-    InputError
-        An unknown rule, or no gamma within 1e-12 .. 1e12 fulfils it; the message gives the reason.
     """
     if rule == "morozov":
         return _root(rule, lambda gamma: data.residual(gamma) - data.n_gauges)

@@ -34,13 +34,7 @@ MAX_CONDITION_NUMBER = 1e10
 
 
 def check_covariance(covariance: FloatArray) -> None:
-    """Check that ``covariance`` (n_d, n_d) of gauges is one.
-
-    Raises
-    ------
-    InputError
-        The matrix is not symmetric positive definite.
-    """
+    """Check that ``covariance`` (n_d, n_d) of gauges is one."""
     if not is_covariance(covariance):
         raise InputError("noise_covariance must be symmetric and positive definite")
 
@@ -103,11 +97,6 @@ def least_squares_map(
     mean_strain : (n_d,) Z_p (p_mean - p_internal) [m/m].
     noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
     state_std : (r,) standard deviation of the states [Pa], which the condition number depends on alone.
-
-    Raises
-    ------
-    InputError
-        More states than gauges, gauges that do not identify the states, or a covariance that is none.
     """
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
@@ -176,11 +165,6 @@ def relative_condition(
 
     The published numbers follow with |d| = 100e-6 sqrt(n_d), |q| = 1 and states in units of the root mean square
     of |q| over the snapshots.
-
-    Raises
-    ------
-    InputError
-        A norm or the scale is not positive, or A lacks full rank.
     """
     for name, value in (("strain norm", strain_norm), ("state norm", state_norm), ("state scale", state_scale)):
         if not 0.0 < value < np.inf:
@@ -232,13 +216,7 @@ class WhitenedSpectrum:
 
 
 def whitened_spectrum(state_operator: FloatArray, noise_covariance: FloatArray) -> WhitenedSpectrum:
-    """Decompose the whitened strain per state A = Z_p F (n_d, n_q).
-
-    Raises
-    ------
-    InputError
-        The covariance is not positive definite.
-    """
+    """Decompose the whitened strain per state A = Z_p F (n_d, n_q)."""
     check_covariance(noise_covariance)
     whitening = inverse_root(noise_covariance)
     left, singular_values, right = np.linalg.svd(whitening @ state_operator)
@@ -302,11 +280,6 @@ def gaussian_map(
     noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
     regularisation : gamma [1]; 1 is the Bayesian value for calibrated prior and noise.
     spectrum : of ``state_operator`` and ``noise_covariance``, if it is known already.
-
-    Raises
-    ------
-    InputError
-        gamma is not positive and finite, or the covariance is not positive definite.
     """
     if not 0.0 < regularisation < np.inf:
         raise InputError(f"gamma: expected a positive number, got {regularisation!r}")

@@ -142,13 +142,7 @@ class Tare:
 
 
 def limits_record(limits: TareLimits, known: KnownStrain | None, n_gauges: int) -> FloatArray:
-    """Return (3 + 2 n_d,) the record of limits and known strain that the core takes.
-
-    Raises
-    ------
-    InputError
-        The known strain is of another number of gauges.
-    """
+    """Return (3 + 2 n_d,) the record of limits and known strain that the core takes."""
     loads = known or KnownStrain(value=np.zeros(n_gauges))
     for values in (loads.value, loads.std):
         if values.shape != (n_gauges,):
@@ -157,13 +151,7 @@ def limits_record(limits: TareLimits, known: KnownStrain | None, n_gauges: int) 
 
 
 def judged_tare(inverse_map: InverseMap, outcome: Mapping[str, FloatArray], limits: TareLimits) -> Tare:
-    """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values.
-
-    Raises
-    ------
-    InputError
-        The window holds too few readings.
-    """
+    """Return the tare of the gauges of ``held`` by ``outcome`` of the core, which names its values."""
     reasons, samples = TareFault(int(outcome["faults"][0])), int(outcome["samples"][0])
     if TareFault.SHORT in reasons:
         raise InputError(f"window: expected at least {LEAST_SAMPLES} samples, got {samples}")

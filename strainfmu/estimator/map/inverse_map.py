@@ -462,11 +462,6 @@ def with_gauge_covariance(
     """Return ``inverse_map`` for gauges whose errors that do not scale have the covariance ``own`` (n_d, n_d).
 
     ``of_tables`` (n_d, n_d) is their covariance about the tables; None for the same. Ranges and alarm scales stay.
-
-    Raises
-    ------
-    InputError
-        One of them is no covariance.
     """
     flight = inverse_map.manifold
     if flight is not None:

@@ -121,13 +121,7 @@ def shown_units(rows: SensorRows) -> list[tuple[float, str]]:
 
 
 def refuse_sensors(rows: SensorRows, what: str) -> None:
-    """Refuse a map with sensors that are no strain gauges.
-
-    Raises
-    ------
-    InputError
-        It has some; the message says that ``what`` takes strain alone.
-    """
+    """Refuse a map with sensors that are no strain gauges."""
     kinds = sorted(set(rows.kind) - {STRAIN})
     if kinds:
         raise InputError(f"{what}: expected a map of strain gauges alone, got one with {', '.join(kinds)} sensors")

@@ -93,11 +93,6 @@ def prepare(model: Model, used: BoolArray) -> Prepared:
 
     R = L L'. A QR decomposition of L^-1 X takes the free states out, a singular value decomposition of what is
     left of L^-1 N gives ``eq:scaled-decomposition``.
-
-    Raises
-    ------
-    InputError
-        There are fewer rows than free states.
     """
     n_x, n_w = model.free.shape[1], int(used.sum())
     if n_w < n_x:

@@ -39,13 +39,7 @@ Values = Mapping[str, Any]
 
 
 def pack(arrays: Values) -> bytes:
-    """Return the container of ``arrays``.
-
-    Raises
-    ------
-    ValueError
-        A name is empty, longer than 47 bytes, or has other signs than ``a-z``, ``0-9``, ``_`` and ``.``.
-    """
+    """Return the container of ``arrays``."""
     entries, contents = list[bytes](), list[bytes]()
     position = CHECKED_FROM + _TABLE.size + len(arrays) * _ENTRY.size
     for name in sorted(arrays):
@@ -69,13 +63,7 @@ def sealed(content: bytes) -> bytes:
 
 
 def texts(lines: list[str], width: int) -> np.ndarray:
-    """Return (n, ``width``) bytes of ``lines``, each ended by zeros.
-
-    Raises
-    ------
-    ValueError
-        A line has a zero, or is not shorter than ``width``.
-    """
+    """Return (n, ``width``) bytes of ``lines``, each ended by zeros."""
     rows = [line.encode() for line in lines]
     for row in rows:
         if len(row) >= width or b"\0" in row:

@@ -473,11 +473,6 @@ def native_resource(inverse_map: InverseMap, guid: str, known: tare.KnownStrain 
     """Return the content of ``map.bin`` for ``inverse_map``, which instances with another ``guid`` refuse.
 
     ``known`` is the strain of the loads that act while a tare is taken; None for none.
-
-    Raises
-    ------
-    InputError
-        ``guid`` is longer than 79 bytes, or the name of a parameter longer than 47.
     """
     try:
         text = texts([guid], GUID_SIZE)
