@@ -27,8 +27,6 @@ from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
 from strainfmu.estimator.pressure_modes import (
     LowRankPrior,
     PressureModes,
-    area_weights,
-    prior_of_modes,
     prior_of_snapshots,
     proper_orthogonal_decomposition,
 )
@@ -207,6 +205,30 @@ def _solve_case_2(problem: Problem) -> Solution:
         facts=facts,
         unresolved=unresolved,
     )
+
+
+def prior_of_modes(modes: PressureModes, n_modes: int) -> LowRankPrior:
+    """Return the prior truncated to the first ``n_modes`` POD modes: F = V_r diag(standard deviations)."""
+    available = modes.modes.shape[1]
+    if not 1 <= n_modes <= available:
+        raise InputError(
+            f"map.prior_modes: {n_modes} found, at most {available} with {modes.n_snapshots} snapshots"
+        )
+    return LowRankPrior(modes.mean, modes.modes[:, :n_modes] * modes.coefficient_std[:n_modes])
+
+
+def area_weights(node_area: FloatArray) -> FloatArray:
+    """Return the weights (n_p,) of the area-weighted inner product: area [m2] over the mean area.
+
+    With this scaling coefficients keep the unit Pa, and equal areas give the Euclidean inner product.
+    """
+    missing = int(np.sum(~(node_area > 0.0)))
+    if missing:
+        raise InputError(
+            f"map.inner_product: 'area' found, but {missing} of {len(node_area)} nodes have no area; "
+            "use 'euclidean'"
+        )
+    return node_area / node_area.mean()
 
 
 def pressure_modes(problem: Problem) -> PressureModes:

@@ -9,13 +9,13 @@ import numpy as np
 from builder.aero.loads.operator import coefficient_scales_at, coefficients_of, load_operator
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.solution import area_weights
 from builder.reproduce.paper_readings import SHIPPED
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
 from builder.reproduce.strain_models import StrainModel
 from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import area_weights
 from strainfmu.flight_condition import FlightCondition
 
 PAPER_LIKE, SAME_MESH, INDEPENDENT = "paper_like", "same_mesh", "independent"

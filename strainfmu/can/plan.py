@@ -29,7 +29,7 @@ from strainfmu.can.quality import Cause
 from strainfmu.can.signals import PLAN, SIGNAL, SLOT, int64, pointer, signal_table
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
-from strainfmu.estimator.numerics.quantisation import LARGEST_RATIO
+from strainfmu.recorded.checks import LARGEST_RATIO
 
 _STRAIN, _HELD, _TRAILER, _STATE, _FLOW, _COMMAND = range(6)
 """Kinds of a frame, in the order of bus.h."""

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from math import nan
@@ -115,34 +116,21 @@ class Estimator:
         NoCoreError
             The compiled core is not available on this machine.
         """
-        self._prepare(
-            inverse_map,
-            native_resource(inverse_map, ""),
-            settings or default_settings(inverse_map),
-            zeros or zeros_of_map(inverse_map),
-            filter_time_constant,
-        )
-
-    def _prepare(
-        self,
-        inverse_map: InverseMap,
-        resource: bytes,
-        settings: EstimatorSettings,
-        zeros: GaugeZeros,
-        filter_time_constant: float,
-    ) -> None:
-        self.inverse_map, self.settings, self.zeros = inverse_map, settings, zeros
-        self.filter_time_constant = filter_time_constant
+        self.inverse_map, self.settings = inverse_map, settings or default_settings(inverse_map)
+        self.zeros, self.filter_time_constant = zeros or zeros_of_map(inverse_map), filter_time_constant
         self.parameters = flow_parameters(inverse_map)
         self.is_nonlinear = inverse_map.manifold is not None
         self.gauge_names = inverse_map.gauge_names
         self.section_station, self.load_groups = inverse_map.section_station, inverse_map.load_groups
+        self._begin(native_resource(inverse_map, ""))
+
+    def _begin(self, resource: bytes) -> None:
         self._lock = threading.Lock()
         self.core = self._new_core(resource)
         self._set_up(self.core)
         self._tracks: Core | None = None
         self._others: list[Core] = []
-        self._records = SampleRecords(inverse_map, self.core)
+        self._records = SampleRecords(self.inverse_map, self.core)
 
     def _new_core(self, resource: bytes) -> Core:
         """Return the compiled core of the map."""
@@ -175,14 +163,10 @@ class Estimator:
     # Other estimators of the same map, whose tracks go on from where the last sample left this one.
 
     def _other(self, **changed: Any) -> Estimator:
-        other = Estimator.__new__(type(self))
-        other._prepare(
-            self.inverse_map,
-            self.core.resource,
-            changed.get("settings", self.settings),
-            changed.get("zeros", self.zeros),
-            changed.get(FILTER_TIME_CONSTANT, self.filter_time_constant),
-        )
+        other = copy(self)
+        vars(other).pop("linear", None)
+        vars(other).update(changed)
+        other._begin(self.core.resource)
         if self._tracks is not None:
             other._new_track(self._tracks.state)
         return other

@@ -97,16 +97,6 @@ def prior_of_snapshots(snapshots: FloatArray) -> LowRankPrior:
     return LowRankPrior(mean, factor.T)
 
 
-def prior_of_modes(modes: PressureModes, n_modes: int) -> LowRankPrior:
-    """Return the prior truncated to the first ``n_modes`` POD modes: F = V_r diag(standard deviations)."""
-    available = modes.modes.shape[1]
-    if not 1 <= n_modes <= available:
-        raise InputError(
-            f"map.prior_modes: {n_modes} found, at most {available} with {modes.n_snapshots} snapshots"
-        )
-    return LowRankPrior(modes.mean, modes.modes[:, :n_modes] * modes.coefficient_std[:n_modes])
-
-
 def proper_orthogonal_decomposition(snapshots: FloatArray, weights: FloatArray | None = None) -> PressureModes:
     """Decompose ``snapshots`` (N, n_p) [Pa], centred by their mean.
 
@@ -178,17 +168,3 @@ def leading_modes(
 def signs(modes: FloatArray) -> FloatArray:
     """Return (k,) signs with which the largest entry of each mode is positive, so that results repeat."""
     return np.sign(modes[np.abs(modes).argmax(axis=0), np.arange(modes.shape[1])])
-
-
-def area_weights(node_area: FloatArray) -> FloatArray:
-    """Return the weights (n_p,) of the area-weighted inner product: area [m2] over the mean area.
-
-    With this scaling coefficients keep the unit Pa, and equal areas give the Euclidean inner product.
-    """
-    missing = int(np.sum(~(node_area > 0.0)))
-    if missing:
-        raise InputError(
-            f"map.inner_product: 'area' found, but {missing} of {len(node_area)} nodes have no area; "
-            "use 'euclidean'"
-        )
-    return node_area / node_area.mean()

@@ -36,15 +36,6 @@ LEAST_SAMPLES = 64
 LEAST_PART = 0.9
 """Part of a window in which a gauge must read."""
 
-LEAST_GAUGES = 0.5
-"""Part of the gauges that must read."""
-
-OWN_FACTOR = 3.0
-"""Times the scatter of the stretches of all gauges from which on a gauge has its own."""
-
-MOVED = 6.0
-"""Standard deviations of a straight line's rise over the window that count as a drift."""
-
 LOUD = 10.0
 """Times the map's noise that readings may scatter by."""
 

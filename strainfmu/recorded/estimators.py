@@ -38,11 +38,11 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
-from strainfmu.estimator.map.sensors import LATERAL_FORCES, contradicted_forces
+from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, InertiaMap
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT
+from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT, NOT_KNOWN
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import (
@@ -279,6 +279,43 @@ def open_estimator(
         if zeros is not None:
             step.set_zeros(load_zeros(zeros, step.gauge_names))
         yield FmuBlocks(step, others)
+
+
+LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
+"""Place among the five loads of the force that causes each specific force across the axis."""
+
+OTHER_FORCES = 0.5
+"""Part of the larger force by which a fin or a jet may part the lateral force from the vehicle's mass times f."""
+
+
+def contradicted_forces(
+    inertia: InertiaMap | None,
+    inertial: Mapping[str, FloatArray],
+    loads: FloatArray,
+    loads_std: FloatArray,
+    limit: float,
+) -> dict[str, BoolArray]:
+    """Return (m,) whether each specific force across the axis contradicts the lateral force F of m samples.
+
+    It does where F - m f is beyond ``limit`` by its variance, as chi-square with one degree of freedom, and beyond
+    :data:`OTHER_FORCES`: m f in g instead of m/s2, for one. None of them without a mass of the vehicle.
+
+    Parameters
+    ----------
+    inertial : inertial inputs (m,) by name, NaN or :data:`NOT_KNOWN` where not known.
+    loads, loads_std : (m, 5) [N, N m].
+    """
+    if inertia is None or inertia.vehicle_mass is None:
+        return {}
+    mass, contradicts = inertia.vehicle_mass, {}
+    for (name, place), std in zip(LATERAL_FORCES.items(), inertia.sensor_std[1:3], strict=True):
+        read = inertial[name]
+        expected, force = mass * np.where(np.abs(read) <= LARGEST_CHANNEL, read, np.nan), loads[:, place]
+        off = np.abs(force - expected)
+        is_large = off > OTHER_FORCES * np.maximum(np.abs(force), np.abs(expected))
+        is_certain = off**2 > limit * ((mass * std) ** 2 + loads_std[:, place] ** 2)
+        contradicts[name] = is_large & is_certain & (read != NOT_KNOWN)
+    return contradicts
 
 
 class MapBlocks(BlockEstimator):

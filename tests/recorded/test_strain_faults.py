@@ -15,8 +15,7 @@ from synthetic_vehicle import N_GAUGES, SyntheticFiles
 from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import save_inverse_map
-from strainfmu.estimator.numerics.quantisation import common_step
-from strainfmu.recorded.checks import HELD, SHORTEST_HELD, DataChecks
+from strainfmu.recorded.checks import HELD, SHORTEST_HELD, DataChecks, common_step
 from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.samples import BLOCK_ROWS, Samples

@@ -33,7 +33,7 @@ from strainfmu.estimator.health import (
     outlier_threshold,
 )
 from strainfmu.estimator.map.inverse_map import InverseMap, has_other_outputs
-from strainfmu.estimator.map.sensors import contradicted_forces, readings_of_modes, vibration_ratio, with_vibration
+from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
 from strainfmu.estimator.map.validity import (
     LARGEST_SCORE,
     MACH_TOLERANCE,
@@ -71,6 +71,7 @@ from strainfmu.estimator.signal_names import (
     ZERO_COMMON_STD,
     ZERO_STD,
 )
+from strainfmu.recorded.estimators import contradicted_forces
 
 RANGE_DEVIATIONS = 3.0
 """Stated standard deviations by which M may leave its range in addition, and of q_inf behind the next entry."""

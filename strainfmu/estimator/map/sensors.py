@@ -244,49 +244,12 @@ class InertiaMap:
     vibration_std: float = entry(unit="m/m", meaning="standard deviation of each mode where it is not known",
         rule=POSITIVE)
     vehicle_mass: float | None = entry(unit="kg",
-        meaning="mass of the whole vehicle in flight, for :func:`contradicted_forces`; None where not stated",
+        meaning="mass of the whole vehicle in flight, for load factor and specific forces; None where not stated",
         default=None, place="vehicle.mass", rule=POSITIVE, member="vehicle_mass")
     # fmt: on
 
     def __post_init__(self) -> None:
         check(self, "inertia", k=len(CHANNELS))
-
-
-LATERAL_FORCES = {"specific_force_y": 2, "specific_force_z": 1}
-"""Place among the five loads of the force that causes each specific force across the axis."""
-
-OTHER_FORCES = 0.5
-"""Part of the larger force by which a fin or a jet may part the lateral force from the vehicle's mass times f."""
-
-
-def contradicted_forces(
-    inertia: InertiaMap | None,
-    inertial: Mapping[str, FloatArray],
-    loads: FloatArray,
-    loads_std: FloatArray,
-    limit: float,
-) -> dict[str, BoolArray]:
-    """Return (m,) whether each specific force across the axis contradicts the lateral force F of m samples.
-
-    It does where F - m f is beyond ``limit`` by its variance, as chi-square with one degree of freedom, and beyond
-    :data:`OTHER_FORCES`: m f in g instead of m/s2, for one. None of them without a mass of the vehicle.
-
-    Parameters
-    ----------
-    inertial : inertial inputs (m,) by name, NaN or :data:`NOT_KNOWN` where not known.
-    loads, loads_std : (m, 5) [N, N m].
-    """
-    if inertia is None or inertia.vehicle_mass is None:
-        return {}
-    mass, contradicts = inertia.vehicle_mass, {}
-    for (name, place), std in zip(LATERAL_FORCES.items(), inertia.sensor_std[1:3], strict=True):
-        read = inertial[name]
-        expected, force = mass * np.where(np.abs(read) <= LARGEST_CHANNEL, read, np.nan), loads[:, place]
-        off = np.abs(force - expected)
-        is_large = off > OTHER_FORCES * np.maximum(np.abs(force), np.abs(expected))
-        is_certain = off**2 > limit * ((mass * std) ** 2 + loads_std[:, place] ** 2)
-        contradicts[name] = is_large & is_certain & (read != NOT_KNOWN)
-    return contradicts
 
 
 def channels_of(values: Mapping[str, FloatArray]) -> FloatArray:

@@ -1,1 +1,1 @@
-"""Matrix algebra in the same bits on every processor, splines, and quantised readings."""
+"""Matrix algebra in the same bits on every processor, and splines."""

@@ -8,10 +8,10 @@ from inverse_case import Case, estimated_field, gaussian
 from state_estimates import precision_of
 
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.solution import prior_of_modes
 from strainfmu.errors import InputError
 from strainfmu.estimator.pressure_modes import (
     LowRankPrior,
-    prior_of_modes,
     prior_of_snapshots,
     proper_orthogonal_decomposition,
 )

@@ -13,7 +13,8 @@ from state_estimates import load_gain_of, precision_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
-from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_modes
+from builder.inverse.solution import prior_of_modes
+from strainfmu.estimator.pressure_modes import LowRankPrior
 from strainfmu.estimator.state_map import gaussian_map, least_squares_map
 
 N_MODES = 5

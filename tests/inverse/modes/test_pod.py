@@ -7,9 +7,10 @@ import pytest
 
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
+from builder.inverse.solution import area_weights
 from builder.structure.fourier.fourier_model import StructuralModel
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import area_weights, proper_orthogonal_decomposition
+from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
 
 pytestmark = pytest.mark.fast
 
