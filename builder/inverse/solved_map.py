@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from builder.aero.loads.groups import other_load_fields
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.envelope.bounds import coefficient_half_spaces, flight_ranges
+from builder.inverse.envelope.bounds import (
+    coefficient_half_spaces,
+    condition_ranges,
+    flight_ranges,
+    parameter_ranges,
+)
 from builder.inverse.noise.hardware_errors import error_model
 from builder.inverse.noise.inertia import inertia_in_words, with_rest
 from builder.inverse.noise.thermal import NAME as TEMPERATURE_MODES
@@ -24,7 +29,6 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.layout import GaugeLayout
 from strainfmu.arrays import FloatArray, lower_factor
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.map.validity import condition_ranges, parameter_ranges
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.settings import GAUGE_RANGE
 from strainfmu.estimator.state_map import whitened_spectrum

@@ -26,7 +26,7 @@ from builder.manifold.snapshot_grid import SnapshotGrid, snapshot_grid
 from builder.manifold.tables import interpolating, spline_coefficients
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
-from strainfmu.estimator.numerics.spline import basis
+from strainfmu.estimator.numerics import basis
 from strainfmu.flight_condition import FlightCondition
 
 RINGS, ROLLS, MAX_HARMONIC = 12, 64, 24

@@ -7,7 +7,7 @@ import numpy as np
 from builder.manifold.flow_amplitudes import FlowAmplitudes
 from builder.manifold.tables import response_values, spline_coefficients, spline_rows
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.numerics.spline import basis
+from strainfmu.estimator.numerics import basis
 
 MACH_FRACTION = 0.5
 """Part of the error at a Mach number left out that remains at the spacing of the tables.

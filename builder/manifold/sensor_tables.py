@@ -16,7 +16,7 @@ from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
-from strainfmu.estimator.numerics.spline import DEGREE, padded_knots
+from strainfmu.estimator.numerics import DEGREE, padded_knots
 
 
 def with_base_and_friction(

@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly
 from builder.manifold.flow_amplitudes import FlowAmplitudes
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray, IntArray
-from strainfmu.estimator.numerics.spline import DEGREE, padded_knots
+from strainfmu.estimator.numerics import DEGREE, padded_knots
 
 MIN_SPACING = np.radians(0.9)
 """Spacing of incidences below which a spline would show the solver's noise; flows between are for checking."""

@@ -49,8 +49,7 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, DYNAMIC_PRESSURE, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate

@@ -26,8 +26,7 @@ from builder.processors import processors
 from builder.trial.readings import ANGLES, Readings, chosen, stacked
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, ALTITUDE, DYNAMIC_PRESSURE, Q_SOURCE, STATIC_PRESSURE
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -36,7 +36,7 @@ from strainfmu.estimator.map.nonlinear_map import (
     with_known,
 )
 from strainfmu.estimator.map.sensors import readings_of_modes, vibration_ratio, with_vibration
-from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.numerics import local_basis
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS
 from strainfmu.estimator.policies import LARGEST_USED_SCORE
 from strainfmu.estimator.reference.air import air_inputs_of, lognormal_std

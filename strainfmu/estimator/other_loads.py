@@ -11,15 +11,14 @@ A coefficient is a force over q_inf S, a moment over q_inf S L, with the referen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import count, takewhile
 from typing import Any
 
 import numpy as np
 
-from strainfmu.arrays import BoolArray, IntArray
+from strainfmu.arrays import BoolArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import MOMENT
 
@@ -168,16 +167,7 @@ class LoadArray:
 
 def load_groups(inverse_map: Any) -> tuple[LoadGroup, ...]:
     """Return the groups of a map, in the order of their rows."""
-    return _groups([family.places(inverse_map) for family in FAMILIES])
-
-
-def groups_among(outputs: Container[str], places: Mapping[str, Sequence[str]]) -> tuple[LoadGroup, ...]:
-    """Return the groups of an FMU from the names of its outputs; the inverse of its interface.
-
-    ``places`` are those that it states, by the first output of each family without its number. One that it does
-    not state is named as the output.
-    """
-    return _groups([_places_among(family, outputs, places.get(family.loads[0].output, ())) for family in FAMILIES])
+    return groups_at([family.places(inverse_map) for family in FAMILIES])
 
 
 @lru_cache(maxsize=64)
@@ -195,15 +185,6 @@ def load_arrays(groups: tuple[LoadGroup, ...]) -> tuple[LoadArray, ...]:
         for group in groups
         if group.family is family and (group.load.coefficient or not is_coefficient)
     )
-
-
-@lru_cache(maxsize=64)
-def output_places(groups: tuple[LoadGroup, ...]) -> IntArray:
-    """Return the place of each output in one row of loads, their sigma, coefficients and their sigma."""
-    m = number_of(groups)
-    starts = [array.value * m + array.group.first for array in load_arrays(groups)]
-    sizes = [array.group.size for array in load_arrays(groups)]
-    return np.concatenate([start + np.arange(size) for start, size in zip(starts, sizes, strict=True)])
 
 
 def output_units(groups: tuple[LoadGroup, ...]) -> dict[str, str]:
@@ -251,7 +232,7 @@ def _columns() -> dict[str, str]:
     return {load.output: load.name for load in loads} | {name: name for name in coefficient_names()}
 
 
-def _groups(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
+def groups_at(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
     """Return the groups of the places of each family."""
     groups, first = list[LoadGroup](), 0
     for family, at in zip(FAMILIES, places, strict=True):
@@ -259,15 +240,6 @@ def _groups(places: Sequence[tuple[str, ...]]) -> tuple[LoadGroup, ...]:
             groups.append(LoadGroup(family, load, at, first))
             first += len(at)
     return tuple(groups)
-
-
-def _places_among(family: LoadFamily, outputs: Container[str], stated: Sequence[str]) -> tuple[str, ...]:
-    stem = family.loads[0].output
-    if not family.is_listed:
-        return ("",) if stem in outputs else ()
-    names = takewhile(outputs.__contains__, (f"{stem}[{number}]" for number in count(1)))
-    texts = tuple(names)
-    return tuple(stated) if len(stated) == len(texts) else texts
 
 
 def _stations(inverse_map: Any) -> tuple[str, ...]:

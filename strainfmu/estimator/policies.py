@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.air_inputs import NAVIGATION
 from strainfmu.estimator.health import FALSE_ALARM_PROBABILITY, outlier_threshold
 
 # Gauges that are lost.
@@ -35,8 +35,8 @@ RETURN_AFTER = 5
 # Air data that do not fit.
 
 FALSE_ALARMS = (1e-2, 1e-2, 1e-6)
-"""Rates at which correct values of :data:`~strainfmu.estimator.air_data.NAVIGATION` are left out. M and p_inf: at
-a lower rate 5 sigma would pass. q_inf: without it coefficients follow the estimated flight state."""
+"""Rates at which correct values of :data:`~strainfmu.estimator.air_inputs.NAVIGATION` are left out. M and p_inf:
+at a lower rate 5 sigma would pass. q_inf: without it coefficients follow the estimated flight state."""
 
 NAVIGATION_ALARM = outlier_threshold(len(NAVIGATION), FALSE_ALARM_PROBABILITY)
 """Standardised residual from which navigation that is dropped is an alarm, at the rate of health's other tests."""

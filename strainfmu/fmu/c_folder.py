@@ -15,8 +15,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import SAMPLE_INPUTS
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION, SAMPLE_INPUTS
 from strainfmu.estimator.core import Core, Layout, Series
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap

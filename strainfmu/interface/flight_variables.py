@@ -8,8 +8,16 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
-from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, INERTIAL_INPUTS, Q_SOURCE, AirInput
+from strainfmu.estimator.air_inputs import (
+    AIR_DATA_NAMES,
+    AIR_DATA_UNITS,
+    AIR_INPUTS,
+    DYNAMIC_PRESSURE,
+    INERTIAL_INPUTS,
+    NAVIGATION,
+    Q_SOURCE,
+    AirInput,
+)
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.policies import MIN_GAIN
 from strainfmu.interface.enumerations import Q_SOURCE_TYPE
@@ -30,7 +38,7 @@ _AIR_DATA_TEXT = (
     "Static pressure",
     "Dynamic pressure",
 )
-"""Descriptions of :data:`~strainfmu.estimator.air_data.AIR_DATA_NAMES`."""
+"""Descriptions of :data:`~strainfmu.estimator.air_inputs.AIR_DATA_NAMES`."""
 
 
 def flight_interface(

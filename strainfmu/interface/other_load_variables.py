@@ -6,10 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from strainfmu.estimator.map.inverse_map import groups_of_outputs
-from strainfmu.estimator.other_loads import FAMILIES, LoadArray, LoadKind, load_arrays, output_places
+from strainfmu.estimator.other_loads import FAMILIES, LoadArray, LoadKind, load_arrays
 from strainfmu.estimator.settings import OF_STATION
 from strainfmu.interface.fmi_variables import Variable, deviation_of
 
@@ -40,16 +38,14 @@ def with_other_load_outputs(interface: Sequence[Variable], inverse_map: InverseM
 
 def other_load_values(estimate: Estimate) -> list[float]:
     """Return the outputs that :func:`with_other_load_outputs` adds, in its order."""
-    values = np.concatenate(
-        [
-            estimate.other_loads,
-            estimate.other_loads_std,
-            estimate.other_coefficients,
-            estimate.other_coefficients_std,
-        ]
+    values = (
+        estimate.other_loads,
+        estimate.other_loads_std,
+        estimate.other_coefficients,
+        estimate.other_coefficients_std,
     )
-    found: list[float] = values[output_places(estimate.load_groups)].tolist()
-    return found
+    arrays = load_arrays(estimate.load_groups)
+    return [number for array in arrays for number in values[array.value][array.group.rows].tolist()]
 
 
 def _variables(array: LoadArray, known: dict[str, Variable]) -> list[Variable]:

@@ -22,12 +22,14 @@ from strainfmu.cosim.estimators.source import is_fmu
 from strainfmu.cosim.estimators.step import StepRefused, health_name
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS, NAVIGATION
 from strainfmu.estimator.air_inputs import (
+    AIR_DATA_NAMES,
+    AIR_DATA_UNITS,
     ALTITUDE,
     DYNAMIC_PRESSURE,
     INERTIAL_NAMES,
     MACH_NUMBER,
+    NAVIGATION,
     NAVIGATION_INPUTS,
     Q_SOURCE,
     STATIC_PRESSURE,

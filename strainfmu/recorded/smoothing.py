@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY

@@ -30,13 +30,14 @@ from builder.campaign.campaign_run import run_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_snapshots
 from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.inverse.envelope.bounds import parameter_ranges
 from builder.reporting import Silent
 from builder.structure.solid.case import structure_case
 from builder.structure.solid.mesh_files import read_mesh
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError
-from strainfmu.estimator.map.validity import parameter_ranges, valid_ranges
+from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.flight_condition import FlightCondition
 from tests.aero.triangulated_shapes import box
 

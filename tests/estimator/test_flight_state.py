@@ -9,7 +9,7 @@ import pytest
 from flight_maps import INCIDENCE, NOISE_STD, ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from strainfmu.estimator.air_data import NAVIGATION
+from strainfmu.estimator.air_inputs import NAVIGATION
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, U, W, evaluate
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap

@@ -9,8 +9,7 @@ import pytest
 from random_map import map_of, random_model
 
 import strainfmu
-from strainfmu.estimator.air_data import AIR_DATA_NAMES, AirData
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, INERTIAL_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_INPUT_NAMES, INERTIAL_NAMES, AirData
 from strainfmu.estimator.arguments import SampleInputs
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES, LOAD_NAMES
 

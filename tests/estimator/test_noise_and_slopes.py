@@ -7,7 +7,7 @@ import pytest
 from flight_maps import NOISE_STD, ROWS, STATIONS, exact_response, flight_map
 from scaled_maps import scaled_map
 
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 

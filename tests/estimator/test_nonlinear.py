@@ -11,8 +11,7 @@ from scaled_maps import scaled_map
 import strainfmu
 from builder.manifold.discrepancy import TESTED
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import QSource
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, QSource
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map

@@ -15,8 +15,7 @@ from recorded_case import read_csv, write_csv
 
 from strainfmu.atmosphere import pressure_and_temperature
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import AIR_INPUT_NAMES, LAST_INPUTS
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_INPUT_NAMES, LAST_INPUTS
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map

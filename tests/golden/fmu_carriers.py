@@ -15,8 +15,7 @@ from estimator_carrier import in_part
 from inputs import Inputs, Results
 from raw_fmu import OK, Fmu2, Fmu3, this_platform
 
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, STD
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, ANGLE_ERROR, MEASURED_ANGLES, STD
 from strainfmu.estimator.arguments import EXACT
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.validity import flow_parameters

@@ -26,7 +26,7 @@ from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.numerics.spline import basis
+from strainfmu.estimator.numerics import basis
 
 
 def with_entry(vehicle: Vehicle, **entry: object) -> Vehicle:

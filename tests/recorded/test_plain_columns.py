@@ -12,7 +12,7 @@ import pytest
 from recorded_case import write_flight
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.estimator.air_data import AIR_DATA_NAMES, AIR_DATA_UNITS
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_DATA_UNITS
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.estimator_variables import LOADS

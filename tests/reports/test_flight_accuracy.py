@@ -12,7 +12,7 @@ from builder.reports.build_report.build_sections import flight_accuracy as accur
 from builder.reports.findings.envelope_states import ALL, NAVIGATION, ROLLS
 from builder.reports.findings.flight_accuracy import FlightAccuracy, flight_accuracy, flight_accuracy_table
 from builder.reports.page.html import Page, page_html
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap
 

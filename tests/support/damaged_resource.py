@@ -11,14 +11,13 @@ import numpy as np
 from raw_fmu import GUID, Fmu2
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource import container
-from strainfmu.estimator.resource.container import CHECKED_FROM, pack
-from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.resource import map_file
+from strainfmu.estimator.resource.map_file import CHECKED_FROM, native_resource, pack
 
 
 def unpack(content: bytes) -> dict[str, np.ndarray]:
     """The arrays of a container by name."""
-    table, entry = container._TABLE, container._ENTRY
+    table, entry = map_file._TABLE, map_file._ENTRY
     arrays = dict[str, np.ndarray]()
     (count,) = table.unpack_from(content, CHECKED_FROM)
     for k in range(count):
@@ -26,7 +25,7 @@ def unpack(content: bytes) -> dict[str, np.ndarray]:
             content, CHECKED_FROM + table.size + k * entry.size
         )
         shape = tuple(lengths[:rank])
-        values = np.frombuffer(content, container._KINDS[kind], int(np.prod(shape)), position)
+        values = np.frombuffer(content, map_file._KINDS[kind], int(np.prod(shape)), position)
         arrays[name.rstrip(b"\0").decode()] = values.reshape(shape)
     return arrays
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations, product
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from builder.inverse.modes.ensemble import Ensemble
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import dynamic_pressure
+from strainfmu.estimator.map.validity import CONDITION_UNITS, RECORDED_KEYS, TOTAL_INCIDENCE
 from strainfmu.flight_condition import FlightCondition
 
 ROLL_ANGLES = 24
@@ -99,3 +101,20 @@ def flight_ranges(vehicle: Vehicle, conditions: Sequence[FlightCondition]) -> di
         "mach_number_range": np.array([low, high]),
         "altitude_range": np.array(heights),
     }
+
+
+def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
+    """Return minimum and maximum of each quantity over ``conditions``, by its name in a map's provenance."""
+    ranges = {}
+    for name, (unit, _, _) in CONDITION_UNITS.items():
+        if name != TOTAL_INCIDENCE:
+            values = [getattr(condition, name) for condition in conditions]
+            values = [degrees(value) for value in values] if unit == "deg" else values
+            ranges[RECORDED_KEYS[name]] = [min(values), max(values)]
+    return ranges
+
+
+def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
+    """Return minimum and maximum of each flow parameter over ``conditions``, by its name."""
+    values = zip(*(condition.parameters for condition in conditions), strict=True)
+    return {name: [min(each), max(each)] for name, each in zip(names, values, strict=True)}

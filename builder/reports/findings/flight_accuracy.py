@@ -10,8 +10,7 @@ import numpy as np
 from builder.reports.findings.envelope_states import NAVIGATION, envelope, estimated_at
 from builder.reports.page.page_tables import Column, Table, make_table
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
-from strainfmu.estimator.air_inputs import MACH_NUMBER, STATIC_PRESSURE
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, MACH_NUMBER, STATIC_PRESSURE
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 

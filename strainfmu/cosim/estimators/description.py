@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from strainfmu.cosim.systems.instance import read_description
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
-from strainfmu.estimator.other_loads import LoadGroup, groups_among
+from strainfmu.estimator.other_loads import FAMILIES, LoadFamily, LoadGroup, groups_at
 from strainfmu.estimator.settings import OF_READINGS, SENSOR_RANGE
 from strainfmu.interface.contents import FmuContents, stated_contents
 from strainfmu.interface.health_names import CHI_SQUARE, STATE
@@ -118,9 +119,21 @@ def reading_units_in(path: Path) -> dict[str, str]:
 
 
 def load_groups(description: Any, contents: FmuContents) -> tuple[LoadGroup, ...]:
-    """Return the groups of the loads that an FMU states in addition to the five."""
+    """Return the groups of the loads that an FMU states in addition to the five; the inverse of its interface.
+
+    A place that it does not state is named as the output.
+    """
     outputs = {v.name for v in description.modelVariables if v.causality == "output"}
-    return groups_among(outputs, contents.places)
+
+    def places(family: LoadFamily) -> tuple[str, ...]:
+        stem = family.loads[0].output
+        if not family.is_listed:
+            return ("",) if stem in outputs else ()
+        names = tuple(takewhile(outputs.__contains__, (f"{stem}[{number}]" for number in count(1))))
+        stated = tuple(contents.places.get(stem, ()))
+        return stated if len(stated) == len(names) else names
+
+    return groups_at([places(family) for family in FAMILIES])
 
 
 def estimator_outputs(path: Path, description: Any, other_names: Iterable[str]) -> list[Any]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.schema import INCREASING, check, described, entry
-from strainfmu.estimator.numerics.spline import local_basis
+from strainfmu.estimator.numerics import local_basis
 
 MIN_INCIDENCE = 1e-7
 """Rounds the cone a_T = |(u, w)| off at its tip [rad]."""

@@ -63,7 +63,7 @@ from strainfmu.estimator.map.sensors import (
 )
 from strainfmu.estimator.map.validity import valid_ranges
 from strainfmu.estimator.notebook import html_table
-from strainfmu.estimator.numerics.fixed_order import product, row_squares
+from strainfmu.estimator.numerics import product, row_squares
 from strainfmu.estimator.other_loads import FIVE_LOADS, LoadGroup, is_moment, load_groups, names_of, number_of
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES as COEFFICIENT_NAMES
 from strainfmu.estimator.signal_names import LOAD_NAMES as LOAD_NAMES

@@ -219,8 +219,6 @@ SPECIFIC_FORCE = slice(0, 3)
 LEAST_VIBRATION, MOST_VIBRATION, NO_VIBRATION = 0.0625, 1024.0, 1e-6
 """Vibration over its standard deviation in the map: what counts as none, and the largest; what stands for none."""
 
-ROOT_2 = 1.4142135623730951
-
 LARGEST_CHANNEL = 1e6
 """Size of a channel beyond which the unit is taken to be broken."""
 
@@ -315,12 +313,8 @@ def vibration_ratio(inertia: InertiaMap | None, vibration: FloatArray) -> FloatA
         return np.full(len(vibration), np.nan)
     known = np.isfinite(vibration) & (vibration >= 0.0)
     ratio = np.where(known, vibration, 0.0) / inertia.vibration_std
-    steps, step = [NO_VIBRATION], LEAST_VIBRATION
-    while step <= MOST_VIBRATION:
-        steps += [step * ROOT_2, 2.0 * step]
-        step *= 2.0
-    found = np.array(steps)[np.searchsorted([LEAST_VIBRATION, *steps[1:-1]], np.minimum(ratio, MOST_VIBRATION))]
-    return np.where(known, found, np.nan)
+    step = np.ceil(2.0 * np.log2(np.clip(ratio, LEAST_VIBRATION, MOST_VIBRATION)) - 1e-12)
+    return np.where(known, np.where(ratio <= LEAST_VIBRATION, NO_VIBRATION, 2.0 ** (0.5 * step)), np.nan)
 
 
 def with_vibration(modes: ThermalMap, inertia: InertiaMap | None, ratio: float) -> ThermalMap:

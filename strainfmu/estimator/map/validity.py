@@ -12,9 +12,8 @@ hold, whatever strain and coefficients say.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import degrees, radians
+from math import radians
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,6 @@ from strainfmu.flight_condition import (
     CONDITION_QUANTITIES,
     MACH_NUMBER,
     SIDESLIP_ANGLE,
-    FlightCondition,
     with_unit,
 )
 
@@ -100,41 +98,30 @@ class ValidRange:
         return numbers if self.unit == "1" else f"{numbers} {self.unit}"
 
 
-_TOTAL_INCIDENCE = "total_incidence"
+TOTAL_INCIDENCE = "total_incidence"
 
-_UNITS = {
+CONDITION_UNITS = {
     MACH_NUMBER: ("1", "1", 1.0),
     ANGLE_OF_ATTACK: ("deg", "deg", 1.0),
     SIDESLIP_ANGLE: ("deg", "deg", 1.0),
-    _TOTAL_INCIDENCE: ("deg", "deg", 1.0),
+    TOTAL_INCIDENCE: ("deg", "deg", 1.0),
     ALTITUDE: ("m", "km", 1e-3),
     DYNAMIC_PRESSURE: ("Pa", "kPa", 1e-3),
 }
 """Quantities of a flight condition: unit in a map's provenance, unit for the reader, factor between them."""
 
-RECORDED_KEYS = {name: with_unit(name, unit) for name, (unit, _, _) in _UNITS.items()}
+RECORDED_KEYS = {name: with_unit(name, unit) for name, (unit, _, _) in CONDITION_UNITS.items()}
 """The name of each in the provenance: it ends on the unit."""
 
 VALIDITY_LABELS = {quantity.name: quantity.label for quantity in CONDITION_QUANTITIES} | {
-    _TOTAL_INCIDENCE: "total incidence, at any roll angle",
+    TOTAL_INCIDENCE: "total incidence, at any roll angle",
     DYNAMIC_PRESSURE: "dynamic pressure",
 }
 """What the ranges of a map call each quantity."""
 
 
-def condition_ranges(conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
-    """Return minimum and maximum of each quantity over ``conditions``, by its name in a map's provenance."""
-    ranges = {}
-    for name, (unit, _, _) in _UNITS.items():
-        if name != _TOTAL_INCIDENCE:
-            values = [getattr(condition, name) for condition in conditions]
-            values = [degrees(value) for value in values] if unit == "deg" else values
-            ranges[RECORDED_KEYS[name]] = [min(values), max(values)]
-    return ranges
-
-
 def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
-    """Return what :func:`condition_ranges` found, for a reader; quantities that are not there are left out."""
+    """Return the ``ranges`` of flight conditions, by their names in a provenance, for a reader."""
     return [
         ValidRange(
             quantity=VALIDITY_LABELS[name],
@@ -142,19 +129,13 @@ def valid_conditions(ranges: dict[str, list[float]]) -> list[ValidRange]:
             maximum=factor * ranges[key][1],
             unit=unit,
         )
-        for name, (_, unit, factor) in _UNITS.items()
+        for name, (_, unit, factor) in CONDITION_UNITS.items()
         if (key := RECORDED_KEYS[name]) in ranges
     ]
 
 
-def parameter_ranges(names: Sequence[str], conditions: Sequence[FlightCondition]) -> dict[str, list[float]]:
-    """Return minimum and maximum of each flow parameter over ``conditions``, by its name."""
-    values = zip(*(condition.parameters for condition in conditions), strict=True)
-    return {name: [min(each), max(each)] for name, each in zip(names, values, strict=True)}
-
-
 def valid_parameters(ranges: dict[str, list[float]]) -> list[ValidRange]:
-    """Return what :func:`parameter_ranges` found, for a reader; units are in the names."""
+    """Return ``ranges`` of flow parameters by name, for a reader; units are in the names."""
     return [ValidRange(quantity=name, minimum=low, maximum=high, unit="1") for name, (low, high) in ranges.items()]
 
 
@@ -164,7 +145,7 @@ def valid_ranges(inverse_map: Any) -> list[ValidRange]:
     With full symmetry it is the disc of total incidence, whatever the signs of the angles that were listed;
     altitude and dynamic pressure are those that the form of the map allows.
     """
-    incidence = RECORDED_KEYS[_TOTAL_INCIDENCE]
+    incidence = RECORDED_KEYS[TOTAL_INCIDENCE]
     keys = [key for key in RECORDED_KEYS.values() if key != incidence]
     recorded = {key: inverse_map.provenance[key] for key in keys if key in inverse_map.provenance}
     # Earlier maps have the altitude as one number.

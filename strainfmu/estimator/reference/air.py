@@ -17,7 +17,6 @@ from strainfmu.atmosphere import (
     pressure_and_temperature,
     static_pressure_at,
 )
-from strainfmu.estimator.air_data import NAVIGATION
 from strainfmu.estimator.air_inputs import (
     AIR_INPUTS,
     ALTITUDE,
@@ -26,6 +25,7 @@ from strainfmu.estimator.air_inputs import (
     LARGEST_ANGLE,
     MACH_NUMBER,
     MEASURED_ANGLES,
+    NAVIGATION,
     Q_SOURCE,
     STATIC_PRESSURE,
     STATIC_TEMPERATURE_ERROR,

@@ -20,7 +20,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.nonlinear_map import ParameterTables
-from strainfmu.estimator.numerics.fixed_order import product
+from strainfmu.estimator.numerics import product
 
 ROUND_OFF = 1e-13
 """Difference of two tables, and rest of a table, in parts of their largest value, that counts as none."""

@@ -1,17 +1,25 @@
-"""The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name (:mod:`.container`).
+"""The inverse map as the compiled estimator reads it: ``map.bin``, arrays by name.
+
+Little endian. A header of 32 bytes, as every resource of a native FMU has it: magic, format version, byte order
+mark, length of the file, CRC-32 of all that follows, a zero. Then the number of arrays and 12 zeros. Then an entry
+of 80 bytes for each array, by ascending names: name, kind, rank, four lengths, position. Then the arrays, row by
+row, each from a multiple of 16 bytes on. ``fmus/native/estimator/map/container.h`` reads it.
 
 A name is PART.VALUE. Values that are fields of a map have their place in its schema; :data:`DERIVED` lists what
 follows from them, :data:`PARTS` the parts that not every map has. A bound that a map does not state is the largest
 finite number.
 
-Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics.fixed_order`). Gains, whitening
+Every value has the same bits on every machine (:mod:`strainfmu.estimator.numerics`). Gains, whitening
 and directions of the linear estimator follow from them: the compiled estimator computes these as it opens a map.
 """
 
 from __future__ import annotations
 
+import re
+import struct
 import sys
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
 from math import log
@@ -23,8 +31,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, layer_table
 from strainfmu.errors import InputError
 from strainfmu.estimator import policies, tare
-from strainfmu.estimator.air_data import NAVIGATION
-from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER
+from strainfmu.estimator.air_inputs import ALTITUDE, DYNAMIC_PRESSURE, MACH_NUMBER, NAVIGATION
 from strainfmu.estimator.gauge_zeros import LARGEST_ZERO
 from strainfmu.estimator.health import (
     AMBIGUOUS_CORRELATION,
@@ -47,10 +54,9 @@ from strainfmu.estimator.map.validity import (
     flow_parameters,
     incidence_per_force,
 )
-from strainfmu.estimator.numerics.fixed_order import householder, product
+from strainfmu.estimator.numerics import householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
-from strainfmu.estimator.resource.container import pack, texts
 from strainfmu.estimator.settings import (
     LARGEST_SETTING,
     OF_AREA,
@@ -60,6 +66,61 @@ from strainfmu.estimator.settings import (
     default_settings,
 )
 from strainfmu.estimator.signal_names import NOT_KNOWN, TARE
+
+MAGIC = b"SFMUMAP\0"
+FORMAT_VERSION = 8
+CHECKED_FROM = 32
+"""Position of the first byte that the checksum covers."""
+
+NAME_SIZE = 48
+"""Bytes of a name, with its final zero."""
+
+_NAME = re.compile(rf"[a-z0-9_.]{{1,{NAME_SIZE - 1}}}")
+_HEADER = struct.Struct("<8s2IQ2I")
+_TABLE = struct.Struct("<I12x")
+_ENTRY = struct.Struct(f"<{NAME_SIZE}s6IQ")
+_BYTE_ORDER_MARK = 0x01020304
+_ALIGNMENT, _MOST_AXES = 16, 4
+_KINDS = (np.dtype("<f8"), np.dtype("<i4"), np.dtype("u1"))
+_KIND_OF = {"f": 0, "i": 1, "b": 1, "u": 2}
+"""By the kind of a numpy type: numbers, whole numbers, bytes of text."""
+
+Values = Mapping[str, Any]
+"""Numbers and arrays of up to four axes by name: floats, whole numbers, or bytes of text (uint8)."""
+
+
+def pack(arrays: Values) -> bytes:
+    """Return the container of ``arrays``."""
+    entries, contents = list[bytes](), list[bytes]()
+    position = CHECKED_FROM + _TABLE.size + len(arrays) * _ENTRY.size
+    for name in sorted(arrays):
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"name of an array: '{name}' found, must match {_NAME.pattern}")
+        array = np.asarray(arrays[name])
+        kind = _KIND_OF[array.dtype.kind]
+        content = array.astype(_KINDS[kind]).tobytes()
+        lengths = (*array.shape, *[0] * (_MOST_AXES - array.ndim))
+        entries.append(_ENTRY.pack(name.encode(), kind, array.ndim, *lengths, position))
+        contents.append(content + bytes(-len(content) % _ALIGNMENT))
+        position += len(contents[-1])
+    return sealed(bytes(CHECKED_FROM) + _TABLE.pack(len(arrays)) + b"".join(entries) + b"".join(contents))
+
+
+def sealed(content: bytes) -> bytes:
+    """Return ``content`` with the header that belongs to what follows its first 32 bytes."""
+    checked = content[CHECKED_FROM:]
+    header = _HEADER.pack(MAGIC, FORMAT_VERSION, _BYTE_ORDER_MARK, len(content), zlib.crc32(checked), 0)
+    return header + checked
+
+
+def texts(lines: list[str], width: int) -> np.ndarray:
+    """Return (n, ``width``) bytes of ``lines``, each ended by zeros."""
+    rows = [line.encode() for line in lines]
+    for row in rows:
+        if len(row) >= width or b"\0" in row:
+            raise ValueError(f"'{row.decode()}' found, must be shorter than {width} bytes")
+    return np.frombuffer(b"".join(row.ljust(width, b"\0") for row in rows), np.uint8).reshape(len(rows), width)
+
 
 GUID_SIZE = 80
 PARAMETER_NAME_SIZE = OUTPUT_NAME_SIZE = 48

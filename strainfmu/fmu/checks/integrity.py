@@ -8,7 +8,7 @@ import zipfile
 import zlib
 from pathlib import Path, PurePosixPath
 
-from strainfmu.estimator.resource.container import CHECKED_FROM
+from strainfmu.estimator.resource.map_file import CHECKED_FROM
 from strainfmu.files import USER_BLOCK_SIZE
 from strainfmu.interface.contents import CONTENTS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, U, W, evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.map.nonlinear_map import ManifoldMap

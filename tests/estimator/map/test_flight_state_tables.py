@@ -6,7 +6,7 @@ from flight_maps import exact_response, flight_map
 from scipy.interpolate import BSpline
 
 from strainfmu.estimator.map.flight_tables import evaluate
-from strainfmu.estimator.numerics.spline import basis, padded_knots
+from strainfmu.estimator.numerics import basis, padded_knots
 
 pytestmark = pytest.mark.fast
 

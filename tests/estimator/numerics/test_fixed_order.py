@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from strainfmu.estimator.numerics.fixed_order import householder, product, row_squares
+from strainfmu.estimator.numerics import householder, product, row_squares
 
 pytestmark = pytest.mark.fast
 

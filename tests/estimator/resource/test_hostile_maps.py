@@ -16,7 +16,7 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.core import library
-from strainfmu.estimator.resource.container import pack, sealed
+from strainfmu.estimator.resource.map_file import pack, sealed
 
 pytestmark = pytest.mark.fast
 

@@ -14,7 +14,7 @@ from sensor_maps import with_sensors
 from thermal_maps import with_temperature
 
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.resource.container import pack
+from strainfmu.estimator.resource.map_file import pack
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ from raw_fmu import OK, Fmu2, Fmu3, write_resource
 from shape_case import flown, grid_conditions, shape_structure
 from thermal_maps import REFERENCE, with_temperature
 
-from strainfmu.estimator.air_data import AIR_DATA_NAMES
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -15,8 +15,7 @@ from native_case import NativeCase
 from raw_fmu import ERROR, Fmu2, Fmu3, shipped_library
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.resource.container import NAME_SIZE, sealed
-from strainfmu.estimator.resource.map_file import native_resource
+from strainfmu.estimator.resource.map_file import NAME_SIZE, native_resource, sealed
 
 pytestmark = pytest.mark.fast
 

@@ -1,1 +1,0 @@
-"""Matrix algebra in the same bits on every processor, and splines."""
