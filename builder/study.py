@@ -41,10 +41,10 @@ from builder.processors import processors
 from builder.reporting import Reporter, Silent
 from builder.trial.cases import Case, Plan
 from builder.trial.levels import HARDWARE
+from builder.trial.readings import World
 from builder.trial.run import Task, run_tasks, scored, tasks_of
 from builder.trial.score import Row
 from builder.trial.table import write_table
-from builder.trial.world import World
 from builder.truth.independent_model import refuse_without_independent_model
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.toml.reading import read_sections

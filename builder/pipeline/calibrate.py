@@ -46,7 +46,7 @@ from builder.structure.as_built.displaced_structure import AnyAsBuilt, Displaced
 from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.mapped_structure import mapped_structure
 from builder.structure.structure_file import load_structure
-from builder.trial.world import World
+from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable, load_truth_flows
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle, load_vehicle

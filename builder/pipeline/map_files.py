@@ -46,7 +46,7 @@ from builder.structure.external.external_structure import external_inputs, exter
 from builder.structure.solid.case import SolidCase, structure_case
 from builder.structure.solid.solid_model import solve_solid_structure, update_structure
 from builder.structure.structure_file import Structure, load_structure, save_structure
-from builder.trial.world import World
+from builder.trial.readings import World
 from builder.truth.independent_model import ENGINES_IN_WORDS
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import independent_flows, load_flow_table, save_flow_table, truth_inputs

@@ -20,8 +20,7 @@ from builder.trial.levels import (
     with_alarm_levels,
     with_flight_alarm_levels,
 )
-from builder.trial.readings import Readings, joined
-from builder.trial.world import World
+from builder.trial.readings import Readings, World, joined
 from builder.truth.revolution.flow_table import truth_knots
 from builder.truth.shape import flying_structure, refuse_without_other_model, shape_flights, structure_of_check
 from builder.vehicle.file import Vehicle

@@ -49,7 +49,7 @@ from builder.structure.solid.checks import mesh_error_line
 from builder.structure.solid.solid_model import solve_solid_structure
 from builder.structure.structure_file import Structure
 from builder.structure.structure_fit import on_solid_model, structure_misfits, structure_record
-from builder.trial.world import World
+from builder.trial.readings import World
 from builder.truth.revolution.flow_table import independent_flows
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.truth.shape import shape_flows

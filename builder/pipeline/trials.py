@@ -44,7 +44,6 @@ from builder.structure.fourier.fourier_model import place_layouts
 from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.case import structure_case
 from builder.structure.structure_file import load_structure
-from builder.trial.added import temperature_of
 from builder.trial.cases import Case, GroundTests, Plan, TrialFile, cases_for, load_trial, trial_path
 from builder.trial.compared import (
     NONLINEAR,
@@ -57,11 +56,12 @@ from builder.trial.compared import (
 )
 from builder.trial.conditions import flown_conditions
 from builder.trial.estimators import available
+from builder.trial.faults import temperature_of
 from builder.trial.flows import stress_flow_inputs, stress_flows
+from builder.trial.readings import World
 from builder.trial.run import Score, Task, run_tasks, scored, tasks_of
 from builder.trial.score import ALL, Row
 from builder.trial.table import stress_entries, write_table
-from builder.trial.world import World
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import load_truth_flows, save_flow_table

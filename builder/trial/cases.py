@@ -13,8 +13,8 @@ states.
     ]
 
 The sections of a case stand with what they do: :class:`~builder.trial.conditions.Where`,
-:class:`~builder.trial.faults.Fault`, :class:`~builder.trial.faults.Lost`, :class:`~builder.trial.added.Inertia`,
-:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.added.Heating` and
+:class:`~builder.trial.faults.Fault`, :class:`~builder.trial.faults.Lost`, :class:`~builder.trial.faults.Inertia`,
+:class:`~builder.trial.flows.Flow`, :class:`~builder.trial.faults.Heating` and
 :class:`~builder.trial.conditions.Motion`; others are here.
 """
 
@@ -28,9 +28,8 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, PositiveFloat, model_validator
 
 from builder.structure.as_built_kinds import IN_NOISE, KINDS
-from builder.trial.added import Heating, Inertia
 from builder.trial.conditions import FEWER_BEYOND, Motion, Where, edges_of, is_inside
-from builder.trial.faults import Fault, Lost
+from builder.trial.faults import Fault, Heating, Inertia, Lost
 from builder.trial.flows import Flow
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form

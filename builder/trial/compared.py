@@ -39,8 +39,7 @@ from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.conditions import drawn_altitudes_km
 from builder.trial.estimators import EstimateReadings, Estimates, estimate_of, with_inputs
-from builder.trial.readings import ANGLES, Readings
-from builder.trial.world import World
+from builder.trial.readings import ANGLES, Readings, World
 from builder.truth.revolution.flow_table import FlowTable, ratio_at, truth_surface
 from builder.truth.shape import at_conditions, on_nodes
 from builder.vehicle.file import Vehicle

@@ -1,8 +1,10 @@
-"""What becomes of readings: gauges, or auxiliary sensors, that fail; seven verbs; and sets of gauges that are
-lost."""
+"""What becomes of readings: gauges, or auxiliary sensors, that fail, by seven verbs; sets of gauges that are lost;
+and strain that no pressure makes, on the mesh of the independent model: a wall that warms, inertia of masses,
+vibration, friction."""
 
 from __future__ import annotations
 
+from functools import cached_property
 from itertools import combinations
 from math import radians
 from typing import Any, Literal, NamedTuple
@@ -10,6 +12,21 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field
 
+from builder.inverse.noise.inertia import UNLISTED, strain_by_inertia
+from builder.inverse.noise.thermal import thermal_structure
+from builder.structure.fourier.fourier_model import place_layouts
+from builder.structure.fourier.inertia_strain import inertia_strain
+from builder.structure.fourier.meridian_mesh import MeridianMasses
+from builder.structure.fourier.shell_mesh import shell_mesh
+from builder.structure.loads.applied import STANDARD_GRAVITY
+from builder.structure.loads.gauge_strain import gauge_strain, gauge_temperature
+from builder.structure.loads.temperature import temperature_mode
+from builder.structure.wall import wall_of
+from builder.vehicle.file import Vehicle
+from builder.vehicle.model_entries import Resolutions
+from builder.vehicle.shape.geometry import surface_grid
+from builder.vehicle.structure.mass import Mass
+from builder.vehicle.structure.temperature_entries import Temperature, TemperatureSensor
 from builder.vehicle.toml.toml_sections import Section
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -166,3 +183,185 @@ def gauge_rows(inverse_map: InverseMap) -> tuple[FloatArray, BoolArray]:
     _, y, z = inverse_map.gauge_position.T
     roll = np.round(np.mod(np.degrees(np.arctan2(y, z)), 360.0), 3) % 360.0
     return np.asarray(roll), np.abs(inverse_map.gauge_direction[:, 0]) > np.sqrt(0.5)
+
+
+PER_100K, CELSIUS = 1e-4, 273.15
+
+SENSOR_STATIONS = (0.11, 0.36, 0.61, 0.86)
+"""Of the standard sensors, over the length of the body; one on each surface of the wall."""
+
+
+class AtEnd(NamedTuple):
+    """The end of a heating: strain [m/m] and rise [K] of the gauges (n_d,), and rise at the sensors (n_t,) [K]."""
+
+    strain: FloatArray
+    rise: FloatArray
+    at_sensors: FloatArray
+
+
+class Heating(Section):
+    """Rise at the end of the heating.
+
+    Attributes
+    ----------
+    nose_K, aft_K : of the wall at nose and base [K].
+    through_wall_K : outer less inner surface at the nose [K].
+    side_percent : what one side is warmer by, of the rise.
+    """
+
+    nose_K: float = Field(default=0.0, ge=0.0)
+    aft_K: float = Field(default=0.0, ge=0.0)
+    through_wall_K: float = 0.0
+    side_percent: float = 0.0
+
+    def at_end(self, vehicle: Vehicle) -> AtEnd:
+        """Return what gauges and sensors get at the end of it."""
+        entry = temperature_of(vehicle)
+        resolution = Resolutions(map=vehicle.resolution.truth, truth=vehicle.resolution.truth)
+        structure = thermal_structure(vehicle.model_copy(update={"resolution": resolution}), entry)
+        ends = np.array([0.0, vehicle.body().length])
+        rise, through = np.array([self.nose_K, self.aft_K]), np.array([self.through_wall_K, 0.0])
+        fields = [
+            temperature_mode(ends, rise, through_wall=through),
+            temperature_mode(ends, 0.01 * self.side_percent * rise, harmonic=1, roll_angle=0.7),
+        ]
+        x = np.array([sensor.x_m for sensor in entry.sensor])
+        roll = np.radians([sensor.roll_angle_deg for sensor in entry.sensor])
+        depth = np.array([float(sensor.surface == "outer") for sensor in entry.sensor])
+        return AtEnd(
+            strain=gauge_strain(structure, fields),
+            rise=np.sum([gauge_temperature(structure, field) for field in fields], axis=0),
+            at_sensors=np.sum([field.at(x, roll, depth) for field in fields], axis=0),
+        )
+
+
+def standard_temperature(length: float) -> Temperature:
+    """Return a section [temperature] with eight sensors for a body of ``length`` [m]."""
+    sensors = [
+        TemperatureSensor(name=f"{surface} {part:g}", x_m=part * length, surface=surface)
+        for part in SENSOR_STATIONS
+        for surface in ("inner", "outer")
+    ]
+    return Temperature(
+        expansion_um_per_m_per_K=9.0,
+        modulus_percent_per_100K=-4.5,
+        gauge_factor_percent_per_100K=-1.0,
+        apparent_strain_um_per_m=(0.05, -0.002),
+        apparent_strain_scatter_um_per_m_per_K=0.01,
+        sensor=sensors,
+    )
+
+
+def temperature_of(vehicle: Vehicle) -> Temperature:
+    """Return the section [temperature] of a vehicle; the standard one where it has none."""
+    return vehicle.temperature or standard_temperature(vehicle.body().length)
+
+
+def heated(
+    entry: Temperature, end: AtEnd, strain: FloatArray, scatter: FloatArray, random: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Return readings (n, n_d) [m/m] of a wall that warms instead of isothermal ``strain``, and the temperature
+    (n, n_t) that sensors measure [K]; ``scatter`` (n or 1, n_d) are standard normal numbers of the gauges."""
+    time = random.uniform(0.0, 1.0, (len(strain), 1))
+    warm = time * end.rise
+    per_kelvin = MICRO * entry.apparent_strain_scatter_um_per_m_per_K * scatter
+    powers = [MICRO * c * warm**k for k, c in enumerate(entry.apparent_strain_um_per_m, start=1)]
+    sheet = sum(powers, start=per_kelvin * warm)
+    softer = 1.0 + PER_100K * entry.modulus_percent_per_100K * warm
+    factor = 1.0 + PER_100K * entry.gauge_factor_percent_per_100K * warm
+    noise = [sensor.std_K for sensor in entry.sensor] * random.standard_normal((len(strain), len(entry.sensor)))
+    measured = entry.reference_degC + CELSIUS + time * end.at_sensors + noise
+    return np.asarray(factor * (strain / softer + time * end.strain + sheet)), measured
+
+
+class Inertia(Section):
+    """Acceleration across the axis.
+
+    Attributes
+    ----------
+    load_factor : specific force [g], to leeward, as the normal force accelerates the vehicle.
+    drawn : whether it is the standard deviation along both axes instead, drawn in every sample.
+    listed : whether the masses of the vehicle file strain the gauges.
+    extra_kg : mass at mid-body that the file does not list.
+    bending_um_per_m : amplitude of the first bending mode at the gauge that it strains most, at any phase and
+        axis.
+    """
+
+    load_factor: float = 0.0
+    drawn: bool = False
+    listed: bool = True
+    extra_kg: float = 0.0
+    bending_um_per_m: float = 0.0
+
+    def force(self, leeward: FloatArray, random: np.random.Generator) -> FloatArray:
+        """Return (n, 2) the specific force along y and z [m/s2]; ``leeward`` (n,) is the meridian's roll angle."""
+        axes = random.standard_normal((len(leeward), 2)) if self.drawn else _across(leeward)
+        return STANDARD_GRAVITY * self.load_factor * axes
+
+
+class AddedStrain:
+    """Strain of the gauges of a vehicle on its independent mesh, solved where it is needed."""
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self.vehicle = vehicle
+        self._heated: dict[Heating, AtEnd] = {}
+
+    def inertia(
+        self, inertia: Inertia, force: FloatArray, leeward: FloatArray, random: np.random.Generator
+    ) -> FloatArray:
+        """Return (n, n_d) strain under a specific ``force`` (n, 2) [m/s2], and of the vibration [m/m]."""
+        listed, extra, bending = self._by_inertia
+        strain = force @ (inertia.listed * listed + inertia.extra_kg * extra).T
+        if inertia.bending_um_per_m:
+            phase, axis = 2.0 * np.pi * random.random((2, len(leeward), 1))
+            size = MICRO * inertia.bending_um_per_m * np.sin(phase) * _across(axis[:, 0])
+            strain = strain + size @ bending.T
+        return np.asarray(strain)
+
+    def friction(self, coefficient: float, dynamic_pressure: FloatArray) -> FloatArray:
+        """Return (n, n_d) strain by an axial ``coefficient`` of friction that is even over the surface [m/m]."""
+        force = coefficient * self.vehicle.reference_quantities().area * dynamic_pressure
+        return np.outer(force / self._area, self._by_friction)
+
+    def heat(
+        self, heating: Heating, strain: FloatArray, vehicles: int, random: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return readings of a wall that warms and what its sensors measure, as
+        :func:`~builder.trial.faults.heated`, of ``vehicles``, one or as many as samples."""
+        if heating not in self._heated:
+            self._heated[heating] = heating.at_end(self.vehicle)
+        scatter = random.standard_normal((vehicles, strain.shape[1]))
+        return heated(temperature_of(self.vehicle), self._heated[heating], strain, scatter, random)
+
+    @cached_property
+    def _by_inertia(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n_d, 2) per specific force along y and z of the listed masses and of 1 kg at mid-body [s2/m], and of
+        the first bending mode [1]."""
+        entry, middle = self.vehicle.mass or Mass(), 0.5 * self.vehicle.body().length
+        strain = strain_by_inertia(self.vehicle, entry, self.vehicle.resolution.truth, [middle])
+        return strain.of_listed[:, 1:3], strain.by_part[f"{UNLISTED} 1"][:, 1:3], strain.by_bending
+
+    @cached_property
+    def _by_friction(self) -> FloatArray:
+        """(n_d,) strain per pressure of friction along the axis [1/Pa]."""
+        vehicle, resolution, wall = self.vehicle, self.vehicle.resolution.truth, wall_of(self.vehicle)
+        mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
+        layout = vehicle.gauges.layout
+        gauges = place_layouts(vehicle, mesh, [layout])[1][layout]
+        # A cover of 1 kg/m2 under a specific force of 1 m/s2 pulls with 1 Pa, towards the nose.
+        cover = MeridianMasses(
+            density=(0.0,) * (1 + len(mesh.materials)), covers=((0.0, vehicle.body().length, 1.0),)
+        )
+        return -inertia_strain(mesh, wall.material, gauges, {"": cover}, unit=0.0)[""][:, 0]
+
+    @cached_property
+    def _area(self) -> float:
+        """Area of the surface [m2], by frusta."""
+        grid = surface_grid(self.vehicle.body(), self.vehicle.resolution.truth.surface_stations, 4)
+        x, r = grid.x, grid.radius
+        return float(np.sum(np.pi * (r[1:] + r[:-1]) * np.hypot(np.diff(x), np.diff(r))))
+
+
+def _across(angle: FloatArray) -> FloatArray:
+    """Return (n, 2) unit vectors along y and z at roll angles (n,) [rad]."""
+    return np.column_stack([np.sin(angle), np.cos(angle)])

@@ -17,8 +17,7 @@ from builder.inverse.envelope.score_limit import tail_quantile
 from builder.trial.cases import Air, Built, Case
 from builder.trial.conditions import Where
 from builder.trial.estimators import estimate_of
-from builder.trial.readings import Readings, read_own_vehicles, with_map_errors
-from builder.trial.world import World
+from builder.trial.readings import Readings, World, read_own_vehicles, with_map_errors
 from builder.truth.flights import Flights
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE

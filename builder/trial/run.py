@@ -20,9 +20,16 @@ from builder.reporting import Reporter
 from builder.trial.cases import Case, Plan
 from builder.trial.estimators import EstimateReadings, Estimates, of_estimator, of_map, together
 from builder.trial.faults import Lost, NoSuchGaugesError
-from builder.trial.readings import ANGLES, BATCH, Readings, joined, read_case, read_motion, read_own_vehicles
+from builder.trial.readings import (
+    ANGLES,
+    Readings,
+    World,
+    joined,
+    read_case,
+    read_motion,
+    read_own_vehicles,
+)
 from builder.trial.score import ALL, NONE, ROLLING, Row, judged, rows_of
-from builder.trial.world import World
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
@@ -76,14 +83,8 @@ def readings_of(
     if not is_frozen and world.sensors is None:
         yield from read_own_vehicles(world, case, world.flights(case), count, random)
         return
-    flights, batch = world.flights(case), list[Readings]()
-    for number in range(count):
-        batch.append(read_case(world, case, flights, number=number, random=random))
-        if sum(len(part.strain) for part in batch) >= BATCH:
-            yield joined(batch)
-            batch = []
-    if batch:
-        yield joined(batch)
+    flights = world.flights(case)
+    yield from (read_case(world, case, flights, number=number, random=random) for number in range(count))
 
 
 def with_lost_gauges(world: World, lost: Lost, read: Readings, random: np.random.Generator) -> Iterator[Readings]:

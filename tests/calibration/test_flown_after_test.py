@@ -14,7 +14,7 @@ from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import as_built_std, draw_as_built
 from builder.trial.conditions import held_out_conditions
-from builder.trial.world import World
+from builder.trial.readings import World
 from builder.truth import flights as truth_flights
 from builder.truth.flights import Flights
 from builder.truth.revolution.flow_table import FlowTable, ratio_at

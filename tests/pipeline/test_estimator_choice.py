@@ -17,8 +17,7 @@ from builder.reporting import Silent
 from builder.reports.build_report.build_tables import estimator_choice
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.levels import level_readings
-from builder.trial.readings import Readings, joined
-from builder.trial.world import World
+from builder.trial.readings import Readings, World, joined
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import Vehicle

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from builder.trial.cases import Case, cases_for, load_trial, trial_path
+from builder.trial.readings import World
 from builder.trial.score import Row
-from builder.trial.world import World
 from builder.vehicle.file import Vehicle
 
 

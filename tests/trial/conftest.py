@@ -17,7 +17,7 @@ from builder.structure.fourier.fourier_model import StructuralModel, structural_
 from builder.trial import conditions
 from builder.trial.compared import knowing
 from builder.trial.flows import stress_flows
-from builder.trial.world import World
+from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle

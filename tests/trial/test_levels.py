@@ -23,10 +23,9 @@ from builder.trial.levels import (
     with_alarm_levels,
     with_flight_alarm_levels,
 )
-from builder.trial.readings import Readings, joined
+from builder.trial.readings import Readings, World, joined
 from builder.trial.run import scored
 from builder.trial.score import Row
-from builder.trial.world import World
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState, chi_square_limit
 from strainfmu.estimator.map.inverse_map import InverseMap

@@ -17,14 +17,12 @@ from builder.manifold.nonlinear_build import with_manifold
 from builder.pipeline.chosen_estimator import Estimators
 from builder.pipeline.trials import check_fit, of_map, run_trial, world_of
 from builder.structure.fourier.fourier_model import structural_model
-from builder.trial.added import AtEnd, Heating, heated, standard_temperature
 from builder.trial.cases import Case, Plan, cases_for, load_trial, trial_path
-from builder.trial.faults import Lost, NoSuchGaugesError, gauge_rows
-from builder.trial.readings import joined, read_case
+from builder.trial.faults import AtEnd, Heating, Lost, NoSuchGaugesError, gauge_rows, heated, standard_temperature
+from builder.trial.readings import World, joined, read_case
 from builder.trial.run import Task as RunTask
 from builder.trial.run import readings_of, run_task, scored
 from builder.trial.score import ALL, MISSED, Row
-from builder.trial.world import World
 from builder.truth.revolution.flow_table import FlowTable
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from strainfmu.errors import FlowReachError, InputError

@@ -24,9 +24,9 @@ from builder.structure.as_built.displaced import refuse_others
 from builder.trial.cases import Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import FEWER_BEYOND, Where, conditions_in_ranges, edges_of, flown_conditions
 from builder.trial.flows import Flow, Spot
+from builder.trial.readings import World
 from builder.trial.run import scored
 from builder.trial.score import MISSED, Row
-from builder.trial.world import World
 from builder.truth.flights import drawn
 from builder.truth.shape import ShapeFlights, at_conditions, on_nodes, refuse_without_other_model
 from builder.vehicle.conditions.condition_entries import FlowParameter

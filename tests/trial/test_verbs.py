@@ -10,7 +10,6 @@ import pytest
 from trial_cases import case_of, other_world
 
 from builder.aero.engines.local_inclination import largest_pressure_coefficient
-from builder.trial.added import AddedStrain
 from builder.trial.conditions import (
     RISE,
     Motion,
@@ -20,10 +19,9 @@ from builder.trial.conditions import (
     held_out_conditions,
     stress_knots,
 )
-from builder.trial.faults import Fault, Gauges
+from builder.trial.faults import AddedStrain, Fault, Gauges
 from builder.trial.flows import Flow, solved_knots
-from builder.trial.readings import read_motion
-from builder.trial.world import World
+from builder.trial.readings import World, read_motion
 from builder.truth.revolution.flow_table import FlowTable, truth_surface
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import IC3X, VEHICLES, Vehicle, load_vehicle

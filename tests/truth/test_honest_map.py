@@ -20,10 +20,9 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.trial.cases import Built, Case, Plan
 from builder.trial.conditions import Where
 from builder.trial.estimators import of_map
-from builder.trial.readings import Readings, joined, read_own_vehicles
+from builder.trial.readings import Readings, World, joined, read_own_vehicles
 from builder.trial.run import readings_of, scored
 from builder.trial.score import rows_of
-from builder.trial.world import World
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.revolution.strain import TrueStructure
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -31,9 +31,8 @@ from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.conditions import at_any_roll
 from builder.trial.estimators import Estimates, estimate_of, estimates_from, of_map, together
 from builder.trial.levels import stated_readings
-from builder.trial.readings import ANGLES, Readings, joined
+from builder.trial.readings import ANGLES, Readings, World, joined
 from builder.trial.score import ROLLING, Row, by_load, rows_of
-from builder.trial.world import World
 from builder.truth.revolution.strain import TrueFlights, TrueStructure, flights_of_harmonics, true_structure
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
