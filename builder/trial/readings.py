@@ -171,11 +171,7 @@ class World:
     def built(self, entry: Built, random: np.random.Generator, count: int | None = None) -> AsBuilt:
         """Return one vehicle, or ``count`` of them at once."""
         counts, lead = self.structure.counts, () if count is None else (count,)
-        vehicle = drawn(self.vehicle.noise, counts, random, entry.stated, count)
-        for name, value in entry.set.items():
-            size = (*lead, counts.in_flight(KINDS[name]))
-            sign = random.choice([-1.0, 1.0], size=size) if entry.signs else np.ones(size)
-            vehicle = vehicle.changed(**{name: KINDS[name].scale * value * sign})
+        vehicle = entry.of(drawn(self.vehicle.noise, counts, random, entry.stated, count), random)
         station = self.gauges.station
         third = np.ptp(station) / 3.0
         middle = (station >= station.min() + third) & (station <= station.max() - third)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from builder.calibration.score.ground_rows import (
 from builder.calibration.score.ground_world import GroundWorld, flights_of, ground_world
 from builder.campaign.snapshots import Snapshots
 from builder.structure.as_built.as_built_vehicle import Counts, exactly_built
-from builder.trial.cases import Case, GroundTest, GroundTests, Plan
+from builder.trial.cases import Built, Case, GroundTest, GroundTests, Plan
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
 from builder.trial.score import MISSED, Row, judged
@@ -34,28 +35,30 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 
 
+def case_of(built: Built | None = None, **entries: object) -> Case:
+    return Case(error="a", group="alone", built=built or Built(), ground=GroundTest.model_validate(entries))
+
+
 @pytest.mark.fast
 def test_errors_of_a_case_are_what_the_file_says() -> None:
     """Errors that a test cannot have are refused."""
     built, random = exactly_built(Counts(gauge=3, region=4, joint=2)), np.random.default_rng(0)
-    assert with_errors(GroundTest(), built, random).vector.tobytes() == built.vector.tobytes()
-    entry = GroundTest(mass_percent=-3.0, clamp_m=0.03, joint_m=0.02, modulus_percent=3.0, taper_percent=2.0)
-    changed = with_errors(entry, built, random)
-    assert changed.mass == [-0.03]
-    assert (changed.clamp_axial, changed.clamp_transverse) == ([0.03], [0.03])
-    assert changed.joint_softness.tolist() == [0.02, 0.02]
+    assert with_errors(case_of(), built, random).vector.tobytes() == built.vector.tobytes()
+    errors = Built(set={"mass": -3.0, "joint_softness": 20.0, "region_modulus": 3.0}, signs=True)
+    changed = with_errors(case_of(errors, taper_percent=2.0), built, random)
+    assert np.abs(changed.mass) == pytest.approx([0.03])
+    assert np.abs(changed.joint_softness) == pytest.approx([0.02, 0.02])
     assert set(np.abs(changed.region_modulus)) == {0.03}
     assert set(changed.wall_taper) == {0.02}
-    zero = with_errors(GroundTest(zero_um_per_m=150.0), exactly_built(Counts(gauge=4000)), random).zero
+    zero = with_errors(case_of(zero_um_per_m=150.0), exactly_built(Counts(gauge=4000)), random).zero
     assert np.median(zero) == pytest.approx(75e-6, abs=15e-6)
     assert np.abs(zero).max() > 1000e-6  # heavy-tailed
     pads = blank_test(("a", "b", "c"), LoadErrors(), 1.0, 6)
     pads = replace(pads, cases=pads.cases[:6])
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .* in this test, got 'attitude'"):
         spoil_of(GroundTest(wrong="attitude"), pads)
-    case = Case(error="a", group="beyond", ground=GroundTest(wrong="kgs"))
     with pytest.raises(InputError, match=r"ground.wrong: expected kgf, .*, wrong load; got 'kgs'"):
-        refuse_unknown_tests((), [case])
+        refuse_unknown_tests((), [case_of(wrong="kgs")])
 
 
 @pytest.mark.fast
@@ -125,15 +128,14 @@ def world(vehicle: Vehicle, snapshots: Snapshots, table: FlowTable) -> GroundWor
     return ground_world(vehicle, snapshots, table, 20, GroundTests(walls="stated", proposed=False, draws=2))
 
 
-def rows_by(world: GroundWorld, entry: GroundTest, names: tuple[str, ...] = KNOWN[:3:2]) -> dict[str, list[Row]]:
+def rows_by(world: GroundWorld, case: Case, names: tuple[str, ...] = KNOWN[:3:2]) -> dict[str, list[Row]]:
     """Return the rows of two vehicles by estimator."""
-    case = Case(error="a", group="alone", ground=entry)
     return ground_rows(world, case, Plan(vehicles=2, seed=0, estimators=list(names)))
 
 
 @pytest.mark.slow
 def test_a_tested_vehicle_flies_as_one_that_is_known(world: GroundWorld) -> None:
-    rows = rows_by(world, GroundTest(), KNOWN)
+    rows = rows_by(world, case_of(), KNOWN)
     exact, before, tested, equations = (rows[name] for name in KNOWN)
     assert max(row["over_exact"] for row in tested[1:]) < 1.15
     assert max(row["over_exact"] for row in before[1:]) > 1.5
@@ -149,7 +151,7 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(world: GroundWorld) -> None
     "entry",
     [
         {"second_harmonic_percent": 1.0, "said": "second harmonic"},
-        {"clamp_m": 0.03, "said": "clamp"},
+        {"built": Built(set=dict.fromkeys(("clamp_axial", "clamp_transverse"), 30.0)), "said": "clamp"},
         {"rig_kg": 10.0, "said": "rig"},
         {"pads_percent": 30.0, "said": "size of all pads"},
         {"wrong": "gauges swapped"},
@@ -157,8 +159,8 @@ def test_a_tested_vehicle_flies_as_one_that_is_known(world: GroundWorld) -> None
     ],
     ids=lambda entry: list(entry.values())[-1],
 )
-def test_errors_are_named_and_no_sound_part_is_blamed(world: GroundWorld, entry: dict[str, object]) -> None:
-    rows = rows_by(world, GroundTest.model_validate(entry))
+def test_errors_are_named_and_no_sound_part_is_blamed(world: GroundWorld, entry: dict[str, Any]) -> None:
+    rows = rows_by(world, case_of(**entry))
     (said,) = rows[CALIBRATION]
     assert (said["named_percent"], said["blamed_percent"], said["silent_percent"]) == (100.0, 0.0, 0.0)
     assert max(row["over_exact"] for row in rows["linear Case 2"][1:]) < 1.3

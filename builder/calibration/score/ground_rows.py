@@ -248,18 +248,10 @@ def _drifting(
     return {}
 
 
-def with_errors(entry: GroundTest, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
+def with_errors(case: Case, built: AsBuilt, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle with the errors of a case."""
-    counts, changes = built.counts, dict[str, FloatArray | float]()
-    if entry.mass_percent:
-        changes["mass"] = 0.01 * entry.mass_percent
-    if entry.clamp_m:
-        changes |= {"clamp_axial": entry.clamp_m, "clamp_transverse": entry.clamp_m}
-    if entry.joint_m:
-        changes["joint_softness"] = np.full(counts.joint, entry.joint_m)
-    if entry.modulus_percent:
-        signs = random.choice([-1.0, 1.0], counts.region)
-        changes["region_modulus"] = 0.01 * entry.modulus_percent * signs
+    entry, counts, changes = case.ground or GroundTest(), built.counts, dict[str, FloatArray]()
+    built = case.built.of(built, random)
     if entry.zero_um_per_m:
         scatter = random.standard_t(HEAVY_TAIL, counts.gauge)
         changes.update(zero=MICRO * entry.zero_um_per_m * (0.5 + scatter))
@@ -337,13 +329,13 @@ def applied_test(
     return AppliedTest(test=test, strain=strain, weight=weight, zero=zero, of_load=of_load)
 
 
-def tested(world: GroundWorld, entry: GroundTest, number: int) -> Tested:
+def tested(world: GroundWorld, case: Case, number: int) -> Tested:
     """Return vehicle ``number`` with its test.
 
     The error of the vehicle is drawn apart, so that all cases have the same vehicles and errors of loads.
     """
-    random = np.random.default_rng([number, 41])
-    built = with_errors(entry, world.drawn(random), np.random.default_rng([number, 43]))
+    entry, random = case.ground or GroundTest(), np.random.default_rng([number, 41])
+    built = with_errors(case, world.drawn(random), np.random.default_rng([number, 43]))
     model = world.model(entry)
     applied = applied_test(world, entry, model.test, built, random)
     reading = applied.strain + applied.zero
@@ -386,10 +378,10 @@ def refuse_unknown_tests(names: Sequence[str], cases: Sequence[Case]) -> None:
 
 def ground_rows(world: GroundWorld, case: Case, plan: Plan) -> dict[str, list[Row]]:
     """Return what is said of the tests of a case, and the rows of each estimator where a test is accepted."""
-    said, entry = list[dict[str, float]](), case.ground or GroundTest()
+    said = list[dict[str, float]]()
     read, parts = list[Readings](), {name: list[Estimates]() for name in plan.estimators}
     for number in range(plan.seed, plan.seed + plan.vehicles):
-        test, covered = tested(world, entry, number), 100.0
+        test, covered = tested(world, case, number), 100.0
         if test.estimate is not None:
             flown = {name: estimates_of(world, test, test.estimate, name) for name in plan.estimators}
             for name, (_, made) in flown.items():
