@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from math import radians
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from flight_maps import N_D, flight_map, whole_map, with_considered_columns, with_considered_error
 from scaled_maps import scaled_map
 
+from builder.figures.comparison.trial import trial_figure
 from builder.trial.bound import KNOWN, cramer_rao_bound
 from builder.trial.cases import Case
 from builder.trial.compared import with_drawn_errors
@@ -258,3 +260,34 @@ def test_errors_have_the_covariance_that_the_map_states() -> None:
         size = np.linalg.norm(root, axis=1)
         np.testing.assert_allclose(np.cov((errors / size).T), (root @ root.T) / np.outer(size, size), atol=0.03)
         np.testing.assert_allclose(errors.mean(axis=0) / size, 0.0, atol=0.03)
+
+
+def parts_of(error: str, of: str, flagged: float, undetected: float, verdict: str = "ok") -> list[dict[str, Any]]:
+    shares = {"right_ok": 100.0 - flagged - undetected, "right_flagged": flagged, "undetected": undetected}
+    parts = {f"{name}_percent": shares.get(name, 0.0) for name in (*shares, "wrong_flagged", "no_estimate")}
+    row = {"case": error, "error": error}
+    row |= {"class": of, "estimator": "map", "verdict": verdict, "undetected_percent_error": 0.1}
+    return [{**row, **parts, "load": "all"}, {**row, **parts, "load": "C_N", "rms": 1.0, "rms_z": 0.8}]
+
+
+SHOWN = [
+    *parts_of("a", "beyond", 0.0, 0.0),
+    *parts_of("b", "alone", 0.0, 0.0),
+    *parts_of("c", "beyond", 90.0, 0.01),
+    *parts_of("d", "beyond", 10.0, 2.0),
+    *parts_of("e", "beyond", 0.0, 0.02, "missed"),
+]
+
+
+def test_what_is_missed_comes_first_then_what_is_undetected() -> None:
+    groups = in_order(SHOWN)
+    assert list(groups) == ["alone", "beyond"]
+    assert [row["case"] for row in groups["beyond"]] == ["e", "d", "c", "a"]
+
+
+def test_the_figure_has_the_same_order_and_a_band_of_sigma() -> None:
+    figure = trial_figure([*SHOWN, *parts_of("f", "drawn", 0.0, 0.0)], "vehicle")
+    axes = figure.axes
+    assert [label.get_text() for label in axes[4].get_yticklabels()] == ["e", "d", "c", "a"]
+    assert len(axes[1].patches) == 1  # of the class "drawn" alone
+    assert [len(axis.patches) for axis in axes[3::2]] == [0, 0]
