@@ -318,11 +318,10 @@ def _flights_of_map(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], f
     Errors are the independent model's; of a body of revolution its structure is the Fourier model whatever the map
     is built on, of any other shape another mesh.
     """
-    vehicle = pipeline.vehicle
     if MAP not in pipeline.elsewhere:
         make_map(pipeline)
-        vehicle = of_estimator(pipeline.flown or vehicle, load_inverse_map(pipeline.path(MAP)))
     inverse_map = load_inverse_map(pipeline.path(MAP))
+    vehicle = of_estimator(pipeline.flown or pipeline.vehicle, inverse_map)
     trial = trial.changed({"estimators": available(inverse_map, trial.trial.estimators)})
     plan = trial.trial
     _make_flows(pipeline, vehicle, trial, only, flows)
@@ -351,11 +350,8 @@ def _comparison(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], flows
     solid = [STRUCTURE] if pipeline.vehicle.structure.model == "solid" else []
     files = pipeline.path(SNAPSHOTS), pipeline.path(STRUCTURE) if solid else None, pipeline.path(FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, FLOWS, *solid), "training": trial.trial.training}
-    world, score = (
-        partial(_compared_world, vehicle, *files, trial.trial),
-        partial(scored, make_estimators=compared_estimators),
-    )
-    return _tasks(vehicle, trial, only, world, inputs, score)
+    world = partial(_compared_world, vehicle, *files, trial.trial)
+    return _tasks(vehicle, trial, only, world, inputs, partial(scored, make_estimators=compared_estimators))
 
 
 def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: Path | None) -> list[Task]:
@@ -368,9 +364,8 @@ def _ground_tests(pipeline: Pipeline, trial: TrialFile, only: Sequence[str], _: 
     make_independent_flows(pipeline)
     files = pipeline.path(SNAPSHOTS), pipeline.path(LEVEL_FLOWS)
     inputs = {"made from": pipeline.made_from(SNAPSHOTS, LEVEL_FLOWS), "ground": tests.model_dump()}
-    return _tasks(
-        vehicle, trial, only, partial(_tested_world, vehicle, *files, plan.conditions, tests), inputs, ground_rows
-    )
+    world = partial(_tested_world, vehicle, *files, plan.conditions, tests)
+    return _tasks(vehicle, trial, only, world, inputs, ground_rows)
 
 
 def _tasks(

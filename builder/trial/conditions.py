@@ -103,15 +103,12 @@ def flown_conditions(
         conditions = [_mirrored(one, vehicle, random) for one in conditions]
     if (band := _incidences(where, vehicle)) is not None:
         largest = envelope_incidence(vehicle)
-        if table is not None:
-            _refuse_beyond(band[1] * largest, table.incidence_knots[-1], "total incidence [rad]")
+        _refuse_beyond(table, incidence=band[1] * largest)
         conditions = [at_any_roll(one, float(random.uniform(*band)) * largest, random) for one in conditions]
     if where.mach is not None:
         listed = vehicle.conditions.mach_number
         mach = where.mach * (min(listed) if where.mach < 1.0 else max(listed))
-        if table is not None:
-            _refuse_beyond(-mach, -table.mach_knots[0], "-Mach number")
-            _refuse_beyond(mach, table.mach_knots[-1], "Mach number")
+        _refuse_beyond(table, mach=mach)
         conditions = [replace(one, mach_number=mach) for one in conditions]
     if where.altitude_km is not None:
         conditions = [replace(one, altitude=1e3 * where.altitude_km) for one in conditions]
@@ -132,11 +129,10 @@ def _inside(
         return conditions_in_ranges(vehicle, heights, count, random)
     if where.square is not None:
         return _in_square(where.square, vehicle, heights, count, random)
-    band = (
-        None if where.incidence_deg is None else (radians(where.incidence_deg[0]), radians(where.incidence_deg[1]))
-    )
-    if band is not None:
-        _refuse_beyond(band[1], table.incidence_knots[-1], "total incidence [rad]")
+    band = None
+    if where.incidence_deg is not None:
+        band = radians(where.incidence_deg[0]), radians(where.incidence_deg[1])
+        _refuse_beyond(table, incidence=band[1])
     conditions = held_out_conditions(vehicle, table, count, random, band)
     if not listed:
         return conditions
@@ -221,9 +217,15 @@ def _mirrored(condition: FlightCondition, vehicle: Vehicle, random: np.random.Ge
     return found
 
 
-def _refuse_beyond(needed: float, known: float, what: str) -> None:
-    if needed > known + 1e-9:
-        raise FlowReachError(f"{what}: {needed:.6g} needed, the flows go up to {known:.6g}")
+def _refuse_beyond(table: FlowTable | None, mach: float | None = None, incidence: float = 0.0) -> None:
+    if table is None:
+        return
+    needed = [("total incidence [rad]", incidence, table.incidence_knots[-1])]
+    if mach is not None:
+        needed += [("-Mach number", -mach, -table.mach_knots[0]), ("Mach number", mach, table.mach_knots[-1])]
+    for what, value, known in needed:
+        if value > known + 1e-9:
+            raise FlowReachError(f"{what}: {value:.6g} needed, the flows go up to {known:.6g}")
 
 
 def edges_of(vehicle: Vehicle) -> list[tuple[str, float, float]]:
