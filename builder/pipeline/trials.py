@@ -437,7 +437,7 @@ def _compared_world(
     return ComparedWorld(
         **_true_world(vehicle, flows, structure),
         inverse_map=maps[NONLINEAR],
-        made={False: maps},
+        _made={False: maps},
         conditions=plan.conditions,
         seed=plan.seed,
         snapshots=parts[0],

@@ -19,7 +19,7 @@ Assoc. 113, 2018): the quantile of the absolute residual over flights that they 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib import import_module
 from itertools import pairwise
@@ -147,21 +147,16 @@ class ComparedWorld(World):
     ----------
     snapshots, map_structure : what the maps are built from.
     training : flights that each regression learns from; a third as many are for its bands.
-    made : maps by whether they know of gauge noise alone, and regressions.
     """
 
     snapshots: Snapshots
     map_structure: AnyStructure
     training: int
-    made: dict[Any, Any] = field(default_factory=dict)
 
     def maps(self, case: Case) -> dict[str, InverseMap]:
         """Return the maps that know of the errors of ``case``, by estimator."""
         is_exact = not case.built.stated
-        if is_exact not in self.made:
-            self.made[is_exact] = maps_for(self.vehicle, self.snapshots, self.map_structure, is_exact)
-        maps: dict[str, InverseMap] = self.made[is_exact]
-        return maps
+        return self.once(is_exact, lambda: maps_for(self.vehicle, self.snapshots, self.map_structure, is_exact))
 
     def bound(self, case: Case, estimator: str = "") -> FloatArray | None:
         """Return (k, 5) the Cramer-Rao bound with what ``estimator`` is given; None of one of many readings."""
@@ -187,7 +182,8 @@ class ComparedWorld(World):
     def learned(self, case: Case, kind: str, with_mach: bool) -> EstimateReadings:
         """Return a regression that is trained on the tables for ``case``."""
         is_exact = not case.built.stated
-        if (key := (is_exact, kind, with_mach)) not in self.made:
+
+        def trained() -> EstimateReadings:
             manifold, random = (
                 self.maps(case)[NONLINEAR].manifold,
                 np.random.default_rng([self.seed, not is_exact]),
@@ -199,11 +195,10 @@ class ComparedWorld(World):
                 for count in (self.training, self.training // 3)
             )
             if not with_mach:
-                known = {DYNAMIC_PRESSURE: training.known[DYNAMIC_PRESSURE]}
-                training = Readings(**{**vars(training), "known": known})
-            self.made[key] = of_regression(kind, training, calibration, self.seed)
-        estimate: EstimateReadings = self.made[key]
-        return estimate
+                training = replace(training, known={DYNAMIC_PRESSURE: training.known[DYNAMIC_PRESSURE]})
+            return of_regression(kind, training, calibration, self.seed)
+
+        return self.once((is_exact, kind, with_mach), trained)
 
 
 def compared_estimators(world: ComparedWorld, case: Case, names: Sequence[str]) -> dict[str, EstimateReadings]:
@@ -400,7 +395,7 @@ def _loads_of(inverse_map: InverseMap, state: State, q: FloatArray) -> Estimates
 LEVEL = 0.9973
 """Probability of 3 sigma of a normal error."""
 
-COST_TRAINING, COST_STEPS, COST_ALTITUDES_KM = 500, 31, (15.0, 28.0)
+COST_TRAINING, COST_STEPS = 500, 31
 """Flights that each learns from where its time per step is measured, which hardly depends on them; and steps that
 the time is the median of."""
 
@@ -459,8 +454,7 @@ def step_costs(manifold: ManifoldMap, seed: int = 1) -> dict[str, float]:
     """Return the median time per step [s] of each regression, in Python; needs scikit-learn."""
     random = np.random.default_rng(seed)
     training, calibration = (
-        training_flights(manifold, COST_ALTITUDES_KM, count, random)
-        for count in (COST_TRAINING, COST_TRAINING // 4)
+        training_flights(manifold, ALTITUDES_KM, count, random) for count in (COST_TRAINING, COST_TRAINING // 4)
     )
     one = calibration.rows(slice(1))
 

@@ -8,11 +8,11 @@ and rms errors over sigma are then a ninth as precise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -58,9 +58,25 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.signal_names import STRAIN, TEMPERATURE
 from strainfmu.flight_condition import FlightCondition
 
+Made = TypeVar("Made")
+
 
 @dataclass(eq=False, kw_only=True)
-class World:
+class Shared:
+    """What is made once for cases that share it."""
+
+    _made: dict[Hashable, Any] = field(default_factory=dict)
+
+    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what ``make`` returned first for ``key``."""
+        if key not in self._made:
+            self._made[key] = make()
+        made: Made = self._made[key]
+        return made
+
+
+@dataclass(eq=False, kw_only=True)
+class World(Shared):
     """The independent model of a vehicle and the map under trial.
 
     Attributes
@@ -80,8 +96,6 @@ class World:
     sensors: FlyingSensors | None = None
     conditions: int = 200
     seed: int = 1
-    _flights: dict[str, Flights] = field(default_factory=dict)
-    _bounds: dict[tuple[str, bool], FloatArray | None] = field(default_factory=dict)
 
     @cached_property
     def gauges(self) -> Gauges:
@@ -120,11 +134,10 @@ class World:
 
     def flights(self, case: Case) -> Flights:
         """Return the flights of ``case``; cases of one place and flow share them."""
-        key = f"{case.where}{case.flow}"
-        if key not in self._flights:
-            random = np.random.default_rng(self.seed)
-            self._flights[key] = self.fly(self.drawn_conditions(case, random), case.flow, random)
-        return self._flights[key]
+        random = np.random.default_rng(self.seed)
+        return self.once(
+            f"{case.where}{case.flow}", lambda: self.fly(self.drawn_conditions(case, random), case.flow, random)
+        )
 
     def drawn_conditions(self, case: Case, random: np.random.Generator) -> list[FlightCondition]:
         """Return conditions of ``case``."""
@@ -187,11 +200,11 @@ class World:
         air = case.air
         if case.over_time or case.motion or case.lost or air.source or air.angles or air.inertial:
             return None
-        key = f"{case.where}{case.flow}", air.navigation
-        if key not in self._bounds:
-            known = (*((MACH_NUMBER, STATIC_PRESSURE) if air.navigation else ()), DYNAMIC_PRESSURE)
-            self._bounds[key] = cramer_rao_bound(self.inverse_map, self.flights(case).conditions, known)
-        return self._bounds[key]
+        known = (*((MACH_NUMBER, STATIC_PRESSURE) if air.navigation else ()), DYNAMIC_PRESSURE)
+        return self.once(
+            (f"{case.where}{case.flow}", known),
+            lambda: cramer_rao_bound(self.inverse_map, self.flights(case).conditions, known),
+        )
 
 
 def _share(flow: Flow, like: FloatArray, random: np.random.Generator | None) -> FloatArray | float:

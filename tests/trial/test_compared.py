@@ -140,7 +140,7 @@ def cone() -> ComparedWorld:
     flows = flown(flown_conditions(Where(), vehicle, None, 15, np.random.default_rng(1)))
     maps = maps_for(vehicle, snapshots, structure, is_exact=False)
     parts = {"vehicle": vehicle, "structure": beam(flows.surface), "flows": flows, "inverse_map": maps[NONLINEAR]}
-    how = {"conditions": 15, "training": 1200, "made": {False: maps}}
+    how = {"conditions": 15, "training": 1200, "_made": {False: maps}}
     return ComparedWorld(**parts, **how, snapshots=snapshots, map_structure=structure)
 
 

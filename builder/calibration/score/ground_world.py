@@ -8,10 +8,9 @@ the others by the mean of each piece. The tables of the structure are solved onc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +38,7 @@ from builder.structure.mapped_structure import MappedStructure
 from builder.trial.cases import GroundTest, GroundTests
 from builder.trial.conditions import held_out_conditions
 from builder.trial.faults import MICRO
-from builder.trial.readings import Readings, navigation_at
+from builder.trial.readings import Readings, Shared, navigation_at
 from builder.truth.revolution.flow_table import FlowTable, ratio_at
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
@@ -47,8 +46,6 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
-
-Made = TypeVar("Made")
 
 HARMONICS = 14
 """Of loads: pads of half angle 30 deg need 12."""
@@ -144,7 +141,7 @@ def flights_of(
 
 
 @dataclass(eq=False, kw_only=True)
-class GroundWorld:
+class GroundWorld(Shared):
     """What all tests share.
 
     Attributes
@@ -163,7 +160,6 @@ class GroundWorld:
     pressure: FloatArray
     flights: Readings
     options: GroundTests
-    _made: dict[Hashable, Any] = field(default_factory=dict)
 
     @cached_property
     def true_on_map(self) -> AsBuiltStructure:
@@ -236,13 +232,6 @@ class GroundWorld:
             return ReadingsModel(structure, test, prior_of_test(self.vehicle, structure))
 
         return self.once((entry.pads, noise), made)
-
-    def once(self, key: Hashable, make: Callable[[], Made]) -> Made:
-        """Return what ``make`` returned first for ``key``."""
-        if key not in self._made:
-            self._made[key] = make()
-        made: Made = self._made[key]
-        return made
 
     def _cases(self, pads: int, noise: float, errors: LoadErrors) -> list[PlannedCase]:
         """Return ``pads`` bonded pads that are proposed, in the order in which they are run, with zero readings
