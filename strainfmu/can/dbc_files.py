@@ -30,6 +30,12 @@ _UNUSED = re.compile(r"\b(VAL_|SIG_VALTYPE_) (\d+) (\w+)")
 
 _ENTRY = r'^[ \t]*{}\s+{}\s+{}\b(?:[^";]|"[^"]*")*;'
 
+E2E_PROFILE, E2E_DATA_ID = "E2EProfile", "E2EDataID"
+"""Message attributes of a DBC file that state the end-to-end protection; 0: none."""
+
+SECOC_DATA_ID = "SecOCDataID"
+"""Message attribute of a DBC file whose frames are authenticated; -1: not."""
+
 MAPPING_TABLE = "input"
 """Table of a bus file whose entries map the signals of a DBC file."""
 

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-from strainfmu.can.dbc_lookup import E2E_DATA_ID, E2E_PROFILE, SECOC_DATA_ID
+from strainfmu.can.dbc_files import E2E_DATA_ID, E2E_PROFILE, SECOC_DATA_ID
 from strainfmu.can.frame import import_cantools
 from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.profiles import BRIDGE, SENDER

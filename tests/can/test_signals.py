@@ -14,7 +14,7 @@ from cantools.database.conversion import BaseConversion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strainfmu.can.dbc_lookup import signal_layout
+from strainfmu.can.dbc_mapping import signal_layout
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import (

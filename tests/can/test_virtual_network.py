@@ -27,7 +27,7 @@ from virtual_bus import (
     transmit,
 )
 
-from strainfmu.can.dbc_lookup import E2E_DATA_ID
+from strainfmu.can.dbc_files import E2E_DATA_ID
 from strainfmu.can.ecu import export_ecu
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.export import plant
