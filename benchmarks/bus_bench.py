@@ -278,7 +278,7 @@ def _bridge(end: Connection, folder: Path, rate: float, port: int, log: Path) ->
     with observed_bridge(
         fmu, options, record=log, publish="127.0.0.1:9", publish_rate=PUBLISH_RATE, also=keep
     ) as observed:
-        bridge = observed.ready.bridge
+        bridge = observed.bridge
 
         def wait_for_end() -> None:
             end.recv()

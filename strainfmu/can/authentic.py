@@ -320,11 +320,6 @@ class FreshnessKeeper:
     path : of the file, which need not exist.
     authentication : begins where the file says.
     cycle_time : nominal period of the input [s].
-
-    Raises
-    ------
-    InputError
-        The file is damaged or of another key.
     """
 
     def __init__(
@@ -344,13 +339,7 @@ class FreshnessKeeper:
         authentication.on_first = self._reserve
 
     def __enter__(self) -> FreshnessKeeper:
-        """Write the file, to show that it can be written, and start to keep it.
-
-        Raises
-        ------
-        StrainfmuError
-            It cannot be written.
-        """
+        """Write the file, to show that it can be written, and start to keep it."""
         save_freshness(self._path, self._key, self.start or 0)
         self._thread.start()
         return self

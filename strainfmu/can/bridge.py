@@ -455,13 +455,7 @@ class Bridge:
         self._back_off.failed(now)
 
     def _reconnect(self, now: float) -> None:
-        """Try to open a new bus.
-
-        Raises
-        ------
-        StrainfmuError
-            The number of attempts is used up.
-        """
+        """Try to open a new bus."""
         try:
             self._connect()
         except StrainfmuError as error:

@@ -213,13 +213,7 @@ def _setting(text: str) -> tuple[str, Any]:
 
 
 def _checked(name: str, value: Any, where: str, folder: Path) -> Any:
-    """Return the value of an entry in the unit of its field.
-
-    Raises
-    ------
-    InputError
-        It is of another kind, or not within its range.
-    """
+    """Return the value of an entry in the unit of its field."""
     table, _, entry_name = name.partition(".")
     entry = TABLES[table][entry_name]
     if entry.kind == "flag" and isinstance(value, bool):
@@ -259,13 +253,7 @@ def _plain(value: Any) -> str:
 
 
 def _check_together(checked: Mapping[str, Any], where: str, maps_signals: bool) -> None:
-    """Refuse entries that exclude or need each other, and a DBC file of which no signal is mapped.
-
-    Raises
-    ------
-    InputError
-        One of these.
-    """
+    """Refuse entries that exclude or need each other, and a DBC file of which no signal is mapped."""
     has_dbc, has_mapping = "input.dbc" in checked, "input.mapping" in checked
     if has_dbc and "input.profile" in checked:
         raise InputError(f"{where}: input.profile: expected without input.dbc, got both")

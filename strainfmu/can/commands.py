@@ -109,16 +109,13 @@ def bridge(
         publish_field=described.publish_field,
         publish_token=described.publish_token,
     ) as observed:
-        ready, layout = observed.ready, observed.ready.bridge.machine.layout
-        at = f"{options.interface}:{options.channel}"
+        layout, at = observed.bridge.machine.layout, f"{options.interface}:{options.channel}"
         say(f"{fmu}: {layout.n_gauges} gauges, {layout.name}; {at}; stop with Ctrl-C")
-        for line in ready.start_lines:
+        for line in observed.start_lines:
             say(line)
-        if ready.freshness is not None and ready.freshness.first_run_text:
-            say(ready.freshness.first_run_text)
-        ready.bridge.say = say
+        observed.bridge.say = say
         with running(observed):
-            summary = ready.bridge.run(duration)
+            summary = observed.bridge.run(duration)
     return BridgeRun(summary=summary, notes=tuple(observed.notes()))
 
 

@@ -46,13 +46,7 @@ OTHER_ENTRIES = frozenset(
 
 
 def load_mapping(path: Path) -> dict[str, Any]:
-    """Return the mapping in the file at ``path``, a mapping file or a bus file.
-
-    Raises
-    ------
-    InputError
-        It is missing, or no TOML.
-    """
+    """Return the mapping in the file at ``path``, a mapping file or a bus file."""
     mapping = read_toml(path)
     of_bus = mapping.get(MAPPING_TABLE)
     if not isinstance(of_bus, dict):
@@ -61,15 +55,7 @@ def load_mapping(path: Path) -> dict[str, Any]:
 
 
 def load_database(path: Path) -> Any:
-    """Return cantools' database of the DBC file at ``path``.
-
-    Raises
-    ------
-    InputError
-        It is missing or cannot be read.
-    StrainfmuError
-        cantools is not installed.
-    """
+    """Return cantools' database of the DBC file at ``path``."""
     return database_of(_text(read_bytes(path)), str(path))
 
 
@@ -109,13 +95,7 @@ def database_of(text: str, name: str) -> Any:
 
 
 def _check_sizes(text: str, name: str) -> None:
-    """Refuse what cantools would read for minutes: a file, a message or a signal of an absurd size.
-
-    Raises
-    ------
-    InputError
-        One of them is above its limit.
-    """
+    """Refuse what cantools would read for minutes: a file, a message or a signal of an absurd size."""
     if len(text) > LARGEST_FILE:
         raise InputError(
             f"{name}: expected at most {LARGEST_FILE / 1e6:g} MB, got {len(text) / 1e6:.1f} MB: keep the messages "

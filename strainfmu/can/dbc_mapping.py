@@ -172,11 +172,6 @@ def mapped_layout(
     parameter_std_names : inputs ``parameter_std.NAME`` for their standard deviations.
     flow_names : other inputs of the estimator; p_inf and sigmas of navigation may be mapped to them.
     readings : unit of each input ``sensor.NAME`` of the estimator for an auxiliary sensor, and of ``thrust``.
-
-    Raises
-    ------
-    InputError
-        The mapping names what does not exist, leaves a gauge out, or a signal cannot be used.
     """
     readings = dict(readings or {})
     numbered = [temperature_name(k) for k in range(1, len(sensor_names) + 1)]

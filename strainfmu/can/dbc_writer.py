@@ -13,13 +13,7 @@ from strainfmu.can.profiles import BRIDGE, SENDER
 
 
 def dbc_text(layouts: Sequence[FrameLayout], comment: str) -> str:
-    """Return the DBC file of ``layouts``; ``comment`` names its source.
-
-    Raises
-    ------
-    StrainfmuError
-        cantools is not installed.
-    """
+    """Return the DBC file of ``layouts``; ``comment`` names its source."""
     import_cantools()
     from cantools.database import load_string
     from cantools.database.can import Database, Node

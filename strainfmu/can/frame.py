@@ -11,35 +11,17 @@ from strainfmu.errors import StrainfmuError, library
 
 
 def import_can() -> Any:
-    """Return the package python-can.
-
-    Raises
-    ------
-    StrainfmuError
-        It is not installed.
-    """
+    """Return the package python-can."""
     return _imported("can", "python-can")
 
 
 def import_cantools() -> Any:
-    """Return the package cantools.
-
-    Raises
-    ------
-    StrainfmuError
-        It is not installed.
-    """
+    """Return the package cantools."""
     return _imported("cantools", "cantools")
 
 
 def import_cmac() -> tuple[Any, Any]:
-    """Return the modules of CMAC and of block ciphers of the package cryptography.
-
-    Raises
-    ------
-    StrainfmuError
-        It is not installed.
-    """
+    """Return the modules of CMAC and of block ciphers of the package cryptography."""
     primitives = "cryptography.hazmat.primitives"
     cmac, ciphers = (
         library(f"{primitives}.{name}", "cryptography", "auth") for name in ("cmac", "ciphers.algorithms")

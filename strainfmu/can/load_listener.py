@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 import threading
 import time
 from collections.abc import Callable
@@ -12,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from strainfmu.can.bus_file import read_bus
-from strainfmu.can.listener import BusListener, Taps
+from strainfmu.can.listener import Taps
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.setup import freshness_keeper, make_machine
+from strainfmu.can.setup import live_listener
 from strainfmu.errors import InputError
 
 if TYPE_CHECKING:
@@ -77,20 +76,9 @@ class LoadListener:
             step, names = MapStep(estimator), tuple(held.gauge_names[: held.n_strain_gauges])
             if options.zeros is not None:
                 step.set_zeros(load_zeros(options.zeros, names))
-        clock = time.monotonic
-        machine, layouts, configuration, _ = make_machine(
-            step,
-            options,
-            names,
-            start=clock(),
-            first=secrets.randbelow(256),
-            now=clock,
-            is_answered=bus is not None,
-        )
-        if (keeper := freshness_keeper(machine, options)) is not None:
-            self._stack.enter_context(keeper)
-        self._machine = machine
-        self._listener = BusListener(machine, layouts, configuration, Taps(clock=clock, on_result=on_result))
+        taps = Taps(on_result=on_result)
+        self._listener, _, _ = live_listener(self._stack, step, options, names, taps, is_answered=bus is not None)
+        self._machine = self._listener.machine
         self._listener.use(bus)
         self._loop = loop
         if loop is None:

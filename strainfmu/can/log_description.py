@@ -62,13 +62,7 @@ def _run(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _checked(name: str, value: Any, kind: Any) -> Any:
-    """Return ``value`` if it is of ``kind``, a type or a union; a whole number is a float too.
-
-    Raises
-    ------
-    ValueError
-        It is of another kind, or no finite number.
-    """
+    """Return ``value`` if it is of ``kind``, a type or a union; a whole number is a float too."""
     kinds = get_args(kind) or (kind,)
     if type(value) is int and float in kinds:
         value = float(value)

@@ -54,13 +54,6 @@ FRAME_CHANNEL = "CAN_DataFrame"
 def is_bus_log(path: Path) -> bool:
     """Return whether a file is a log of a bus: by its name, unless it is a table of numbers, of MF4 if it holds
     frames and no other channels.
-
-    Raises
-    ------
-    InputError
-        An MF4 file is missing or damaged.
-    StrainfmuError
-        asammdf is not installed.
     """
     kind = log_kind(path)
     if kind == CSV:
@@ -200,13 +193,7 @@ def _reader(path: Path, kind: str, raw: Any) -> Any:
 
 
 def _plain_frames(lines: Iterator[str]) -> Iterator[Any]:
-    """Yield the messages of a log of candump without -L.
-
-    Raises
-    ------
-    ValueError
-        A line is none.
-    """
+    """Yield the messages of a log of candump without -L."""
     can = import_can()
     for line in lines:
         if not (found := _PLAIN.match(line)):
@@ -277,13 +264,7 @@ def _first_damaged(data: bytes, header: struct.Struct) -> int | None:
 
 
 def _mf4_messages(path: Path) -> Iterator[Any]:
-    """Yield the messages of an MF4 file, the messages of all its channel groups by their times.
-
-    Raises
-    ------
-    ValueError
-        It is damaged.
-    """
+    """Yield the messages of an MF4 file, the messages of all its channel groups by their times."""
     from can.io.mf4 import MF4Reader
 
     reader = MF4Reader(path)
@@ -296,13 +277,7 @@ def _mf4_messages(path: Path) -> Iterator[Any]:
 
 
 def _check_mf4(path: Path) -> None:
-    """Refuse an MF4 file whose frames python-can would pass over, or that holds none.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`is_bus_log`.
-    """
+    """Refuse an MF4 file whose frames python-can would pass over, or that holds none."""
     with opened_mdf(path) as file:
         if FRAME_CHANNEL not in file.channels_db:
             raise InputError(

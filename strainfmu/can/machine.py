@@ -219,7 +219,7 @@ class Machine:
             is_answered=is_answered,
             counters=counters,
         )
-        self.layout, self.plan = layout, plan
+        self.layout, self.plan, self.start = layout, plan, start
         self.bus_state = BusState.ERROR_ACTIVE
         self.authentication: Authentication | None = None
         if layout.is_authenticated and layout.key is not None:

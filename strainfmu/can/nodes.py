@@ -234,15 +234,7 @@ def _sources(frame: InputFrame, layout: InputLayout, variables: Mapping[str, int
 
 
 def export_recording(recording: Path, flight_model_path: Path, fmu_path: Path, bus_path: Path) -> None:
-    """Write an FMU that sends the rows of a recording, one a cycle, as the gauges of a flight model.
-
-    Raises
-    ------
-    InputError
-        A file is wrong, or a strain or dynamic pressure of the recording is not known.
-    StrainfmuError
-        The FMU could not be written; ``fmu_path`` keeps its old content.
-    """
+    """Write an FMU that sends the rows of a recording, one a cycle, as the gauges of a flight model."""
     bus, model = bus_of_fmu(bus_path), load_flight_model(flight_model_path)
     options = bus.options(BridgeOptions(interface="", channel=""))
     names = model.gauge_names[: model.n_strain_gauges]

@@ -1,4 +1,4 @@
-"""A bridge with an optional recorder and an optional publisher."""
+"""A live bridge of an estimator FMU, with an optional recorder and an optional publisher."""
 
 from __future__ import annotations
 
@@ -9,29 +9,58 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from strainfmu.can.authentic import FreshnessKeeper
 from strainfmu.can.bridge import Bridge
+from strainfmu.can.frame import import_can
+from strainfmu.can.frame_layout import NAVIGATION
 from strainfmu.can.listener import Taps
 from strainfmu.can.machine import Result
-from strainfmu.can.options import BridgeOptions
+from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, bus_settings, open_bus
+from strainfmu.can.options import PUBLISH_RATE, BridgeOptions
 from strainfmu.can.page_message import PAGE_OUTPUTS, estimator_facts, field_messages, gauge_positions
 from strainfmu.can.publisher import Publisher, parsed_address
 from strainfmu.can.recording import MicrosecondClock, Recorder
-from strainfmu.can.setup import ReadyBridge, make_bridge
+from strainfmu.can.setup import key_of, live_listener
+from strainfmu.can.tare import ZerosKeeper
+from strainfmu.cosim.estimators.step import ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, PARAMETERS
 from strainfmu.errors import InputError
+from strainfmu.estimator.gauge_zeros import GaugeZeros
+from strainfmu.interface.input_names import OTHER_AIR_DATA
+
+UNPROTECTED_TEXT = (
+    "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
+    "no result is VALID"
+)
+"""Word at the start of a bridge whose input is not protected end to end."""
+
+UNLOADED_TEXT = (
+    "tare: strains of own weight and of ambient air count as zeros; state them as tare.known where they matter"
+)
+"""Word at the start of a bridge that takes tares without knowing of loads on the ground."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class ObservedBridge:
-    """A bridge that is ready, its recorder and its publisher."""
+    """A bridge that is ready, and what watches it.
 
-    ready: ReadyBridge
+    Attributes
+    ----------
+    freshness : keeps the freshness value of authenticated frames; None where they are not authenticated.
+    zeros : keeps the zeros of tares; None where tares are not taken.
+    start_lines : what a user must know before the run: options that were not given, lack of protection.
+    """
+
+    bridge: Bridge
+    freshness: FreshnessKeeper | None
+    zeros: ZerosKeeper | None
     recorder: Recorder | None
     publisher: Publisher | None
+    start_lines: tuple[str, ...]
 
     def close_recording(self) -> None:
         """Close the recording with what a replay must know of the run; further calls do nothing."""
         if self.recorder is not None:
-            bridge = self.ready.bridge
+            bridge = self.bridge
             self.recorder.close(bridge.listener.known, bridge.machine.stalls, bridge.skips)
 
     def notes(self) -> list[str]:
@@ -44,11 +73,11 @@ class ObservedBridge:
             )
             if self.recorder.failure:
                 lines.append(f"{self.recorder.path}: recording ended early: {self.recorder.failure}")
-        if self.ready.freshness is not None and self.ready.freshness.failure_text:
-            lines.append(self.ready.freshness.failure_text)
-        if self.ready.zeros is not None:
-            self.ready.zeros.finish()
-            lines += self.ready.zeros.lines
+        if self.freshness is not None and self.freshness.failure_text:
+            lines.append(self.freshness.failure_text)
+        if self.zeros is not None:
+            self.zeros.finish()
+            lines += self.zeros.lines
         if self.publisher is not None:
             lines.append(f"datagrams: {self.publisher.sent} sent, {self.publisher.dropped} dropped")
         return lines
@@ -58,38 +87,56 @@ class ObservedBridge:
 def observed_bridge(
     fmu: Path,
     options: BridgeOptions,
-    record: Path | None,
-    publish: str | None,
-    publish_rate: float,
-    also: Callable[[Result], None] | None = None,
+    *,
+    record: Path | None = None,
+    publish: str | None = None,
+    publish_rate: float = PUBLISH_RATE,
     publish_field: Path | None = None,
     publish_token: str | None = None,
+    also: Callable[[Result], None] | None = None,
+    on_zeros: Callable[[GaugeZeros], None] | None = None,
     clock: MicrosecondClock | None = None,
 ) -> Iterator[ObservedBridge]:
-    """Make a bridge whose frames are recorded in ``record`` and whose results go to ``publish`` ("host:port").
+    """Load the FMU, connect a bridge to it, and free the FMU at the end.
 
-    ``also`` is called with every result before the publisher. ``publish_field`` is a map of the same gauges that
-    holds the pressure field: the publisher's thread sends that too. ``publish_token`` is stated in every datagram.
-    ``clock`` is the run's, None for the machine's.
+    Parameters
+    ----------
+    record : recording of the frames; None for none.
+    publish, publish_rate : where results go ("host:port"), and the largest number a second [Hz].
+    publish_field : map of the same gauges that holds the pressure field: the publisher's thread sends that too.
+    publish_token : stated in every datagram.
+    also : called with every result before the publisher.
+    on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
+    clock : of the run, None for the recorder's, or the machine's.
 
     Raises
     ------
-    InputError, StrainfmuError
-        As :func:`~strainfmu.can.setup.make_bridge`, :class:`Recorder` and :class:`Publisher`.
+    InputError
+        An option, a file or the FMU is wrong.
+    StrainfmuError
+        Something needed is not installed, a file cannot be written, or the FMU cannot be loaded.
     """
+    import_can()
+    from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
+    from strainfmu.cosim.estimators.zeros_file import load_zeros
+
     if publish is not None and not 0.0 < publish_rate <= 10_000.0:
         raise InputError(f"page.rate_hz: expected more than 0 and at most 10,000 Hz, got {publish_rate:g}")
+    if publish_field is not None and publish is None:
+        raise InputError("page.field: expected with page.publish, got it alone")
     address = None if publish is None else parsed_address(publish, "page.publish")
     positions = () if address is None else gauge_positions(fmu)
-    if publish_field is not None and address is None:
-        raise InputError("page.field: expected with page.publish, got it alone")
     names = tuple(position.name for position in positions)
     field = None if publish_field is None else field_messages(publish_field, names)
-    watchers = [] if also is None else [also]
-    publisher = None
+    on_result = [] if also is None else [also]
+    of_zeros = [one for one in (on_zeros, None if field is None else field.set_zeros) if one is not None]
 
-    def on_result(result: Result) -> None:
-        for watcher in watchers:
+    def use_zeros(zeros: GaugeZeros) -> None:
+        for watcher in of_zeros:
+            watcher(zeros)
+
+    def pass_on(result: Result) -> None:
+        for watcher in on_result:
             watcher(result)
 
     with ExitStack() as stack:
@@ -101,40 +148,58 @@ def observed_bridge(
             clock=(clock or time.monotonic) if recorder is None else recorder.clock,
             on_received=None if recorder is None else recorder.received,
             on_sent=None if recorder is None else recorder.sent,
-            on_result=on_result,
+            on_result=pass_on,
         )
         if options.synchronised is not None:
             # The system's time is synchronised by PTP or NTP, if anything is.
             options = replace(options, synchronised_shift=time.time() - taps.clock())
-        ready = stack.enter_context(
-            make_bridge(
-                fmu,
-                options,
-                taps,
-                on_zeros=(lambda _: None) if field is None else field.set_zeros,
-                outputs=() if address is None else PAGE_OUTPUTS,
-            )
-        )
+        bus = bus_settings(options.interface, options.channel, options.bus_options)
+        key_of(options)  # refused before the FMU is unpacked
+        inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
+        outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *(() if address is None else PAGE_OUTPUTS))
+        step = stack.enter_context(FmuStep(fmu, inputs, outputs))
+        if options.zeros is not None:
+            step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
+            use_zeros(given)
+        listener, taring, freshness = live_listener(stack, step, options, step.gauge_names, taps)
+        zeros = None
+        if taring is not None:
+            path, source = options.tare_output or Path("zeros.toml"), f"{options.interface}:{options.channel}"
+            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source, use_zeros))
+            taring.on_end = zeros.ended
+        bridge, machine = Bridge(listener, lambda: open_bus(bus), options.max_age), listener.machine
         if recorder is not None:
-            keeper = ready.freshness
-            freshness = None if keeper is None else keeper.start
-            first = int(ready.bridge.machine.plan.record["first_result"][0])
-            recorder.describe(fmu, options, ready.start, first, freshness=freshness)
+            first = int(machine.plan.record["first_result"][0])
+            reached = None if freshness is None else freshness.start
+            recorder.describe(fmu, options, machine.start, first, freshness=reached)
+        publisher = None
         if address is not None:
-            bridge = ready.bridge
             publisher = Publisher(
                 address,
                 positions,
                 rate=publish_rate,
                 account=bridge.account,
-                report=lambda: _report(bridge, recorder, f"{options.interface}:{options.channel}"),
+                report=lambda: _report(bridge, recorder, str(bus)),
                 facts=estimator_facts(fmu),
                 field=field,
                 token=publish_token,
             )
-            watchers.append(publisher.result)
+            on_result.append(publisher.result)
             stack.callback(publisher.close)
-        observed = ObservedBridge(ready, recorder, publisher)
+        lines = {
+            UNPROTECTED_TEXT: not machine.layout.is_protected,
+            VIRTUAL_TEXT: options.interface == VIRTUAL,
+            UNLOADED_TEXT: options.tare is not None and options.tare_known is None,
+            "" if freshness is None else freshness.first_run_text: True,
+        }
+        observed = ObservedBridge(
+            bridge=bridge,
+            freshness=freshness,
+            zeros=zeros,
+            recorder=recorder,
+            publisher=publisher,
+            start_lines=tuple(line for line, is_said in lines.items() if line and is_said),
+        )
         stack.callback(observed.close_recording)
         yield observed
 

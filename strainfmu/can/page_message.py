@@ -75,13 +75,7 @@ class EstimatorFacts:
 
 
 def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
-    """Return the positions of the gauges of an estimator FMU, as it states them.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing, damaged, or no estimator.
-    """
+    """Return the positions of the gauges of an estimator FMU, as it states them."""
     from strainfmu.cosim.estimators.description import gauge_names_of
     from strainfmu.interface.contents import stated_contents
 
@@ -92,13 +86,7 @@ def gauge_positions(fmu: Path) -> tuple[GaugePosition, ...]:
 
 
 def estimator_facts(fmu: Path) -> EstimatorFacts:
-    """Return what the estimator at ``fmu`` states of itself; another program's FMU may state nothing.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing or damaged.
-    """
+    """Return what the estimator at ``fmu`` states of itself; another program's FMU may state nothing."""
     from strainfmu.cosim.estimators.description import load_groups_in, reading_units_in
     from strainfmu.interface.contents import stated_contents
 

@@ -68,11 +68,6 @@ class Plan:
     slots : first slot of each identifier, by key.
     quantities : of the flow, by their place in a result.
     bridge_alarm : time for which a second bridge is reported after its last frame [s].
-
-    Raises
-    ------
-    InputError
-        A signal cannot be decoded, or the noise is not positive.
     """
 
     def __init__(

@@ -91,13 +91,6 @@ def replay_log(
     source : file of the estimator, compared with the one of the recording.
     step, gauge_names : of the estimator.
     options : makes the options from the recording's, None if the log has no description next to it.
-
-    Raises
-    ------
-    InputError
-        The log, its description or an option is wrong.
-    StrainfmuError
-        The FMU failed for good.
     """
     described = load_description(log)
     chosen = options(None if described is None else described["options"])
@@ -287,11 +280,6 @@ def estimate_log(
     """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``.
 
     ``zeros`` is the file of what the gauges read without strain (zeros.toml), None for the recorded run's.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`~strainfmu.can.replay.replay_log`.
     """
     check_output(output)
     recorded = load_description(log)

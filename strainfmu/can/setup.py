@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from strainfmu.can.authentic import AuthenticationKey, FreshnessKeeper, freshness_file, load_key
-from strainfmu.can.bridge import Bridge
-from strainfmu.can.frame import import_can
-from strainfmu.can.frame_layout import NAVIGATION, FrameLayout, InputLayout
+from strainfmu.can.frame_layout import FrameLayout, InputLayout
 from strainfmu.can.listener import BusListener, Clock, Taps
 from strainfmu.can.machine import Machine
-from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, bus_settings, open_bus
 from strainfmu.can.options import RESULT_FORMS, BridgeOptions, BridgeSettings, checked_cycle_time
 from strainfmu.can.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
 from strainfmu.can.result_layouts import result_layouts
-from strainfmu.can.tare import Taring, ZerosKeeper
+from strainfmu.can.tare import Taring
 from strainfmu.cosim.estimators.step import (
-    OTHER_LOAD_OUTPUTS,
-    PARAMETERS,
     Step,
     load_groups_of,
     other_inputs,
@@ -31,110 +25,36 @@ from strainfmu.cosim.estimators.step import (
     sensor_names_of,
 )
 from strainfmu.errors import InputError
-from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.other_loads import LoadGroup
 from strainfmu.files import write_bytes_atomically
-from strainfmu.interface.input_names import OTHER_AIR_DATA
-
-UNPROTECTED_TEXT = (
-    "UNPROTECTED: no CRC with counter covers every byte of the input; errors of transmission may pass unseen, and "
-    "no result is VALID"
-)
-"""Word at the start of a bridge whose input is not protected end to end."""
-
-UNLOADED_TEXT = (
-    "tare: strains of own weight and of ambient air count as zeros; state them as tare.known where they matter"
-)
-"""Word at the start of a bridge that takes tares without knowing of loads on the ground."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReadyBridge:
-    """A bridge and its description; its machine began at ``start`` [s] by its clock.
-
-    ``freshness`` keeps the freshness value of authenticated frames; None where they are not authenticated.
-    ``zeros`` keeps the zeros of tares; None where tares are not taken.
-    ``start_lines`` say what a user must know before the run: options that were not given, lack of protection.
-    """
-
-    bridge: Bridge
-    start: float
-    freshness: FreshnessKeeper | None = None
-    zeros: ZerosKeeper | None = None
-    start_lines: tuple[str, ...] = ()
-
-
-@contextmanager
-def make_bridge(
-    fmu: Path,
+def live_listener(
+    stack: ExitStack,
+    step: Step,
     options: BridgeOptions,
-    taps: Taps | None = None,
-    on_zeros: Callable[[GaugeZeros], None] = lambda _: None,
-    outputs: tuple[str, ...] = (),
-) -> Iterator[ReadyBridge]:
-    """Load the FMU, connect a bridge to it, and free the FMU at the end.
+    gauge_names: Sequence[str],
+    taps: Taps,
+    is_answered: bool = True,
+) -> tuple[BusListener, Taring | None, FreshnessKeeper | None]:
+    """Return a listener whose machine begins now, its tares, and what remembers the freshness value on ``stack``.
 
-    Parameters
-    ----------
-    on_zeros : called with zeros of the gauges that the estimator takes off from then on, given or of a tare.
-    outputs : other outputs of the estimator that results hold, as far as it has them.
-
-    Raises
-    ------
-    InputError
-        An option, a file or the FMU is wrong.
-    StrainfmuError
-        Something needed is not installed, or the FMU cannot be loaded.
+    There is no such memory of frames that are not authenticated.
     """
-    import_can()
-    from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
-    from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
-    from strainfmu.cosim.estimators.zeros_file import load_zeros
-
-    taps = taps or Taps()
-    bus = bus_settings(options.interface, options.channel, options.bus_options)
-    key_of(options)  # refused before the FMU is unpacked
-    outputs = (ENVELOPE_SCORE, OTHER_LOAD_OUTPUTS, *outputs)
-    inputs = (*NAVIGATION, *OTHER_AIR_DATA, TEMPERATURE, SENSORS, PARAMETERS)
-    with FmuStep(fmu, inputs, outputs) as step, ExitStack() as stack:
-        if options.zeros is not None:
-            step.set_zeros(given := load_zeros(options.zeros, step.gauge_names))
-            on_zeros(given)
-        start = taps.clock()
-        machine, results, configuration, taring = make_machine(
-            step, options, step.gauge_names, start=start, first=secrets.randbelow(256), now=taps.clock
-        )
-        keeper = freshness_keeper(machine, options)
-        if keeper is not None:
-            stack.enter_context(keeper)
-        zeros = None
-        if taring is not None:
-            path, source = options.tare_output or Path("zeros.toml"), f"{options.interface}:{options.channel}"
-            zeros = stack.enter_context(ZerosKeeper(path, step.gauge_names, source, on_zeros))
-            taring.on_end = zeros.ended
-        listener = BusListener(machine, results, configuration, taps)
-        bridge = Bridge(listener, lambda: open_bus(bus), options.max_age)
-        lines = [] if machine.layout.is_protected else [UNPROTECTED_TEXT]
-        if options.interface == VIRTUAL:
-            lines.append(VIRTUAL_TEXT)
-        if options.tare is not None and options.tare_known is None:
-            lines.append(UNLOADED_TEXT)
-        yield ReadyBridge(
-            start_lines=tuple(lines),
-            bridge=bridge,
-            start=start,
-            freshness=keeper,
-            zeros=zeros,
-        )
-
-
-def freshness_keeper(machine: Machine, options: BridgeOptions) -> FreshnessKeeper | None:
-    """Return what remembers the freshness value of a machine, None if its frames are not authenticated."""
-    authentication, key = machine.authentication, machine.layout.key
-    if authentication is None or key is None or options.key_file is None:
-        return None
-    path = options.freshness_file or freshness_file(options.key_file, "bridge")
-    return FreshnessKeeper(path, key, authentication=authentication, cycle_time=machine.layout.cycle_time)
+    machine, results, configuration, taring = make_machine(
+        step,
+        options,
+        gauge_names,
+        start=taps.clock(),
+        first=secrets.randbelow(256),
+        now=taps.clock,
+        is_answered=is_answered,
+    )
+    keeper, authentication, layout = None, machine.authentication, machine.layout
+    if authentication is not None and layout.key is not None and options.key_file is not None:
+        path = options.freshness_file or freshness_file(options.key_file, "bridge")
+        keeper = stack.enter_context(FreshnessKeeper(path, layout.key, authentication, layout.cycle_time))
+    return BusListener(machine, results, configuration, taps), taring, keeper
 
 
 def make_machine(
@@ -152,11 +72,6 @@ def make_machine(
 
     ``now`` is the clock of a live run, None for results that are sent when they are ready. Without ``is_answered``
     no result goes out.
-
-    Raises
-    ------
-    InputError
-        An option or a file is wrong.
     """
     checked_cycle_time(options.cycle_time, "cycle time")
     settings = BridgeSettings.of(options)
@@ -264,11 +179,6 @@ def map_input_layout(
     """Return the input frames for the gauges of a map or an FMU, their names, and the units of its other readings.
 
     ``needs_key`` as of :func:`input_layout`.
-
-    Raises
-    ------
-    InputError
-        A file or an option is wrong.
     """
     from strainfmu.cosim.estimators.source import open_step
 
@@ -336,13 +246,6 @@ def write_dbc(source: Path, output: Path, options: BridgeOptions) -> int:
     """Write the DBC file of the frames for a map, or its FMU; return its number of frames.
 
     With a DBC file of the user's own as input, it holds the frames of the results alone.
-
-    Raises
-    ------
-    InputError
-        The map or an option is wrong.
-    StrainfmuError
-        cantools is not installed, or the file cannot be written.
     """
     from strainfmu.can.dbc_writer import dbc_text
 
@@ -354,13 +257,7 @@ def write_dbc(source: Path, output: Path, options: BridgeOptions) -> int:
 
 
 def all_layouts(source: Path, options: BridgeOptions) -> list[FrameLayout]:
-    """Return every frame of a profile, input, then results; of a user's own DBC file the results alone.
-
-    Raises
-    ------
-    InputError
-        The map or an option is wrong.
-    """
+    """Return every frame of a profile, input, then results; of a user's own DBC file the results alone."""
     checked_cycle_time(options.cycle_time, "cycle time")
     layout, _, _ = map_input_layout(options, source, needs_key=False)
     identifiers = options.identifiers

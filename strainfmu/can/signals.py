@@ -133,13 +133,7 @@ _UNPROTECTED = -1
 
 
 def signal_table(layout: FrameLayout, codes: list[int] | None = None) -> Any:
-    """Return the table of a frame's signals; ``codes`` takes in the numbers that stand for "no value".
-
-    Raises
-    ------
-    InputError
-        A signal does not fit into its frame or into 64 bits, or is of a kind that does not exist.
-    """
+    """Return the table of a frame's signals; ``codes`` takes in the numbers that stand for "no value"."""
     table = np.zeros(len(layout.signals), dtype=SIGNAL)
     codes = [] if codes is None else codes
     for row, signal in zip(table, layout.signals, strict=True):
@@ -209,13 +203,7 @@ def checked_signal(signal: SignalLayout, layout: FrameLayout) -> SignalLayout:
 
 
 class SignalPlan:
-    """The signals of one frame, prepared for repeated decoding and encoding by one thread.
-
-    Raises
-    ------
-    InputError
-        A signal does not fit into the frame or into 64 bits, or is of a kind that does not exist.
-    """
+    """The signals of one frame, prepared for repeated decoding and encoding by one thread."""
 
     def __init__(self, layout: FrameLayout) -> None:
         self.signals, self.length = layout.signals, layout.length

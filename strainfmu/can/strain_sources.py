@@ -49,13 +49,6 @@ def plant_samples(
     """Step a plant FMU from time 0 every ``cycle_time`` [s], for ``duration`` [s].
 
     ``readings`` are inputs of the estimator for auxiliary sensors and thrust; those that the plant has are sent.
-
-    Raises
-    ------
-    InputError
-        The FMU is missing, damaged, or no plant of ``n_gauges`` gauges.
-    StrainfmuError
-        It cannot be loaded on this machine, or fails.
     """
     from strainfmu.cosim.systems.instance import Instance, read_description, safe_temporary_parent, unzip
 
@@ -119,13 +112,7 @@ def _stepped(
 
 @contextmanager
 def scenario_samples(path: Path, files: Path | None, cycle_time: float) -> Iterator[Iterator[FlownSample]]:
-    """Fly a scenario in closed loop first, at the rate of the bus, then yield the outputs of its plant.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As the scenario's own flight.
-    """
+    """Fly a scenario in closed loop first, at the rate of the bus, then yield the outputs of its plant."""
     from strainfmu.cosim.flight import fly
     from strainfmu.cosim.scenario import load_scenario
     from strainfmu.cosim.systems.instance import safe_temporary_parent
@@ -162,11 +149,6 @@ def recorded_samples(
     """Yield the rows of a file of recorded strains, one per cycle whatever their times.
 
     ``readings`` are the units of auxiliary sensors and of thrust by name of the estimator's input.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        As :func:`~strainfmu.recorded.samples.open_recording`.
     """
     from strainfmu.recorded.estimators import recorded_readings
     from strainfmu.recorded.names import Wanted

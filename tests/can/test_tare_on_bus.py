@@ -16,11 +16,12 @@ from strainfmu.can.authentic import freshness_file, next_trip
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame, crc_of
 from strainfmu.can.machine import Result
+from strainfmu.can.observed import observed_bridge
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import PROFILES, profile_layout
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.sender import send_flight
-from strainfmu.can.setup import input_layout, make_bridge
+from strainfmu.can.setup import input_layout
 from strainfmu.can.strain_sources import FlownSample
 from strainfmu.can.tare import TareEnd
 from strainfmu.cosim.estimators.zeros_file import load_zeros, write_zeros
@@ -187,7 +188,7 @@ def test_what_shows_a_pressure_is_told_of_zeros(synthetic: SyntheticFiles, tmp_p
         tare=synthetic.map_1,
         tare_output=tmp_path / "taken.toml",
     )
-    with make_bridge(synthetic.estimator_1, options, on_zeros=told.append) as ready:
+    with observed_bridge(synthetic.estimator_1, options, on_zeros=told.append) as ready:
         assert ready.zeros is not None
         ready.zeros.ended(TareEnd(text="", zeros=taken, samples=100))
     np.testing.assert_allclose([one.value for one in told], [given.value, taken.value], rtol=1e-8)

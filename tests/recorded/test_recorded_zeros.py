@@ -11,8 +11,8 @@ import pytest
 from recorded_case import NAMES, samples, write_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles, synthetic_inverse_map
 
+from strainfmu.can.observed import observed_bridge
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.setup import make_bridge
 from strainfmu.cosim.estimators.zeros_file import write_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
@@ -59,7 +59,7 @@ def test_an_fmu_without_zero_inputs_is_refused(synthetic: SyntheticFiles, tmp_pa
     assert code == 2
     assert error.strip().endswith("plain.fmu: FMU without zero inputs: export it with --zero-inputs")
     options = BridgeOptions(interface="virtual", channel="plain", tare=synthetic.map_1)
-    with pytest.raises(InputError, match="FMU without zero inputs"), make_bridge(fmu, options):
+    with pytest.raises(InputError, match="FMU without zero inputs"), observed_bridge(fmu, options):
         pass
 
 

@@ -214,7 +214,7 @@ def paced_bridge(fmu: Path, options: BridgeOptions, **watched: Any) -> Iterator[
             also(result)
 
     with observed_bridge(fmu, options, clock=clock, also=take, **watched) as observed:
-        bridge, found = observed.ready.bridge, list[BridgeSummary]()
+        bridge, found = observed.bridge, list[BridgeSummary]()
         thread = threading.Thread(target=lambda: found.append(bridge.run()), daemon=True)
         bus = open_bus(BusSettings(interface="virtual", channel=options.channel))
         paced = PacedBridge(bridge, clock, bus, thread)

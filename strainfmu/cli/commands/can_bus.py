@@ -25,7 +25,7 @@ def bridge(**options: Any) -> None:
     from strainfmu.can.bridge import summary_table
 
     def _stopped(observed: ObservedBridge) -> AbstractContextManager[None]:
-        return on_signals(observed.ready.bridge.stop, observed.ready.bridge.confirm)
+        return on_signals(observed.bridge.stop, observed.bridge.confirm)
 
     run = strainfmu.bridge(**options, say=say, running=_stopped)
     Console().print(summary_table(run.summary))
