@@ -12,7 +12,7 @@ from sphinx.application import Sphinx
 from strainfmu.can.frame_layout import FLOAT, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Cause, all_words
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.estimator.other_loads import FAMILIES, LoadGroup
 
 CYCLE = 0.01

@@ -18,7 +18,7 @@ from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.observed import ObservedBridge, observed_bridge
 from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, BusSettings, bus_settings, open_bus, shut_down
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.sender import Answers, Score, Sender, SentFlight, score_answers, send_flight
 from strainfmu.can.setup import map_input_layout, result_form, stated_in, write_dbc
 from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples

@@ -18,8 +18,7 @@ from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine
 from strainfmu.can.nodes import bus_of_fmu, frame_table, node_resource, rates_of
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.result_frames import composition
-from strainfmu.can.result_layouts import STATUS_PERIOD
+from strainfmu.can.result_frames import STATUS_PERIOD, composition
 from strainfmu.can.setup import all_layouts, make_machine
 from strainfmu.can.signals import SIGNAL, signal_table
 from strainfmu.cosim.estimators.source import open_step

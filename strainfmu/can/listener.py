@@ -16,8 +16,7 @@ from strainfmu.can.frame import Frame, MalformedFrame, error_line, from_message,
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.quality import FrameAccount, Quality
-from strainfmu.can.result_frames import BridgeStatus, ResultFrames
-from strainfmu.can.result_layouts import STATUS_PERIOD
+from strainfmu.can.result_frames import STATUS_PERIOD, BridgeStatus, ResultFrames
 
 Clock = Callable[[], float]
 """Returns seconds that never go back."""

@@ -17,7 +17,7 @@ from strainfmu.can.bus_file import TABLES, BusDescription, read_bus
 from strainfmu.can.encoder import cycles_apart
 from strainfmu.can.frame_layout import FLOW_QUANTITIES, NAVIGATION, FrameLayout, InputFrame, InputLayout
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.setup import input_layout, result_form, stated_in
 from strainfmu.can.signals import SIGNAL, SLOT, signal_table
 from strainfmu.can.strain_sources import recorded_samples

@@ -1,21 +1,234 @@
-"""The composition of result and status frames from results and the state of the bridge."""
+"""The frames of the results: their signals in each form, and what results and the bridge's state put into them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isnan, nan
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from math import ceil, isfinite, isnan, nan
 from operator import itemgetter
 
 from strainfmu.can.encoder import frame_of
-from strainfmu.can.frame import Frame
-from strainfmu.can.frame_layout import FrameLayout
+from strainfmu.can.frame import FD_LENGTHS, Frame, Protection
+from strainfmu.can.frame_layout import FLOAT, LITTLE, SIGNED, FrameLayout, SignalLayout
 from strainfmu.can.machine import Result
-from strainfmu.can.profiles import E2E_COUNTER, E2E_CRC
+from strainfmu.can.profiles import (
+    BRIDGE,
+    E2E_COUNTER,
+    E2E_CRC,
+    Identifiers,
+    placed_signal,
+    shared_signal,
+    stated_file,
+)
 from strainfmu.can.quality import BusState, FrameAccount, FrameClass, Quality, low_causes
-from strainfmu.can.result_layouts import DETAIL, LAST_NAMES, SIGMA_NAMES, OtherLoadSignals
 from strainfmu.can.signals import SignalPlan
+from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
+from strainfmu.estimator.other_loads import FAMILIES, SIGMA, LoadFamily, LoadGroup, LoadKind
+
+_RESULT_DATA_ID = 0x5380
+STATUS_PERIOD = 0.1
+"""Period of the status frames [s]."""
+DETAIL = "EstimateDetail"
+"""Frame that is sent with the status and with every result that has causes above bit 15."""
+SIGMA_NAMES = tuple(f"sigma_{name}" for name in COEFFICIENT_NAMES)
+LAST_NAMES = tuple(f"last_{name}" for name in COEFFICIENT_NAMES)
+_ENUMERATIONS = {"quality": Quality, "health": HealthState, "bus": BusState}
+
+_NAN = "NaN: not available"
+_LARGEST_WHOLE = 65534.0
+"""Largest standard deviation of a classic frame, in steps."""
+
+
+# --- layouts -----------------------------------------------------------------------------------------------------
+
+
+def result_layouts(
+    form: str, identifiers: Identifiers, cycle_time: float, groups: Sequence[LoadGroup] = ()
+) -> tuple[FrameLayout, ...]:
+    """Return the frames that the bridge sends.
+
+    Parameters
+    ----------
+    form : "fd" or "classic-le".
+    cycle_time : nominal period of the results [s]. Status frames have none: they are sent every STATUS_PERIOD.
+    groups : of the loads behind the five, which are sent too.
+    """
+    is_fd = form == "fd"
+    protected = (shared_signal("crc_5", 0), shared_signal("counter_5", 16))
+    if not is_fd:
+        protected = (shared_signal("crc_1", 0), shared_signal("counter_1", 8))
+    frames = [
+        (
+            name,
+            stated.get("length", 8),
+            [one for field, at in stated["fields"].items() for one in _signals(field, at)],
+            stated.get("comment", ""),
+            cycle_time if "every_cycle" in stated else None,
+        )
+        for name, stated in stated_file("results")[form].items()
+    ]
+    frames += [(*frame, cycle_time) for frame in (_fd_frames if is_fd else _classic_frames)(groups)]
+    return tuple(
+        FrameLayout(
+            name=name,
+            identifier=identifiers.result_base + number,
+            length=length,
+            signals=(*protected, *signals),
+            is_extended=identifiers.is_extended,
+            is_fd=is_fd,
+            protection=Protection(5 if is_fd else 1, _RESULT_DATA_ID + number),
+            cycle_time=period,
+            sender=BRIDGE,
+            comment=comment,
+        )
+        for number, (name, length, signals, comment, period) in enumerate(frames)
+    )
+
+
+def _signals(field: str, at: int | Sequence[int]) -> list[SignalLayout]:
+    """Return the signals of a field of results.toml at their places."""
+    stated = {**stated_file("results")["signal"][field]}
+    first, names = (at, ("",)) if isinstance(at, int) else (at[0], COEFFICIENT_NAMES[at[1] : at[2]])
+    if "choices" in stated:
+        stated["choices"] = [(int(one), one.name.title()) for one in _ENUMERATIONS[stated["choices"]]]
+        if "not_available" in stated:
+            stated["choices"].append((stated["not_available"], "NotAvailable"))
+    name = stated.pop("name")
+    return [
+        placed_signal(stated, first + stated["length"] * place, LITTLE, name=name.format(of))
+        for place, of in enumerate(names)
+    ]
+
+
+_Frame = tuple[str, int, list[SignalLayout], str]
+"""Name, bytes, signals behind the protection, and comment."""
+
+
+def _fd_frames(groups: Sequence[LoadGroup]) -> Iterator[_Frame]:
+    """Yield one frame of each place of ``groups``: all that is sent of it, then the standard deviations."""
+    head = [*_signals("quality", 24), *_signals("sample_time", 32)]
+    for family, name, text, sent in _places(groups):
+        outputs = [(f"{of}{output}", _unit(family, load)) for of in ("", SIGMA) for load, output in sent]
+        floats = [_float(output, unit, _NAN, 64 + 32 * k) for k, (output, unit) in enumerate(outputs)]
+        end = 8 + 4 * len(floats)
+        length = next(length for length in FD_LENGTHS if length > end)
+        yield name, length, [*head, *floats, *_signals("answered", 8 * end)], text
+
+
+def _classic_frames(groups: Sequence[LoadGroup]) -> Iterator[_Frame]:
+    """Yield one frame of each load of each place of ``groups``; loads take all bytes, coefficients do not."""
+    head = _signals("quality", 12)
+    for family, name, text, sent in _places(groups):
+        for load, output in sent:
+            if family.sends_coefficients:
+                value = replace(_number(output, 5e-4, "", -32768, "-32768 (0x8000): not available"), kind=SIGNED)
+                std = _number(f"{SIGMA}{output}", 1e-4, "", 65535, "65535: not available")
+                signals = [value, replace(std, start=32), *_signals("answered", 48)]
+            else:
+                value = _float(output, load.unit, f"{load.text}; {_NAN}", 16)
+                comment = "Rounded up; 65535: not available, above"
+                std = _number(f"{SIGMA}{output}", load.step, load.unit, 65535, comment)
+                signals = [value, replace(std, start=48)]
+            yield f"{name}_{load.key}" if family.is_listed else name, 8, [*head, *signals], text
+
+
+def _float(output: str, unit: str, comment: str, start: int) -> SignalLayout:
+    name = signal_name(output)
+    return SignalLayout(name=name, start=start, length=32, kind=FLOAT, unit=unit, comment=comment)
+
+
+def _number(output: str, scale: float, unit: str, not_available: int, comment: str) -> SignalLayout:
+    return SignalLayout(
+        name=signal_name(output),
+        start=16,
+        length=16,
+        scale=scale,
+        unit=unit,
+        not_available=not_available,
+        comment=comment,
+    )
+
+
+def _places(groups: Sequence[LoadGroup]) -> Iterator[tuple[LoadFamily, str, str, list[tuple[LoadKind, str]]]]:
+    """Return the places of ``groups`` in the order of their frames: family, frame, its text, loads and outputs."""
+    for family in FAMILIES:
+        of_family = [group for group in groups if group.family is family]
+        for index, at in enumerate(of_family[0].places if of_family else ()):
+            name = f"{family.frame}{index + 1}" if family.is_listed else family.frame
+            sent = [(one.load, one.numbered(_sent_name(family, one.load))[index]) for one in of_family]
+            yield family, name, family.frame_text.format(at), sent
+
+
+def _unit(family: LoadFamily, load: LoadKind) -> str:
+    return "" if family.sends_coefficients else load.unit
+
+
+def _sent_name(family: LoadFamily, load: LoadKind) -> str:
+    return load.coefficient if family.sends_coefficients else load.output
+
+
+def _sent_among(signals: Mapping[str, SignalLayout], family: LoadFamily, load: LoadKind) -> Iterator[str]:
+    """Return the outputs of ``load`` at all places that have signals."""
+    stem = _sent_name(family, load)
+    names = (f"{stem}[{number}]" for number in count(1)) if family.is_listed else iter((stem,))
+    for name in names:
+        if signal_name(name) not in signals:
+            return
+        yield name
+
+
+def signal_name(output: str) -> str:
+    """Return the name of the signal for an output of the estimator: section_axial_1 for ``section.axial[1]``."""
+    return output.replace(".", "_").replace("[", "_").rstrip("]")
+
+
+class OtherLoadSignals:
+    """The signals of these loads among result frames, and their values.
+
+    Parameters
+    ----------
+    layouts : of all result frames.
+    """
+
+    def __init__(self, layouts: Sequence[FrameLayout]) -> None:
+        signals = {signal.name: signal for layout in layouts for signal in layout.signals}
+        loads = [(family, load) for family in FAMILIES for load in family.loads]
+        sent = {name: one for one in loads for name in _sent_among(signals, *one)}
+        self._outputs = {signal_name(f"{of}{name}"): f"{of}{name}" for name in sent for of in ("", SIGMA)}
+        # Standard deviations in whole steps are never stated smaller than they are.
+        steps = {
+            signal_name(f"{SIGMA}{name}"): load.step
+            for name, (family, load) in sent.items()
+            if not family.sends_coefficients
+        }
+        self._steps = {name: step for name, step in steps.items() if signals[name].length == 16}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the signals, in the order of their values."""
+        return tuple(self._outputs)
+
+    @property
+    def outputs(self) -> dict[str, float]:
+        """The outputs of the estimator, in order, and the step in which each is rounded up, 0 for none."""
+        return {output: self._steps.get(name, 0.0) for name, output in self._outputs.items()}
+
+    def __bool__(self) -> bool:
+        return bool(self._outputs)
+
+    def values(self, outputs: Mapping[str, float]) -> dict[str, float]:
+        """Return the value of every signal from the ``outputs`` of the estimator, NaN where they have none."""
+        values = {name: outputs.get(output, nan) for name, output in self._outputs.items()}
+        for name, step in self._steps.items():
+            value = values[name] / step
+            # 0 of a load that is known; above the range there is none.
+            values[name] = step * ceil(value) if isfinite(value) and 0.0 <= value <= _LARGEST_WHOLE else nan
+        return values
+
+
+# --- contents ----------------------------------------------------------------------------------------------------
 
 _NOTHING = [nan] * 5
 _HEADER, _NO_HEADER = (E2E_CRC, E2E_COUNTER), (0, 0)

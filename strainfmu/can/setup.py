@@ -13,7 +13,7 @@ from strainfmu.can.listener import BusListener, Clock, Taps
 from strainfmu.can.machine import Machine
 from strainfmu.can.options import RESULT_FORMS, BridgeOptions, BridgeSettings, checked_cycle_time
 from strainfmu.can.profiles import SECURED_PROFILE, configuration_of, profile_layout, result_form_of
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.tare import Taring
 from strainfmu.cosim.estimators.step import (
     Step,

@@ -25,7 +25,7 @@ from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
 from strainfmu.can.opening import BusSettings, kernel_drops, open_bus
 from strainfmu.can.profiles import Identifiers, profile_layout
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.signals import SignalPlan
 
 FOREIGN = 20

@@ -18,8 +18,7 @@ from strainfmu.can.frame import from_message
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import PROFILES, Identifiers, configuration_of
 from strainfmu.can.quality import Cause, FrameClass, Quality
-from strainfmu.can.result_frames import BridgeStatus, ResultFrames
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import BridgeStatus, ResultFrames, result_layouts
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "howto" / "can_cantools_example.py"

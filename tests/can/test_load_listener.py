@@ -22,7 +22,7 @@ from strainfmu.can.frame import to_message
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.sender import Answers
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import save_inverse_map

@@ -19,7 +19,7 @@ from strainfmu.can.machine import Machine
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.recording import LOG_SUFFIXES, MicrosecondClock, Recorder
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 
 pytestmark = pytest.mark.fast
 

@@ -22,8 +22,7 @@ from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Quality
 from strainfmu.can.replay import estimate_log
-from strainfmu.can.result_frames import ResultFrames
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import ResultFrames, result_layouts
 from strainfmu.can.setup import make_machine, write_dbc
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.estimator.estimator import Estimator

@@ -20,8 +20,7 @@ from strainfmu.can.opening import BusSettings, open_bus
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers, profile_layout
 from strainfmu.can.quality import Cause, Quality
-from strainfmu.can.result_frames import ResultFrames
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import ResultFrames, result_layouts
 from strainfmu.can.sender import score_answers, send_flight
 from strainfmu.can.signals import SignalPlan
 from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples

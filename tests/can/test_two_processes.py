@@ -17,7 +17,7 @@ from synthetic_vehicle import synthetic_inverse_map
 
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import MORE_CAUSES, Cause, Quality
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.signals import SignalPlan
 from strainfmu.cosim.estimators.description import gauge_names_of
 from strainfmu.estimator.estimator import Estimator

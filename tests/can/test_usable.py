@@ -29,7 +29,7 @@ from strainfmu.can.page_message import GaugePosition, result_message
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Cause, Quality
 from strainfmu.can.replay import ReplaySummary
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.signals import functions
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState

@@ -18,7 +18,7 @@ from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeSettings
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Quality
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import result_layouts
 from strainfmu.cosim.estimators.step import StepResult
 
 N = 30

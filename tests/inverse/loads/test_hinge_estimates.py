@@ -21,8 +21,7 @@ from builder.vehicle.map.options import BendingMoment, HingeMoment, Region
 from strainfmu.can.machine import Result
 from strainfmu.can.profiles import Identifiers
 from strainfmu.can.quality import Quality
-from strainfmu.can.result_frames import ResultFrames
-from strainfmu.can.result_layouts import result_layouts
+from strainfmu.can.result_frames import ResultFrames, result_layouts
 from strainfmu.can.setup import write_dbc
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.cosim.estimators.step import load_groups_of
