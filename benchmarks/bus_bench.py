@@ -25,8 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.bench_flight import PROFILE, BenchFlight, bench_flight
-from strainfmu.can.bridge import PERCENTILES
-from strainfmu.can.demo import GROUP, check_multicast, private_port
+from builder.pipeline.demonstration.bus_flight import GROUP, check_multicast, private_port
 from strainfmu.can.frame import import_can, to_message
 from strainfmu.can.frame_layout import NAVIGATION
 from strainfmu.can.listener import BridgeSummary
@@ -39,6 +38,7 @@ from strainfmu.can.quality import Quality
 from strainfmu.can.recording import MicrosecondClock, Recorder
 from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import make_machine
+from strainfmu.cli.commands.can_bus import PERCENTILES
 from strainfmu.cosim.estimators.step import ENVELOPE_SCORE
 from strainfmu.errors import StrainfmuError
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map

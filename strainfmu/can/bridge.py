@@ -10,75 +10,18 @@ import gc
 import queue
 import sys
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import Any
 
 from strainfmu.can.frame import MalformedFrame, error_line, import_can
 from strainfmu.can.listener import HOST_STAMPED, BridgeSummary, BusListener, Clock
 from strainfmu.can.opening import OpenBus, kernel_drops, shut_down
 from strainfmu.can.quality import BusState, Cause, FrameAccount, FrameClass
-from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import StrainfmuError
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-
-PERCENTILES = (50.0, 99.0, 99.9, 100.0)
-
-
-def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
-    """Return the rows of the table of a run."""
-    rows = [("duration", f"{summary.duration:.1f} s")]
-    load = 100.0 * summary.cpu / summary.duration if summary.duration > 0.0 else 0.0
-    rows.append(("processor time", f"{summary.cpu:.2f} s, {load:.1f} % of one core"))
-    rows += [(f"results {quality.name}", f"{n}") for quality, n in sorted(summary.qualities.items())]
-    rows += health_rows(summary.healths, summary.navigated)
-    rows += [(f"frames: {name}", f"{count}") for name, count in summary.account.rows()]
-    rows.append(("frames: not accounted for", f"{summary.account.unaccounted}"))
-    if summary.account.unknown:
-        rows.append(("unknown identifiers", summary.account.unknown_text()))
-    if len(summary.latency):
-        values = 1e3 * np.percentile(summary.latency, PERCENTILES)
-        text = ", ".join(f"p{p:g} {v:.2f}" for p, v in zip(PERCENTILES, values, strict=True))
-        rows.append(("last frame in to results out", f"{text} ms"))
-    rows.append(("frames sent", f"{summary.sent}, {summary.send_failures} failed"))
-    drops = "not known" if summary.kernel_drops is None else str(summary.kernel_drops)
-    rows.append(("dropped by the system", drops))
-    rows.append(("failed receptions", f"{summary.failures}"))
-    rows.append(("messages that are no frames", f"{summary.malformed}"))
-    if summary.last_malformed:
-        rows.append(("the last of these", summary.last_malformed))
-    if summary.period_text:
-        rows.append(("sender's period", summary.period_text.removeprefix("period: ")))
-    if summary.reconnects or summary.last_fault:
-        rows.append(("bus reopened", f"{summary.reconnects} times; last fault: {summary.last_fault}"))
-    return rows
-
-
-def health_rows(healths: Counter[int], navigated: int) -> list[tuple[str, str]]:
-    """Return rows of estimates by state of health, and of results with navigation if there are any."""
-    rows = [(f"health {health_name(state)}", f"{n}") for state, n in sorted(healths.items())]
-    if navigated:
-        rows.append(("results with Mach number and altitude", f"{navigated}"))
-    return rows
-
-
-def summary_table(summary: BridgeSummary) -> Table:
-    """Return the table of a run, for a rich console."""
-    from rich.table import Table
-
-    table = Table(title="Bridge", show_header=False)
-    for name, text in summary_rows(summary):
-        table.add_row(name, text)
-    return table
-
 
 QUEUED_CYCLES = 50
 """Maximum number of cycles that wait between two threads; beyond it frames are dropped."""

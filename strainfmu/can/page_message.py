@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from strainfmu.can.machine import Result
 from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.outer_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
@@ -345,74 +346,3 @@ def _unrolled(inverse_map: InverseMap) -> tuple[FloatArray, FloatArray, SurfaceP
     station = first + (last - first) * (np.arange(_STATIONS) + 0.5) / _STATIONS
     roll_angle = 2.0 * np.pi * np.arange(_ROLLS) / _ROLLS
     return station, roll_angle, outermost_places(*surface, station, roll_angle)
-
-
-_EDGES = ((0, 1), (1, 2), (2, 0))
-
-
-class SurfacePlaces(NamedTuple):
-    """Places on a surface: three nodes (.., 3) and their weights (.., 3) [1] each."""
-
-    node: IntArray
-    weight: FloatArray
-
-    def of(self, values: FloatArray) -> FloatArray:
-        """Return ``values`` (n_p,) of the nodes at the places (..)."""
-        return np.asarray(np.sum(values[self.node] * self.weight, axis=-1))
-
-
-def outermost_places(
-    point: FloatArray, triangle: IntArray, station: FloatArray, roll_angle: FloatArray
-) -> SurfacePlaces:
-    """Return the outermost places (n_x, n_roll) of a surface along rays from the axis.
-
-    Where a ray meets no triangle, the place next to it in the same plane counts.
-
-    Parameters
-    ----------
-    point, triangle : (n_p, 3) [m], (n_t, 3).
-    station : (n_x,) between the stations of the nodes [m].
-    roll_angle : (n_roll,) from +z towards +y [rad].
-    """
-    found = [_at_station(point, triangle, x, roll_angle) for x in station.tolist()]
-    return SurfacePlaces(np.stack([one.node for one in found]), np.stack([one.weight for one in found]))
-
-
-def _at_station(point: FloatArray, triangle: IntArray, station: float, roll_angle: FloatArray) -> SurfacePlaces:
-    """Return the places (n_roll,) of one station: its plane cuts triangles in segments, and rays these."""
-    ahead = (point[:, 0] <= station)[triangle]
-    cut = triangle[ahead.any(axis=1) & ~ahead.all(axis=1)]
-    first, second = _ends(point[:, 0] - station, cut)
-    corners = point[cut][:, :, 1:]
-    one, other = (np.einsum("sc,scy->sy", end, corners) for end in (first, second))
-    along = np.stack([np.sin(roll_angle), np.cos(roll_angle)])
-    across = np.stack([along[1], -along[0]])
-    beside_one, beside_other = one @ across, other @ across
-    apart = beside_one - beside_other
-    part = np.clip(beside_one / np.where(apart == 0.0, 1.0, apart), 0.0, 1.0)
-    radius = (1.0 - part) * (one @ along) + part * (other @ along)
-    meets = (beside_one * beside_other <= 0.0) & (radius > 0.0)
-    # Where no segment meets the ray, the one that is least beside it.
-    beside = np.minimum(
-        np.arctan2(np.abs(beside_one), one @ along), np.arctan2(np.abs(beside_other), other @ along)
-    )
-    segment = np.argmax(np.where(meets, radius, -beside), axis=0)
-    chosen = part[segment, np.arange(len(roll_angle))][:, None]
-    return SurfacePlaces(cut[segment], (1.0 - chosen) * first[segment] + chosen * second[segment])
-
-
-def _ends(distance: FloatArray, cut: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return weights (n_s, 3) of the corners of both ends of the segment in each triangle ``cut`` (n_s, 3).
-
-    ``distance`` (n_p,) is the distance of the nodes from the plane, which parts one corner of each from the
-    others.
-    """
-    off = distance[cut]
-    ends = np.zeros((2, len(cut), 3))
-    count = np.zeros(len(cut), dtype=np.int64)
-    for a, b in _EDGES:
-        rows = np.flatnonzero((off[:, a] <= 0.0) != (off[:, b] <= 0.0))
-        part = off[rows, a] / (off[rows, a] - off[rows, b])
-        ends[count[rows], rows, a], ends[count[rows], rows, b] = 1.0 - part, part
-        count[rows] += 1
-    return ends[0], ends[1]

@@ -279,11 +279,3 @@ def send_flight(
             sleep(wait)
     sent.duration = clock() - start
     return sent
-
-
-def lateness_text(sent: SentFlight) -> str:
-    """Return percentiles of the lateness as text."""
-    if not sent.lateness:
-        return "-"
-    values = 1e3 * np.percentile(sent.lateness, (50.0, 99.0, 100.0))
-    return ", ".join(f"p{p} {v:.2f}" for p, v in zip((50, 99, 100), values, strict=True)) + " ms"

@@ -14,8 +14,8 @@ import numpy as np
 from multicast import skip_without_multicast
 from recorded_case import read_csv
 
+from builder.pipeline.demonstration.bus_flight import private_port
 from strainfmu.arrays import FloatArray
-from strainfmu.can.demo import private_port
 from strainfmu.can.quality import Quality
 
 STRAINFMU = [sys.executable, "-c", "from strainfmu.cli.main import main; main()"]

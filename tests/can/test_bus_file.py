@@ -17,10 +17,10 @@ import pytest
 from recorded_case import read_csv
 from synthetic_vehicle import N_GAUGES, SyntheticFiles
 
+from builder.pipeline.demonstration.bus_flight import GROUP, private_port
 from strainfmu.can.bus_file import TABLES, BusDescription, bus_template, read_bus
 from strainfmu.can.dbc_files import MAPPING_TABLE, OTHER_ENTRIES, database_of, load_mapping
 from strainfmu.can.dbc_mapping import mapped_layout
-from strainfmu.can.demo import GROUP, private_port
 from strainfmu.can.frame_layout import FLOW_STDS, MAPPED_QUANTITIES
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import Identifiers

@@ -23,8 +23,8 @@ from recorded_case import write_csv
 from snippets import ROOT, snippets
 from synthetic_vehicle import synthetic_inverse_map
 
+from builder.pipeline.demonstration.bus_flight import private_port
 from strainfmu.can.dbc_files import database_of
-from strainfmu.can.demo import private_port
 from strainfmu.cosim.estimators.description import gauge_names_of
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import export_estimator

@@ -169,7 +169,7 @@ DISK_FULL = """
 import resource, sys
 from pathlib import Path
 from bus_run import live_run
-from strainfmu.can.bridge import summary_rows
+from strainfmu.cli.commands.can_bus import summary_rows
 from strainfmu.can.recording import Recorder
 
 described = Recorder.describe

@@ -16,13 +16,13 @@ from other_load_maps import with_own_further
 from scaled_maps import scaled_map
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.bridge import summary_rows
 from strainfmu.can.log_description import sidecar
 from strainfmu.can.machine import Result
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.quality import FrameClass
 from strainfmu.can.recording import LOG_SUFFIXES
 from strainfmu.can.replay import ReplaySummary, replay_log
+from strainfmu.cli.commands.can_bus import summary_rows
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError

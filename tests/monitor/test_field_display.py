@@ -17,10 +17,11 @@ from synthetic_vehicle import SyntheticFiles
 from thermal_maps import REFERENCE, with_temperature
 
 from strainfmu.can.machine import Result
-from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages, outermost_places
+from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePosition, field_messages
 from strainfmu.can.publisher import Publisher
 from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
+from strainfmu.estimator.estimates.outer_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import evaluate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from strainfmu.can.demo import check_multicast, private_port
+from builder.pipeline.demonstration.bus_flight import check_multicast, private_port
 from strainfmu.errors import StrainfmuError
 
 

@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from strainfmu.can.demo import private_port
+from builder.pipeline.demonstration.bus_flight import private_port
 from strainfmu.can.opening import BusSettings, open_bus
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.sender import send_flight

@@ -71,7 +71,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, l
 from strainfmu.fmu.export import export_plant
 
 if TYPE_CHECKING:
-    from strainfmu.can.demo import BusFlight
+    from builder.pipeline.demonstration.bus_flight import BusFlight
 
 AS_BUILT_SEED = 1
 """Seed of the hardware errors of the vehicle that flies."""
@@ -181,7 +181,12 @@ def demo(
     given = FilesGiven(snapshots=snapshots, structure=structure, rebuild=rebuild)
     pipeline, conditions = open_pipeline(loaded, Path(output), reporter, given)
     if can:
-        from strainfmu.can.demo import CYCLE_TIME, check_multicast, fly_over_bus, private_port
+        from builder.pipeline.demonstration.bus_flight import (
+            CYCLE_TIME,
+            check_multicast,
+            fly_over_bus,
+            private_port,
+        )
 
         check_multicast(private_port())  # refused before the long work, not after it
     result = _flown(pipeline, conditions, path, seed, ground_test)

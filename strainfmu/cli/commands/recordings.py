@@ -8,12 +8,11 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.table import Table
 
 import builder
 import strainfmu
 from builder.pipeline.progress_bars import ConsoleReporter
-from strainfmu.cli.commands.can_bus import stop_request
+from strainfmu.cli.commands.can_bus import result_rows, shown_table, stop_request
 from strainfmu.cli.commands.printed import say
 from strainfmu.errors import InputError, StrainfmuError
 
@@ -93,21 +92,15 @@ def _estimate_lines(summary: EstimationSummary, data: Path) -> list[str]:
 
 def _show_replay(log: Path, output: Path, summary: ReplaySummary, took: float) -> None:
     """Print what a replay gave, in ``took`` [s]."""
-    from strainfmu.can.bridge import health_rows
     from strainfmu.can.quality import FrameClass
 
-    table = Table(title="Replay", show_header=False)
-    table.add_row("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast")
-    for quality, number in sorted(summary.qualities.items()):
-        table.add_row(f"results {quality.name}", str(number))
-    for name, text in health_rows(summary.healths, summary.navigated):
-        table.add_row(name, text)
-    for name, number in summary.account.rows():
-        table.add_row(f"frames: {name}", str(number))
-    table.add_row("frames: not accounted for", str(summary.account.unaccounted))
+    rows = [
+        ("log", f"{summary.duration:.2f} s, {summary.duration / took:.0f} times as fast"),
+        *result_rows(summary),
+    ]
     if summary.compared:
-        table.add_row("result frames of the log given again", f"{summary.equal} of {summary.compared}")
-    Console().print(table)
+        rows.append(("result frames of the log given again", f"{summary.equal} of {summary.compared}"))
+    shown_table("Replay", rows)
     say(*summary.notes, f"{output}: written")
     if not summary.results:
         used, received = summary.account.classes[FrameClass.USED], summary.account.received

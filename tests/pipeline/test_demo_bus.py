@@ -13,7 +13,7 @@ from bridge_table import BridgeTable, is_late
 from multicast import skip_without_multicast
 from synthetic_vehicle import SyntheticFiles
 
-from strainfmu.can.demo import CYCLE_TIME, fly_over_bus
+from builder.pipeline.demonstration.bus_flight import CYCLE_TIME, fly_over_bus
 from strainfmu.errors import StrainfmuError
 
 
