@@ -18,7 +18,7 @@ from can_case import CYCLE, Ears, Projection, Truth, layout_of
 from recorded_case import read_csv
 from scaled_maps import scaled_map
 
-from strainfmu.can import load_listener, replay
+from strainfmu.can import replay, setup
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
@@ -79,7 +79,7 @@ def flown(
 
     # The public listener with the machine at hand, in virtual time, and a loop that leaves the time to the test.
     bus_file.write_text("")
-    monkeypatch.setattr(load_listener, "make_machine", lambda *_, **__: (machine, layouts, 1, None))
+    monkeypatch.setattr(setup, "make_machine", lambda *_, **__: (machine, layouts, 1, None))
     monkeypatch.setattr(load_listener, "time", SimpleNamespace(monotonic=lambda: now[0]))
     loop: Any = SimpleNamespace(call_soon=lambda _: None, call_later=lambda *_: None)
     estimator = Estimator(scaled_map(2, seed=4))
