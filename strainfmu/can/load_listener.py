@@ -76,7 +76,7 @@ class LoadListener:
             step, names = MapStep(estimator), tuple(held.gauge_names[: held.n_strain_gauges])
             if options.zeros is not None:
                 step.set_zeros(load_zeros(options.zeros, names))
-        taps = Taps(on_result=on_result)
+        taps = Taps(clock=time.monotonic, on_result=on_result)
         self._listener, _, _ = live_listener(self._stack, step, options, names, taps, is_answered=bus is not None)
         self._machine = self._listener.machine
         self._listener.use(bus)

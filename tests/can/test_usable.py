@@ -18,7 +18,7 @@ from can_case import CYCLE, Ears, Projection, Truth, layout_of
 from recorded_case import read_csv
 from scaled_maps import scaled_map
 
-from strainfmu.can import replay, setup
+from strainfmu.can import load_listener, replay, setup
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import to_message
