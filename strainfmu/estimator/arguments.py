@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite, nan
 from operator import itemgetter
@@ -110,12 +111,8 @@ def given(values: FloatArray) -> FloatArray:
 def per_sample(name: str, value: ArrayLike, samples: int) -> FloatArray:
     """Return ``value``, one number or one of each sample, as (samples,)."""
     values = None
-    try:
-        array = np.asarray(value)
-        if value is not None and array.dtype.kind != "c":
-            values = np.asarray(array, dtype=float)
-    except (TypeError, ValueError):
-        pass
+    with suppress(InputError):
+        values = None if value is None else real_numbers(name, value)
     if values is None or values.shape not in ((), (samples,)):
         expected = "a number" if samples == 1 else f"a number or {samples} numbers"
         got = str(value.dtype) if isinstance(value, np.ndarray) else repr(value)

@@ -89,12 +89,12 @@ def padded_knots(knots: FloatArray) -> FloatArray:
 
 
 def local_basis(knots: FloatArray, x: FloatArray) -> LocalBasis:
-    """Return the basis at ``x`` (k,) real or complex; beyond the outer knots splines go on along their tangent.
+    """Return the basis at ``x`` (k,); beyond the outer knots splines go on along their tangent.
 
     Source: the recurrence of Cox and de Boor (de Boor, A Practical Guide to Splines, chapter X).
     """
-    inside = np.where(x.real < knots[0], knots[0], np.where(x.real > knots[-1], knots[-1], x))
-    cell = np.clip(np.searchsorted(knots, inside.real, side="right") - 1, 0, len(knots) - 2)
+    inside = np.clip(x, knots[0], knots[-1])
+    cell = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
     t, c = (inside - knots[cell])[:, None], _polynomials(np.asarray(knots, dtype=np.float64).tobytes())[cell]
     value = c[:, :, 0] + t * (c[:, :, 1] + t * (c[:, :, 2] + t * c[:, :, 3]))
     derivative = c[:, :, 1] + t * (2.0 * c[:, :, 2] + t * (3.0 * c[:, :, 3]))
@@ -105,7 +105,7 @@ def basis(knots: FloatArray, x: FloatArray) -> Basis:
     """Return all basis functions at ``x`` (k,), see :func:`local_basis`."""
     local = local_basis(knots, x)
     rows, columns = np.arange(len(x))[:, None], local.cell[:, None] + np.arange(DEGREE + 1)
-    found = Basis(*(np.zeros((len(x), len(knots) + 2), dtype=local.value.dtype) for _ in range(2)))
+    found = Basis(*(np.zeros((len(x), len(knots) + 2)) for _ in range(2)))
     found.value[rows, columns], found.derivative[rows, columns] = local.value, local.derivative
     return found
 

@@ -89,14 +89,9 @@ class LeastSquaresMap(StateMap):
 def least_squares_map(
     state_operator: FloatArray, mean_strain: FloatArray, noise_covariance: FloatArray, state_std: FloatArray
 ) -> LeastSquaresMap:
-    """Build the map (paper, eq. ls-solution with gamma = 0, the mean's strain subtracted).
+    """Build the map (paper, eq. ls-solution with gamma = 0) of A = Z_p V_r and m = Z_p (p_mean - p_internal).
 
-    Parameters
-    ----------
-    state_operator : (n_d, r) A = Z_p V_r [1/Pa].
-    mean_strain : (n_d,) Z_p (p_mean - p_internal) [m/m].
-    noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
-    state_std : (r,) standard deviation of the states [Pa], which the condition number depends on alone.
+    The condition number alone depends on ``state_std`` (r,), the standard deviation of the states [Pa].
     """
     n_gauges, n_states = state_operator.shape
     if n_states > n_gauges:
@@ -271,15 +266,10 @@ def gaussian_map(
     regularisation: float = 1.0,
     spectrum: WhitenedSpectrum | None = None,
 ) -> GaussianMap:
-    """Build the map q = V diag(S / (lambda + gamma)) U^T L^-1 (d - m).
+    """Build the map q = V diag(S / (lambda + gamma)) U^T L^-1 (d - m) of A = Z_p F.
 
-    Parameters
-    ----------
-    state_operator : (n_d, n_q) A = Z_p F [1].
-    mean_strain : (n_d,) m = Z_p (p_mean - p_internal) [m/m].
-    noise_covariance : (n_d, n_d) Gamma [(m/m)^2].
-    regularisation : gamma [1]; 1 is the Bayesian value for calibrated prior and noise.
-    spectrum : of ``state_operator`` and ``noise_covariance``, if it is known already.
+    A ``regularisation`` of 1 is the Bayesian value for calibrated prior and noise; the ``spectrum`` is computed if
+    it is not known already.
     """
     if not 0.0 < regularisation < np.inf:
         raise InputError(f"gamma: expected a positive number, got {regularisation!r}")

@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.map.schema import INCREASING, check, described, entry
 from strainfmu.estimator.numerics import local_basis
 
 MIN_INCIDENCE = 1e-7
@@ -29,21 +28,15 @@ MACH, U, W, LOG_PRESSURE = range(N_STATES)
 """Places of M [1], u, w [rad] and ln(p_inf / Pa) in the flight state."""
 
 
-@described
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FlightTables:
-    """Tables for n_d gauges, then n_f loads."""
+    """Tables for n_d gauges, then n_f loads, as a map holds them in the fields of the same names."""
 
-    # fmt: off
-    mach_knots: FloatArray = entry("n_M", "1", "increasing", rule=INCREASING)
-    incidence_knots: FloatArray = entry("n_a", "rad", "total incidence from 0, increasing", rule=INCREASING)
-    response: FloatArray = entry("n_M+2 n_a+2 n n_m 2", "1/Pa, m2, m3", "spline coefficients of A, B per p_inf")
-    fixed_response: FloatArray = entry("n", "m/m, N, N.m", "y_fixed, what does not follow p_inf")
+    mach_knots: FloatArray
+    incidence_knots: FloatArray
+    response: FloatArray
+    fixed_response: FloatArray
     n_loads: int = 5
-    # fmt: on
-
-    def __post_init__(self) -> None:
-        check(self, "tables")
 
     @property
     def n_gauges(self) -> int:
@@ -65,7 +58,7 @@ class Response(NamedTuple):
 
 
 def evaluate(tables: FlightTables, state: FloatArray) -> Response:
-    """Return the response at ``state`` (k, 4) real or complex."""
+    """Return the response at ``state`` (k, 4)."""
     mach, u, w, log_pressure = state.T
     incidence = np.sqrt(u * u + w * w + MIN_INCIDENCE * MIN_INCIDENCE)
     at_wind = _harmonics(u, w, incidence, tables.response.shape[3])
@@ -98,7 +91,7 @@ def _sums(
         (of_mach.value, of_incidence.value, by_w),
     )
     n = tables.response.shape[2]
-    sums = np.empty((len(factors), len(mach), n), dtype=of_incidence.value.dtype)
+    sums = np.empty((len(factors), len(mach), n))
     cells = np.stack([of_mach.cell, of_incidence.cell], axis=1)
     # Samples of one cell have their 16 coefficients of each harmonic in common.
     for i, j in set(map(tuple, cells.tolist())):
@@ -119,15 +112,10 @@ def _harmonics(u: FloatArray, w: FloatArray, incidence: FloatArray, n_m: int) ->
     cube = incidence**3
     d_cosine = (incidence * incidence - u * u) / cube, -u * w / cube
     d_sine = -u * w / cube, (incidence * incidence - w * w) / cube
-    value, by_u, by_w = (np.zeros((len(u), n_m, 2), dtype=incidence.dtype) for _ in range(3))
+    value, by_u, by_w = (np.zeros((len(u), n_m, 2)) for _ in range(3))
     value[:, 0, 0] = 1.0
-    if np.iscomplexobj(incidence):
-        for m in range(1, n_m):
-            c, s = value[:, m - 1, 0], value[:, m - 1, 1]
-            value[:, m, 0], value[:, m, 1] = c * cosine - s * sine, s * cosine + c * sine
-    else:
-        powers = np.cumprod(np.broadcast_to((cosine + 1j * sine)[:, None], (len(u), n_m - 1)), axis=1)
-        value[:, 1:, 0], value[:, 1:, 1] = powers.real, powers.imag
+    powers = np.cumprod(np.broadcast_to((cosine + 1j * sine)[:, None], (len(u), n_m - 1)), axis=1)
+    value[:, 1:, 0], value[:, 1:, 1] = powers.real, powers.imag
     order, c, s = np.arange(1, n_m), value[:, :-1, 0], value[:, :-1, 1]
     for by, dc, ds in ((by_u, d_cosine[0], d_sine[0]), (by_w, d_cosine[1], d_sine[1])):
         dc, ds = dc[:, None], ds[:, None]

@@ -25,15 +25,8 @@ Record = TypeVar("Record")
 Sizes = dict[str, int]
 """Lengths by symbol."""
 
-ANY, POSITIVE, COVARIANCE, FROM_0, INCREASING, RANGE, BOUNDS = (
-    "ANY",
-    "POSITIVE",
-    "COVARIANCE",
-    "FROM_0",
-    "INCREASING",
-    "RANGE",
-    "BOUNDS",
-)
+ANY, POSITIVE, COVARIANCE, FROM_0 = "ANY", "POSITIVE", "COVARIANCE", "FROM_0"
+INCREASING, RANGE, BOUNDS = "INCREASING", "RANGE", "BOUNDS"
 """What the values of an array must be, besides finite; bounds of -inf and inf are none."""
 
 _RULES: dict[str, tuple[Callable[[Any], Any], str]] = {

@@ -36,13 +36,11 @@ def test_splines_go_on_along_their_tangent() -> None:
 
 
 @pytest.mark.parametrize("axis", range(4))
-def test_jacobian_is_that_of_a_complex_step(axis: int) -> None:
-    tables, step = flight_map().tables, 1e-30
-    moved = STATES.astype(complex)
-    moved[:, axis] += 1j * step
-    reference = evaluate(tables, moved).value.imag / step
+def test_jacobian_is_that_of_central_differences(axis: int) -> None:
+    tables, step = flight_map().tables, 1e-5 * np.eye(4)[axis]
+    reference = (evaluate(tables, STATES + step).value - evaluate(tables, STATES - step).value) / 2e-5
     found = evaluate(tables, STATES).jacobian[:, :, axis]
-    assert np.max(np.abs(found - reference)) < 1e-12 * np.max(np.abs(reference))
+    assert np.max(np.abs(found - reference)) < 1e-7 * np.max(np.abs(reference))
 
 
 def test_tables_hold_the_flow_between_their_knots() -> None:
