@@ -202,7 +202,7 @@ def test_swept_mesh_is_as_blind(fourier: StructuralModel) -> None:
 def response_on_mesh(vehicle: Vehicle, sector: SweptSector, layout: GaugeLayout) -> SmoothResponse:
     problem = cyclic_problem(sector, {REGION: wall_of(vehicle).material}, [Clamped("support")])
     rows = cyclic_gauge_rows(sector, gauges_at(layout.position, layout.direction, layout.names))
-    z = CyclicSolver(problem).strain_operator(rows, pressure_operator(problem, "external"))
+    z = CyclicSolver(problem).strain_operator(rows, pressure_operator(sector, "external"))
     mesh = triangulated_surface(full_mesh(sector), "external")
     return smooth_response(z, mesh.point, mesh.node_area)
 

@@ -9,10 +9,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
 from builder.structure.fourier.meridian_mesh import End, tube_mesh
+from builder.structure.solid.cyclic import pressure_operator, sector_stiffness
 from builder.structure.solid.elements import CORNERS, Quadrature, boundary_facets, element_edges, reference_nodes
-from builder.structure.solid.nodal_loads import sector_pressure_load, surface_nodes
+from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.stiffness import sector_stiffness
 from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh, swept_meridian
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
@@ -101,13 +101,11 @@ def harmonic_field(
     axially, where guided; one complex system in sector frames.
     """
     n, w = sector.n_sectors, np.exp(2j * np.pi * harmonic / sector.n_sectors)
-    own, after = sector_stiffness(sector, {REGION: material}, quadrature)
-    stiffness = own + w * after + np.conj(w) * after.T
-    here, next_one, before = sector_pressure_load(sector, EXTERNAL)
+    stiffness = sector_stiffness(sector, {REGION: material}, quadrature).harmonic(harmonic)
     place = sector.node[surface_nodes(sector, EXTERNAL)]
     phase = np.exp(1j * harmonic * np.arctan2(place[:, 1], place[:, 2]))
     wave = phase[:, None] * pressure.reshape(len(place), -1)
-    force = (here + w * next_one + np.conj(w) * before) @ wave
+    force = pressure_operator(sector, EXTERNAL).harmonic(harmonic) @ wave
     held = np.zeros((sector.n_nodes, 3), dtype=bool)
     if GUIDED in sector.surface:
         held[surface_nodes(sector, GUIDED), 0] = True
@@ -115,7 +113,7 @@ def harmonic_field(
         held[surface_nodes(sector, SUPPORT)] = True
     free = np.flatnonzero(~held.ravel())
     amplitude = np.zeros((sector.n_dof, wave.shape[1]), dtype=complex)
-    matrix = csr_array(stiffness)[free][:, free].tocsc()
+    matrix = csr_array(stiffness)[free][:, free].astype(complex).tocsc()
     amplitude[free] = splu(matrix, permc_spec="MMD_AT_PLUS_A").solve(force[free])
     turns = np.stack([sector.rotation(s) for s in range(n)])
     in_frames = (w ** np.arange(n)[:, None, None] * amplitude).real.reshape(n, -1, 3, wave.shape[1])

@@ -25,7 +25,7 @@ from builder.structure.solid.elements import (
 )
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.linear_solvers import choose_solver
-from builder.structure.solid.matter import FreeFlight, free_flight
+from builder.structure.solid.matter import FreeFlight, Matter, free_flight
 from builder.structure.solid.nodal_loads import surface_points, vector_area
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
@@ -171,7 +171,7 @@ class SolidStructure:
 
     @cached_property
     def _flight(self) -> FreeFlight:
-        return free_flight(self.mesh, dict.fromkeys(self.mesh.region_names, self.properties.needed_density()))
+        return free_flight(self.mesh, Matter(material=self.material, density=self.properties.needed_density()))
 
     def _depth(self, position: FloatArray) -> FloatArray:
         radius = np.hypot(position[:, 1], position[:, 2])

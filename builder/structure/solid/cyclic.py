@@ -20,32 +20,28 @@ SuperLU releases Python's lock, so threads suffice.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import block_diag, csc_array, csr_array, eye_array, kron
 
 from builder.processors import processors
 from builder.reporting import Progress
-from builder.structure.solid.nodal_loads import sector_pressure_load, surface_nodes
-from builder.structure.solid.solid_mesh import SolidMesh
+from builder.structure.solid.elements import Quadrature
+from builder.structure.solid.nodal_loads import facet_pressure_load, nodal_force_load, surface_nodes
 from builder.structure.solid.sparse_problem import (
-    SolveStatistics,
-    checked_loads,
     checked_residual,
     factor_symmetric,
-    peak_memory,
     probe_loads,
     refuse_indefinite,
 )
-from builder.structure.solid.stiffness import sector_blocks, sector_stiffness
+from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Support, restrain
-from builder.structure.solid.swept_mesh import SweptSector, two_sector_mesh
+from builder.structure.solid.swept_mesh import SweptSector, sector_window
 from builder.structure.wall import Material
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
@@ -75,6 +71,11 @@ class CircularOperator:
         else:
             data = here + turn * after + turn.conjugate() * before
         return csr_array((data, index, pointer), shape=self.here.shape)
+
+    def between(self, left: csr_array, right: csr_array) -> CircularOperator:
+        """Return left @ block @ right of every block."""
+        here, after, before = (csr_array(left @ block @ right) for block in (self.here, self.after, self.before))
+        return CircularOperator(n_sectors=self.n_sectors, here=here, after=after, before=before)
 
     @cached_property
     def _aligned(self) -> tuple[NDArray[np.int32], NDArray[np.int32], FloatArray]:
@@ -120,6 +121,68 @@ def n_harmonics(n_sectors: int) -> int:
     return n_sectors // 2 + 1
 
 
+def sector_stiffness(
+    sector: SweptSector, materials: Mapping[str, Material], quadrature: Quadrature | None = None
+) -> CircularOperator:
+    """Return the stiffness [N/m] of a swept mesh in sector frames, that nothing holds.
+
+    Arguments and errors as in :func:`builder.structure.solid.stiffness.assemble_stiffness`.
+    """
+    return _symmetric(sector, assemble_stiffness(sector_window(sector), materials, quadrature))
+
+
+def pressure_operator(sector: SweptSector, surface_name: str) -> CircularOperator:
+    """Return C_map in sector frames [m2]: nodal forces per pressure at a surface's nodes.
+
+    Columns are in the order of :func:`~builder.structure.solid.nodal_loads.surface_nodes`.
+
+    Raises
+    ------
+    InputError
+        The sector has no surface of that name.
+    """
+    both, node = sector_window(sector), surface_nodes(sector, surface_name)
+    load = facet_pressure_load(both.node, both.named_surface(surface_name))
+    here, after, before = _blocks(csr_array(_two_frames(sector).T @ load))
+    return CircularOperator(
+        n_sectors=sector.n_sectors, here=here[:, node], after=after[:, node], before=before[:, node]
+    )
+
+
+def force_operator(sector: SweptSector, surface_name: str) -> CircularOperator:
+    """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-].
+
+    Raises
+    ------
+    InputError
+        The sector has no surface of that name.
+    """
+    here = nodal_force_load(sector, surface_name)
+    none = csr_array(here.shape)
+    return CircularOperator(n_sectors=sector.n_sectors, here=here, after=none, before=none)
+
+
+def _symmetric(sector: SweptSector, both: csr_array) -> CircularOperator:
+    """Return the operator of a symmetric matrix over the dofs of two sectors, summed over the first's elements."""
+    frame = _two_frames(sector)
+    here, after, _ = _blocks(csr_array(frame.T @ both @ frame))
+    return CircularOperator(n_sectors=sector.n_sectors, here=here, after=after, before=csr_array(after.T))
+
+
+def _two_frames(sector: SweptSector) -> csr_array:
+    """Return (6 n_s, 6 n_s): vectors of two sectors in their frames to body axes."""
+    second = kron(eye_array(sector.n_nodes), sector.rotation(1))
+    return csr_array(block_diag([eye_array(sector.n_dof), second], format="csr"))
+
+
+def _blocks(both: csr_array) -> tuple[csr_array, csr_array, csr_array]:
+    """Return what a sector gets from itself, the next and the one before, of a matrix over two sectors."""
+    n_rows, n_columns = both.shape[0] // 2, both.shape[1] // 2
+    own, after = both[:n_rows], both[n_rows:]
+    here = csr_array(own[:, :n_columns] + after[:, n_columns:])
+    return here, csr_array(own[:, n_columns:]), csr_array(after[:, :n_columns])
+
+
 def cyclic_problem(
     sector: SweptSector, materials: Mapping[str, Material], supports: Sequence[Support]
 ) -> CyclicProblem:
@@ -133,49 +196,12 @@ def cyclic_problem(
     InputError
         A support's surface does not exist, supports leave a rigid motion free, or the stiffness has no material.
     """
-    own, after = sector_stiffness(sector, materials)
-    added_own, added_after = sector_blocks(sector, restrain(two_sector_mesh(sector), supports).added)
-    free = _free_motions_of_sector(sector, supports)
-    own, after = free.T @ (own + added_own) @ free, free.T @ (after + added_after) @ free
-    stiffness = CircularOperator(
-        n_sectors=sector.n_sectors, here=csr_array(own), after=csr_array(after), before=csr_array(after.T)
-    )
-    return CyclicProblem(sector, stiffness, free)
-
-
-def _free_motions_of_sector(sector: SweptSector, supports: Sequence[Support]) -> csr_array:
-    """Return (3 n_s, n_free): what supports leave free at the nodes of a sector, in its frame.
-
-    Nodes between two sectors take the normals of both, so the sector before is there too.
-    """
-    n = sector.n_nodes
-    turns = [sector.rotation(s) for s in (-1, 0, 1)]
-    neighbours = SolidMesh(
-        element_type=two_sector_mesh(sector).element_type,
-        node=np.concatenate([sector.node @ turn.T for turn in turns]),
-        element=np.concatenate([sector.element, sector.element + n]),
-        region=np.zeros(2 * len(sector.element), dtype=np.int64),
-        region_names=("both",),
-        surface={name: np.concatenate([facet, facet + n]) for name, facet in sector.surface.items()},
-    )
-    middle = csc_array(restrain(neighbours, supports).free[sector.n_dof : 2 * sector.n_dof])
-    return csr_array(middle[:, np.diff(middle.indptr) > 0])
-
-
-def to_sector_frames(sector: SweptSector, vector: FloatArray) -> FloatArray:
-    """Turn vectors (n_dof, k) of the whole structure from body axes into sector frames, (n_sectors, 3 n_s, k)."""
-    turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
-    parts = vector.reshape(sector.n_sectors, sector.n_nodes, 3, -1)
-    turned = np.einsum("sij,snik->snjk", turns, parts, optimize=True)
-    return turned.reshape(sector.n_sectors, sector.n_dof, -1)
-
-
-def to_body_axes(sector: SweptSector, vector: FloatArray) -> FloatArray:
-    """Turn vectors (n_sectors, 3 n_s, k) from sector frames into body axes, (n_dof, k)."""
-    turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
-    parts = vector.reshape(sector.n_sectors, sector.n_nodes, 3, -1)
-    turned = np.einsum("sij,snjk->snik", turns, parts, optimize=True)
-    return turned.reshape(sector.n_sectors * sector.n_dof, -1)
+    both = sector_window(sector)
+    stiffness = csr_array(assemble_stiffness(both, materials) + restrain(both, supports).added)
+    # Nodes between two sectors take the normals of both, so the sector before is there too.
+    every = csc_array(restrain(sector_window(sector, before=1), supports).free[sector.n_dof : 2 * sector.n_dof])
+    free = csr_array(every[:, np.diff(every.indptr) > 0])
+    return CyclicProblem(sector, _symmetric(sector, stiffness).between(csr_array(free.T), free), free)
 
 
 SAME_ENTRY = 1e-10
@@ -270,9 +296,6 @@ def _same(index: IntArray, entry: FloatArray, other_index: IntArray, other: Floa
 BLOCK = 64
 """Right-hand sides of one harmonic solved at once."""
 
-BLOCK_NUMBERS = 2**25
-"""Numbers in the block of loads on the whole structure that is transformed at once: 256 MB."""
-
 
 class CyclicSolver:
     """Solver of a structure of equal sectors.
@@ -281,6 +304,10 @@ class CyclicSolver:
     ----------
     problem : the structure.
     threads : harmonics solved at the same time; by default as many as this process may use processors.
+
+    Attributes
+    ----------
+    relative_residual, probe_residual : largest ||A x - b|| / ||b|| so far, of solutions and of probes.
     """
 
     name = "cyclic"
@@ -288,58 +315,10 @@ class CyclicSolver:
 
     def __init__(self, problem: CyclicProblem, threads: int | None = None) -> None:
         self.problem = problem
+        self.relative_residual = self.probe_residual = 0.0
         self._threads = threads or processors()
         self._lock = threading.Lock()
         self._probe = probe_loads(problem.free)
-        blocks = (problem.stiffness.here, problem.stiffness.after, problem.stiffness.before)
-        entries = problem.n_sectors * sum(block.nnz for block in blocks)
-        self._statistics = SolveStatistics(
-            n_dof=problem.n_dof,
-            n_entries=entries,
-            factor_seconds=0.0,
-            solve_seconds=0.0,
-            peak_memory=peak_memory(),
-            relative_residual=0.0,
-            probe_residual=0.0,
-        )
-
-    @property
-    def statistics(self) -> SolveStatistics:
-        """What has been used so far; seconds are summed over threads."""
-        return replace(self._statistics, peak_memory=peak_memory())
-
-    def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
-        """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
-
-        Every call factorises again, so give all loads at once.
-
-        Raises
-        ------
-        SolverError
-            The stiffness is singular or not positive definite, or a residual is above the bound.
-        InputError
-            Loads have a wrong shape or are not finite.
-        """
-        loads = checked_loads(right_hand_sides, self.problem.n_dof)
-        displacement = np.empty(loads.shape)
-        width = max(1, BLOCK_NUMBERS // self.problem.n_dof)
-        for first in range(0, loads.shape[1], width):
-            block = loads[:, first : first + width]
-            dense = block if isinstance(block, np.ndarray) else block.toarray()
-            displacement[:, first : first + width] = self._solve_block(dense)
-        return displacement
-
-    def _solve_block(self, loads: FloatArray) -> FloatArray:
-        problem = self.problem
-        parts = to_sector_frames(problem.sector, loads)
-        spectrum = np.fft.rfft(_on_each_sector(csr_array(problem.free.T), parts), axis=0)
-
-        def one(m: int) -> None:
-            spectrum[m] = self._solve_harmonic(m, spectrum[m])
-
-        self._over_harmonics(one)
-        parts = np.fft.irfft(spectrum, n=problem.n_sectors, axis=0)
-        return to_body_axes(problem.sector, _on_each_sector(problem.free, parts))
 
     def strain_operator(
         self, rows: csr_array, load: CircularOperator, progress: Progress | None = None
@@ -371,12 +350,7 @@ class CyclicSolver:
                 f"gauge rows {rows.shape}: must be at least one row of {problem.n_dof} finite columns"
             )
         shifted = shifted_rows(problem.sector, rows)
-        reduced = CircularOperator(
-            n_sectors=problem.n_sectors,
-            here=csr_array(problem.free.T @ load.here),
-            after=csr_array(problem.free.T @ load.after),
-            before=csr_array(problem.free.T @ load.before),
-        )
+        reduced = load.between(csr_array(problem.free.T), csr_array(eye_array(load.here.shape[1])))
         shape = (n_harmonics(problem.n_sectors), load.here.shape[1], shifted.n_patterns)
         spectrum = np.empty(shape, dtype=np.complex128)
 
@@ -398,13 +372,9 @@ class CyclicSolver:
             block = slice(first, first + BLOCK)
             out[:, block] = onto_columns @ solve(right[:, block].toarray())
 
-    def _solve_harmonic(self, m: int, right: ComplexArray) -> ComplexArray:
-        return self._factored(m)(right)
-
     def _factored(self, m: int) -> Callable[[ComplexArray], ComplexArray]:
         """Factorise harmonic ``m`` and return its checked solution, (n_free, k) to (n_free, k)."""
         name = f"cyclic, harmonic {m}"
-        start = time.perf_counter()
         matrix = self.problem.stiffness.harmonic(m)
         factor = factor_symmetric(matrix)
 
@@ -416,30 +386,17 @@ class CyclicSolver:
                 return np.asarray(factor.solve(right))
             return np.asarray(factor.solve(right.real.copy()) + 1j * factor.solve(right.imag.copy()))
 
-        seconds = time.perf_counter() - start
-        self._note(factor_seconds=seconds, probe=refuse_indefinite(name, matrix, raw, self._probe))
-
         def checked(right: ComplexArray) -> ComplexArray:
-            begin = time.perf_counter()
             answer = raw(right)
-            taken = time.perf_counter() - begin
-            self._note(solve_seconds=taken, residual=checked_residual(name, matrix, answer, right))
+            residual = checked_residual(name, matrix, answer, right)
+            with self._lock:
+                self.relative_residual = max(self.relative_residual, residual)
             return answer
 
-        return checked
-
-    def _note(
-        self, factor_seconds: float = 0.0, solve_seconds: float = 0.0, residual: float = 0.0, probe: float = 0.0
-    ) -> None:
+        probed = refuse_indefinite(name, matrix, raw, self._probe)
         with self._lock:
-            so_far = self._statistics
-            self._statistics = replace(
-                so_far,
-                factor_seconds=so_far.factor_seconds + factor_seconds,
-                solve_seconds=so_far.solve_seconds + solve_seconds,
-                relative_residual=max(so_far.relative_residual, residual),
-                probe_residual=max(so_far.probe_residual, probe),
-            )
+            self.probe_residual = max(self.probe_residual, probed)
+        return checked
 
     def _over_harmonics(self, one: Callable[[int], None], progress: Progress | None = None) -> None:
         n = n_harmonics(self.problem.n_sectors)
@@ -447,37 +404,3 @@ class CyclicSolver:
             for done, _ in enumerate(pool.map(one, range(n)), start=1):
                 if progress is not None:
                     progress(done, n)
-
-
-def pressure_operator(problem: CyclicProblem, surface_name: str) -> CircularOperator:
-    """Return C_map in sector frames [m2]: nodal forces per pressure at a surface's nodes.
-
-    Raises
-    ------
-    InputError
-        The sector has no surface of that name.
-    """
-    here, after, before = sector_pressure_load(problem.sector, surface_name)
-    return CircularOperator(n_sectors=problem.n_sectors, here=here, after=after, before=before)
-
-
-def force_operator(problem: CyclicProblem, surface_name: str) -> CircularOperator:
-    """Return nodal forces in sector frames per force at a surface's nodes, column = 3 * node + component [-].
-
-    Raises
-    ------
-    InputError
-        The sector has no surface of that name.
-    """
-    node, n_dof = surface_nodes(problem.sector, surface_name), problem.sector.n_dof
-    row = (3 * node[:, None] + np.arange(3)).ravel()
-    here = csr_array((np.ones(len(row)), (row, np.arange(len(row)))), shape=(n_dof, len(row)))
-    none = csr_array(here.shape)
-    return CircularOperator(n_sectors=problem.n_sectors, here=here, after=none, before=none)
-
-
-def _on_each_sector(matrix: csr_array, parts: FloatArray) -> FloatArray:
-    """Return matrix @ part for parts (n_sectors, n, k)."""
-    n_sectors, n, k = parts.shape
-    flat = matrix @ parts.transpose(1, 0, 2).reshape(n, -1)
-    return np.ascontiguousarray(flat.reshape(-1, n_sectors, k).transpose(1, 0, 2))

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
-from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import HEXAHEDRON, REGION, AnyMesh, SweptSector
+from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window
 from strainfmu.arrays import FloatArray, IntArray
 
 NEIGHBOURS = 2
@@ -50,7 +49,7 @@ def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:
         As in :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
     """
     reach = min(NEIGHBOURS + _sectors_along(sector, gauges), (sector.n_sectors - 1) // 2)
-    window = _window(sector, reach)
+    window = sector_window(sector, reach, reach)
     of_gauge = _sector_of(sector, gauges.position)
     row, column, entry = [], [], []
     for s in np.unique(of_gauge).tolist():
@@ -71,26 +70,6 @@ def _sectors_along(sector: SweptSector, gauges: Gauges) -> int:
     radius = np.hypot(gauges.position[:, 1], gauges.position[:, 2])
     arc = 2.0 * np.pi / sector.n_sectors * np.maximum(radius, 1e-300)
     return int(np.ceil(min(float((0.5 * gauges.length / arc).max(initial=0.0)), float(sector.n_sectors))))
-
-
-def _window(sector: SweptSector, reach: int) -> SolidMesh:
-    """Return the sectors -reach to reach, with the nodes of the sector after."""
-    turns = [sector.rotation(s) for s in range(-reach, reach + 2)]
-    first = sector.n_nodes * np.arange(2 * reach + 1)[:, None, None]
-
-    def repeated(numbers: IntArray) -> IntArray:
-        every: IntArray = (numbers + first).reshape(-1, numbers.shape[1])
-        return every
-
-    element = repeated(sector.element)
-    return SolidMesh(
-        element_type=HEXAHEDRON,
-        node=np.concatenate([sector.node @ turn.T for turn in turns]),
-        element=element,
-        region=np.zeros(len(element), dtype=np.int64),
-        region_names=(REGION,),
-        surface={name: repeated(facet) for name, facet in sector.surface.items()},
-    )
 
 
 def _sector_of(sector: SweptSector, position: FloatArray) -> IntArray:

@@ -20,7 +20,7 @@ the surface by little is moved onto it; one that misses it by more is refused.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -190,7 +190,6 @@ def _fit(foot: FootPoint, point: FloatArray) -> FloatArray:
 SAME_PLACE = 1e-6  # m
 SAME_DIRECTION = 1e-6  # rad
 POINTS_ALONG_GAUGE = 5
-ROSETTE_ANGLES = (0, 45, 90)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -348,11 +347,6 @@ def gauge_rows(
     return csr_array(coo_array((np.concatenate(entry), index), shape=(len(placed), mesh.n_dof)))
 
 
-def place_gauges(mesh: SolidMesh, gauges: Gauges) -> list[PlacedGauge]:
-    """Return gauges on their surfaces. Errors as in :func:`gauge_rows`."""
-    return _placed(mesh, gauges, {name: _patches(mesh, name) for name in dict.fromkeys(gauges.surface)})
-
-
 def _placed(
     mesh: SolidMesh,
     gauges: Gauges,
@@ -378,38 +372,6 @@ def _placed(
     if not with_twins:
         _refuse_twins(gauges, placed)
     return placed
-
-
-def rosette(
-    mesh: SolidMesh,
-    name: str,
-    position: FloatArray,
-    direction: FloatArray,
-    length: float = 0.0,
-    surface: str = INTERNAL,
-) -> Gauges:
-    """Return the three gauges of a rosette at 0, 45 and 90 degrees.
-
-    Angles count anticlockwise seen from outside the material, from ``direction`` (3,); ``name`` is followed by the
-    angle. Strains obey e_0 + e_90 = e_s + e_t and e_45 = (e_0 + e_90)/2 + e_st.
-
-    Raises
-    ------
-    InputError
-        As in :func:`gauge_rows`.
-    """
-    first = gauges_at(np.array([position]), np.array([direction]), [name], length, surface)
-    gauge = place_gauges(mesh, first)[0]
-    across = np.cross(gauge.foot.normal, gauge.direction)
-    angle = np.deg2rad(ROSETTE_ANGLES)[:, None]
-    return replace(
-        first,
-        name=tuple(f"{name} {degree}" for degree in ROSETTE_ANGLES),
-        position=np.tile(np.asarray(position, dtype=float), (3, 1)),
-        direction=np.cos(angle) * gauge.direction + np.sin(angle) * across,
-        length=np.full(3, length),
-        surface=(surface,) * 3,
-    )
 
 
 def _patches(mesh: SolidMesh, surface: str) -> SurfacePatches:

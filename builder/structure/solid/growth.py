@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from builder.structure.gauge_placement import gauge_layout, gauge_mesh
+from builder.structure.gauge_placement import gauge_mesh
 from builder.structure.solid.cyclic_gauges import cyclic_gauge_rows
-from builder.structure.solid.gauge_rows import Gauges, gauges_at
+from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.matter import Matter
 from builder.structure.solid.solid_mesh import SUPPORT
@@ -58,7 +58,7 @@ class GrowthRow:
     seconds : from reading the vehicle to Z_p [s].
     peak_memory : of the process [byte].
     relative_residual, probe_residual : of the gauge rows and of loads that move the whole body, as in
-        :class:`~builder.structure.solid.sparse_problem.SolveStatistics`.
+        :class:`~builder.structure.solid.linear_solvers.SparseSolver`.
     """
 
     solver: str
@@ -94,18 +94,6 @@ def sector_of_size(vehicle: Vehicle, n_dof: int) -> SweptSector:
         scale *= FINER
 
 
-def layout_gauges(vehicle: Vehicle) -> Gauges:
-    """Return the gauges of the layout in use, points on the inner surface.
-
-    Raises
-    ------
-    InputError
-        A gauge is not on the inner surface.
-    """
-    layout = gauge_layout(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle))
-    return gauges_at(layout.position, layout.direction, layout.names)
-
-
 def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
     """Go from a vehicle file to Z_p of its gauge layout in this process, and return what it took.
 
@@ -118,7 +106,7 @@ def measure(path: Path, n_dof: int, solver_name: str) -> GrowthRow:
     vehicle = load_vehicle(path)
     sector = sector_of_size(vehicle, n_dof)
     matter = Matter(material=wall_of(vehicle).material, density=None)
-    rows = cyclic_gauge_rows(sector, layout_gauges(vehicle))
+    rows = cyclic_gauge_rows(sector, solid_gauges(vehicle, vehicle.gauges.layout, gauge_mesh(vehicle)))
     solved = solve_strain(sector, matter, Clamped(SUPPORT), rows, solver_name)
     return GrowthRow(
         solver=solver_name,

@@ -10,30 +10,25 @@ One interface to all solvers, and the choice among them.
 
 from __future__ import annotations
 
-import time
 import weakref
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, issparse, triu
 from scipy.sparse.linalg import cg
 
-from builder.structure.solid.cyclic import CyclicProblem, CyclicSolver
-from builder.structure.solid.petsc import petsc_back_end
+from builder.structure.solid.petsc import PETSC
 from builder.structure.solid.sparse_problem import (
     RESIDUAL_BOUND,
     SUPERLU,
     BackEnd,
     Factor,
     SolverError,
-    SolveStatistics,
     SparseProblem,
     checked_loads,
     checked_residual,
     importable,
-    peak_memory,
     probe_loads,
     refuse_indefinite,
     relative_residual,
@@ -79,21 +74,11 @@ PARDISO = BackEnd(
 INVERTED = 200  # unknowns of the level that is inverted
 
 
-@dataclass(frozen=True)
-class IterationLimits:
-    """When conjugate gradients end.
-
-    Attributes
-    ----------
-    tolerance : ||A x - b|| / ||b|| reached.
-    max_iterations : per right-hand side; more is a failure.
-    """
-
-    tolerance: float = 1e-9
-    max_iterations: int = 500
+TOLERANCE = 1e-9  # ||A x - b|| / ||b|| at which conjugate gradients end
+MAX_ITERATIONS = 500  # per right-hand side; more is a failure
 
 
-def multigrid_solver(problem: SparseProblem, limits: IterationLimits) -> Factor:
+def _multigrid_factor(problem: SparseProblem) -> Factor:
     """Set up the multigrid of a problem.
 
     Smoothed aggregation needs the motions that cost little energy, which for a solid are the rigid ones (Vanek,
@@ -113,7 +98,7 @@ def multigrid_solver(problem: SparseProblem, limits: IterationLimits) -> Factor:
     preconditioner = hierarchy.aspreconditioner()
 
     def solve(load: FloatArray) -> FloatArray:
-        answer = [_conjugate_gradients(problem.matrix, column, preconditioner, limits) for column in load.T]
+        answer = [_conjugate_gradients(problem.matrix, column, preconditioner) for column in load.T]
         return np.column_stack(answer)
 
     return solve
@@ -134,31 +119,23 @@ def _blocked(matrix: csr_array, free: csr_array) -> Any:
     return csr_matrix(matrix)
 
 
-def _conjugate_gradients(
-    matrix: csr_array, load: FloatArray, preconditioner: Any, limits: IterationLimits
-) -> FloatArray:
+def _conjugate_gradients(matrix: csr_array, load: FloatArray, preconditioner: Any) -> FloatArray:
     iterations = 0
 
     def count(_: FloatArray) -> None:
         nonlocal iterations
         iterations += 1
 
-    answer, _ = cg(
-        matrix, load, rtol=limits.tolerance, maxiter=limits.max_iterations, M=preconditioner, callback=count
-    )
+    answer, _ = cg(matrix, load, rtol=TOLERANCE, maxiter=MAX_ITERATIONS, M=preconditioner, callback=count)
     size = float(np.linalg.norm(load))
     residual = float(np.linalg.norm(matrix @ answer - load)) / (size or 1.0)
     # The recurrence's own residual drifts from the true one, hence the factor.
-    if not residual <= 10.0 * limits.tolerance:
+    if not residual <= 10.0 * TOLERANCE:
         raise SolverError(
             f"solver iterative: residual {residual:.1e} after {iterations} iterations, must be "
-            f"at most {limits.tolerance:g}; use a direct solver"
+            f"at most {TOLERANCE:g}; use a direct solver"
         )
     return np.asarray(answer)
-
-
-def _iterative_factor(problem: SparseProblem) -> Factor:
-    return multigrid_solver(problem, IterationLimits())
 
 
 ITERATIVE = BackEnd(
@@ -166,50 +143,19 @@ ITERATIVE = BackEnd(
     licence="MIT (pyamg)",
     install="pip install 'strainfmu[iterative]'",
     installed=lambda: importable("pyamg"),
-    factor=_iterative_factor,
+    factor=_multigrid_factor,
 )
 
 
 BLOCK = 64
 """Right-hand sides solved at once."""
 
-BACK_ENDS = (SUPERLU, PARDISO, ITERATIVE, petsc_back_end())
+BACK_ENDS = (SUPERLU, PARDISO, ITERATIVE, PETSC)
 """The first is chosen where none is named: its licence binds no program that calls it.
 
 Intel's licence is a user's decision; petsc starts other processes; iterative may not converge.
 """
 CYCLIC = "cyclic"
-
-
-class Solver(Protocol):
-    """A prepared problem.
-
-    Attributes
-    ----------
-    name, licence : what solves, and on what terms.
-    statistics : what has been used so far.
-    """
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def licence(self) -> str: ...
-
-    @property
-    def statistics(self) -> SolveStatistics: ...
-
-    def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
-        """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
-
-        Raises
-        ------
-        SolverError
-            A relative residual is above :data:`~builder.structure.solid.sparse_problem.RESIDUAL_BOUND`.
-        InputError
-            Loads have a wrong shape or are not finite.
-        """
-        ...
 
 
 class SparseSolver:
@@ -219,6 +165,14 @@ class SparseSolver:
     ----------
     problem : the problem.
     back_end : what solves it.
+
+    Attributes
+    ----------
+    name, licence : what solves, and on what terms.
+    relative_residual : largest ||A x - b|| / ||b|| of requested solutions so far.
+    probe_residual : the same of probes that move the whole body
+        (:func:`~builder.structure.solid.sparse_problem.probe_loads`): rounding error times the condition of the
+        matrix, a pessimistic guide to the relative error of Z_p where the body bends as a beam.
 
     Raises
     ------
@@ -233,26 +187,20 @@ class SparseSolver:
             raise back_end.missing()
         self.name, self.licence = back_end.name, back_end.licence
         self._problem = problem
-        start = time.perf_counter()
         self._factor = back_end.factor(problem)
-        seconds = time.perf_counter() - start
-        probed = refuse_indefinite(self.name, problem.matrix, self._factor, probe_loads(problem.free))
-        entries = int(problem.matrix.nnz)
-        self._statistics = SolveStatistics(
-            n_dof=problem.n_dof,
-            n_entries=entries,
-            factor_seconds=seconds,
-            solve_seconds=0.0,
-            peak_memory=peak_memory(),
-            relative_residual=0.0,
-            probe_residual=probed,
-        )
-
-    @property
-    def statistics(self) -> SolveStatistics:
-        return replace(self._statistics, peak_memory=peak_memory())
+        self.relative_residual = 0.0
+        self.probe_residual = refuse_indefinite(self.name, problem.matrix, self._factor, probe_loads(problem.free))
 
     def solve(self, right_hand_sides: FloatArray | csr_array) -> FloatArray:
+        """Return displacements (n_dof, k) [m] under loads (n_dof, k) [N], both along body axes.
+
+        Raises
+        ------
+        SolverError
+            A relative residual is above :data:`~builder.structure.solid.sparse_problem.RESIDUAL_BOUND`.
+        InputError
+            Loads have a wrong shape or are not finite.
+        """
         loads = checked_loads(right_hand_sides, self._problem.n_dof)
         displacement = np.empty(loads.shape)
         for first in range(0, loads.shape[1], BLOCK):
@@ -262,27 +210,19 @@ class SparseSolver:
 
     def _solve_block(self, loads: FloatArray | csc_array) -> FloatArray:
         reduced = self._problem.free.T @ loads
-        start = time.perf_counter()
         dense = reduced.toarray() if issparse(reduced) else reduced
         answer = self._factor(dense)
         if relative_residual(self._problem.matrix, answer, dense) > RESIDUAL_BOUND:
             # A step of refinement: smooth pressures move a slender body far, and round-off goes with the motion.
             answer = answer + self._factor(dense - self._problem.matrix @ answer)
-        seconds = time.perf_counter() - start
         residual = checked_residual(self.name, self._problem.matrix, answer, dense)
-        self._statistics = replace(
-            self._statistics,
-            solve_seconds=self._statistics.solve_seconds + seconds,
-            relative_residual=max(self._statistics.relative_residual, residual),
-        )
+        self.relative_residual = max(self.relative_residual, residual)
         displacement: FloatArray = self._problem.free @ answer
         return displacement
 
 
-def choose_solver(problem: SparseProblem | CyclicProblem, name: str | None = None) -> SparseSolver | CyclicSolver:
-    """Prepare a problem with the named solver, or with the one that fits it.
-
-    A problem made of sectors goes to ``cyclic``, any other to ``superlu``.
+def choose_solver(problem: SparseProblem, name: str | None = None) -> SparseSolver:
+    """Prepare a problem with the named solver, ``superlu`` by default.
 
     Raises
     ------
@@ -292,10 +232,6 @@ def choose_solver(problem: SparseProblem | CyclicProblem, name: str | None = Non
     SolverError
         The matrix is singular, not positive definite or too large.
     """
-    if isinstance(problem, CyclicProblem):
-        if name not in (None, CYCLIC):
-            raise InputError(f"solver '{name}' found: a problem made of sectors is solved by '{CYCLIC}' alone")
-        return CyclicSolver(problem)
     if name == CYCLIC:
         raise InputError(f"solver '{CYCLIC}' needs a mesh of equal sectors, such as one swept round the axis")
     return SparseSolver(problem, SUPERLU if name is None else named_back_end(name))

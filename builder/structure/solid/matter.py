@@ -76,13 +76,15 @@ class Matter:
         Raises
         ------
         InputError
-            One is missing.
+            One is missing or not positive.
         """
         found = {}
         for name in regions:
             density = self._of(name)[1]
             if density is None:
                 raise InputError(f"free flight: the density of the material of region '{name}' is missing")
+            if not 0.0 < density < np.inf:
+                raise InputError(f"density {density:g} kg/m3 of region '{name}' must be greater than 0")
             found[name] = density
         return found
 
@@ -194,25 +196,19 @@ class FreeFlight:
         return np.asarray(row - self.rigid @ np.linalg.solve(self.inertia, self.inertia_force.T @ row))
 
 
-def free_flight(mesh: SolidMesh, density: Mapping[str, float], carried: Matter | None = None) -> FreeFlight:
-    """Return a body's rigid motions and inertia.
-
-    Parameters
-    ----------
-    mesh : the mesh.
-    density : by name of region [kg/m3], positive.
-    carried : gives the masses on the mesh; none by default.
+def free_flight(mesh: SolidMesh, matter: Matter) -> FreeFlight:
+    """Return a body's rigid motions and inertia, with the masses that it carries.
 
     Raises
     ------
     InputError
         A region has no density or one that is not positive.
     """
-    of_region = np.array([_density(density, name) for name in mesh.region_names])
+    density = matter.densities(mesh.region_names)
+    of_region = np.array([density[name] for name in mesh.region_names])
 
     def inertia_forces(about: FloatArray) -> FloatArray:
-        own = _inertia_forces(mesh, of_region[mesh.region], about)
-        return own if carried is None else own + carried_inertia(mesh, carried, about)
+        return _inertia_forces(mesh, of_region[mesh.region], about) + carried_inertia(mesh, matter, about)
 
     first = inertia_forces(np.zeros(3))
     mass = float(first.reshape(-1, 3, 6)[:, 0, 0].sum())
@@ -225,15 +221,6 @@ def free_flight(mesh: SolidMesh, density: Mapping[str, float], carried: Matter |
         rigid=rigid_motions(mesh.node, centre),
         inertia_force=inertia_forces(centre),
     )
-
-
-def _density(density: Mapping[str, float], region: str) -> float:
-    if region not in density:
-        raise InputError(f"mesh: region '{region}' has no density, found {sorted(density) or 'none'}")
-    value = float(density[region])
-    if not (np.isfinite(value) and value > 0.0):
-        raise InputError(f"density {value:g} kg/m3 of region '{region}' must be greater than 0")
-    return value
 
 
 def _inertia_forces(mesh: SolidMesh, density: FloatArray, centre: FloatArray) -> FloatArray:

@@ -10,13 +10,13 @@ Facets of a surface cut into triangles, for pressure that another surface carrie
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, eye_array, kron
+from scipy.sparse import coo_array, csr_array
 
 from builder.aero.surface.edges import split_at_edges
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.solid.elements import facet_reference_nodes, facet_shape_functions, reference_facet
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, two_sector_mesh, whole_mesh
+from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window, whole_mesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -24,7 +24,7 @@ ELEMENT_OF_FACET = {3: "tetrahedron4", 4: "hexahedron8", 6: "tetrahedron10", 8: 
 """Kind of element by the nodes of its facets."""
 
 
-def surface_nodes(mesh: SolidMesh | SweptSector, name: str) -> IntArray:
+def surface_nodes(mesh: AnyMesh, name: str) -> IntArray:
     """Return (n_p,) nodes of a surface in increasing order; of a sector, those that belong to it.
 
     Raises
@@ -34,10 +34,10 @@ def surface_nodes(mesh: SolidMesh | SweptSector, name: str) -> IntArray:
     """
     if isinstance(mesh, SolidMesh):
         return np.unique(mesh.named_surface(name))
-    return np.unique(two_sector_mesh(mesh).named_surface(name) % mesh.n_nodes)
+    return np.unique(sector_window(mesh).named_surface(name) % mesh.n_nodes)
 
 
-def surface_points(mesh: SolidMesh | SweptSector, name: str) -> FloatArray:
+def surface_points(mesh: AnyMesh, name: str) -> FloatArray:
     """Return (n_p, 3) positions [m] of the nodes of a surface, body axes."""
     return mesh.node[surface_nodes(mesh, name)]
 
@@ -116,67 +116,18 @@ def _facet_forces(element_type: str, position: FloatArray) -> FloatArray:
     return np.asarray(-(area.transpose(0, 2, 1) @ pairs).reshape(-1, 3, n_f, n_f))
 
 
-def sector_pressure_load(sector: SweptSector, surface_name: str) -> tuple[csr_array, csr_array, csr_array]:
-    """Return the blocks of :func:`pressure_load` of a swept mesh in sector frames.
+def nodal_force_load(mesh: AnyMesh, surface_name: str) -> csr_array:
+    """Return nodal forces (n_dof, 3 n_p) per force at the nodes of a surface, column = 3 * node + component [-].
 
-    Forces on sector s in its own frame are C_0 p_s + C_1 p_(s+1) + C_2 p_(s-1), p_s the pressures of its nodes in
-    the order of :func:`surface_nodes`.
-
-    Returns
-    -------
-    C_0, C_1, C_2 : (3 n_s, n_p) [m2].
+    Nodes are in the order of :func:`surface_nodes`; of a sector, forces and displacements are in its frame.
 
     Raises
     ------
     InputError
         The mesh has no surface of that name.
     """
-    both = two_sector_mesh(sector)
-    load = pressure_load(both, surface_name)
-    spread = _columns_of_two_sectors(sector, surface_name, surface_nodes(both, surface_name))
-    turn = kron(eye_array(sector.n_nodes), sector.rotation(1).T, format="csr")
-    own, after = load[: sector.n_dof] @ spread, turn @ (load[sector.n_dof :] @ spread)
-    n_p = spread.shape[1] // 2
-    here = csr_array(own[:, :n_p] + after[:, n_p:])
-    return here, csr_array(own[:, n_p:]), csr_array(after[:, :n_p])
-
-
-def _columns_of_two_sectors(sector: SweptSector, surface_name: str, node: IntArray) -> csr_array:
-    """Return (len(node), 2 n_p) zeros and ones: nodes of two sectors in the order of one sector's, twice."""
-    local = surface_nodes(sector, surface_name)
-    column = np.searchsorted(local, node % sector.n_nodes) + len(local) * (node // sector.n_nodes)
-    return csr_array((np.ones(len(node)), (np.arange(len(node)), column)), shape=(len(node), 2 * len(local)))
-
-
-def nodal_force_load(mesh: SolidMesh, surface_name: str, transfer: csr_array | None = None) -> csr_array:
-    """Return nodal forces per force at other points, such as the nodes of an aerodynamic mesh.
-
-    With u_aero = H u the displacement of those points, f = H^T f_aero does the same virtual work; force is kept
-    if the rows of H sum to one, moment if H also reproduces the points' positions (Farhat, Lesoinne and Le Tallec,
-    Comput. Methods Appl. Mech. Eng. 157, 1998).
-
-    Parameters
-    ----------
-    mesh : the mesh.
-    surface_name : the surface that takes the forces.
-    transfer : (n_a, n_p) weights H of the surface's nodes, in the order of :func:`surface_nodes`; by default the
-        points are those nodes (:func:`surface_points`).
-
-    Returns
-    -------
-    (n_dof, 3 n_a), column = 3 * point + component [-].
-
-    Raises
-    ------
-    InputError
-        The mesh has no surface of that name, or the weights are not one per node of it.
-    """
-    node = surface_nodes(mesh, surface_name)
-    weight = eye_array(len(node), format="csr") if transfer is None else csr_array(transfer)
-    if weight.shape[1] != len(node):
-        raise InputError(f"transfer {weight.shape}: surface '{surface_name}' has {len(node)} nodes")
-    pick = csr_array((np.ones(len(node)), (node, np.arange(len(node)))), shape=(mesh.n_nodes, len(node)))
-    return csr_array(kron(pick @ weight.T, eye_array(3)))
+    row = (3 * surface_nodes(mesh, surface_name)[:, None] + np.arange(3)).ravel()
+    return csr_array((np.ones(len(row)), (row, np.arange(len(row)))), shape=(mesh.n_dof, len(row)))
 
 
 SHARP_EDGE = np.deg2rad(30.0)

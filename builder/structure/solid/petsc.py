@@ -15,7 +15,6 @@ import subprocess
 import sys
 import tempfile
 import weakref
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,67 +24,38 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
 WORKER = Path(__file__).with_name("petsc_worker.py")
+MPIEXEC = "mpiexec"
 PYTHON_VARIABLE, RANKS_VARIABLE = "STRAINFMU_PETSC_PYTHON", "STRAINFMU_PETSC_RANKS"
 LAST_WORDS = 200  # characters of a failed worker's complaint that are passed on
 
 
-@dataclass(frozen=True)
-class MpiLaunch:
-    """How the processes are started.
-
-    Attributes
-    ----------
-    ranks : number of processes, at least 1.
-    python : interpreter with numpy, mpi4py and petsc4py.
-    mpiexec : the MPI launcher and its options.
-
-    Raises
-    ------
-    InputError
-        The number is not positive.
-    """
-
-    ranks: int = 1
-    python: str = sys.executable
-    mpiexec: tuple[str, ...] = ("mpiexec",)
-
-    def __post_init__(self) -> None:
-        if self.ranks < 1:
-            raise InputError(f"petsc: {self.ranks} processes found, at least 1 is needed")
-
-
-def launch_of_environment() -> MpiLaunch:
-    """Return the launch that STRAINFMU_PETSC_PYTHON and STRAINFMU_PETSC_RANKS request.
-
-    Raises
-    ------
-    InputError
-        The number of ranks is not a whole positive number.
-    """
+def _ranks() -> int:
+    """Return the number of processes that STRAINFMU_PETSC_RANKS requests."""
     ranks = os.environ.get(RANKS_VARIABLE, "1")
-    if not ranks.isdecimal():
-        raise InputError(f"{RANKS_VARIABLE}: '{ranks}' found, must be a number of processes")
-    return MpiLaunch(int(ranks), os.environ.get(PYTHON_VARIABLE, sys.executable))
+    if not ranks.isdecimal() or int(ranks) < 1:
+        raise InputError(f"{RANKS_VARIABLE}: '{ranks}' found, must be a number of processes, at least 1")
+    return int(ranks)
 
 
-def distributed_factor(problem: SparseProblem, launch: MpiLaunch) -> Factor:
-    """Factorise over the processes of a launch.
+def _distributed_factor(problem: SparseProblem) -> Factor:
+    """Factorise over the processes that STRAINFMU_PETSC_PYTHON and STRAINFMU_PETSC_RANKS request.
 
     Raises
     ------
     InputError
-        The launcher is not there, or the interpreter lacks petsc4py.
+        The launcher is not there, or the number of processes is no positive whole number.
     SolverError
         The processes fail; the message ends with what they reported.
     """
-    if shutil.which(launch.mpiexec[0]) is None:
-        raise InputError(f"solver petsc: '{launch.mpiexec[0]}' not found, install an MPI such as openmpi-bin")
+    ranks, python = _ranks(), os.environ.get(PYTHON_VARIABLE, sys.executable)
+    if shutil.which(MPIEXEC) is None:
+        raise InputError(f"solver petsc: '{MPIEXEC}' not found, install an MPI such as openmpi-bin")
     folder = Path(tempfile.mkdtemp(prefix="strainfmu_petsc_"))
     matrix = problem.matrix
     matrix.sort_indices()
     for name, array in (("pointer", matrix.indptr), ("index", matrix.indices), ("entry", matrix.data)):
         np.save(folder / f"{name}.npy", array)
-    command = [*launch.mpiexec, "-n", str(launch.ranks), launch.python, str(WORKER), str(folder)]
+    command = [MPIEXEC, "-n", str(ranks), python, str(WORKER), str(folder)]
     complaint = (folder / "complaint.txt").open("w")
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=complaint, text=True)
     complaint.close()
@@ -95,7 +65,7 @@ def distributed_factor(problem: SparseProblem, launch: MpiLaunch) -> Factor:
         np.save(folder / "load.npy", load)
         _say(process, "solve")
         _answer(process, folder)
-        return np.concatenate([np.load(folder / f"answer_{rank}.npy") for rank in range(launch.ranks)])
+        return np.concatenate([np.load(folder / f"answer_{rank}.npy") for rank in range(ranks)])
 
     weakref.finalize(solve, _end, process, folder)
     return solve
@@ -131,13 +101,11 @@ def _end(process: subprocess.Popen[str], folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
-def petsc_back_end(launch: MpiLaunch | None = None) -> BackEnd:
-    """Return the back end that runs on the processes of a launch, by default the launch of the environment."""
-    return BackEnd(
-        name="petsc",
-        licence="BSD-2-Clause (PETSc, petsc4py) over MUMPS, CeCILL-C",
-        install="apt-get install python3-petsc4py python3-mpi4py openmpi-bin, then "
-        f"{PYTHON_VARIABLE}=/usr/bin/python3",
-        installed=lambda: launch is not None or PYTHON_VARIABLE in os.environ or importable("petsc4py"),
-        factor=lambda problem: distributed_factor(problem, launch or launch_of_environment()),
-    )
+PETSC = BackEnd(
+    name="petsc",
+    licence="BSD-2-Clause (PETSc, petsc4py) over MUMPS, CeCILL-C",
+    install="apt-get install python3-petsc4py python3-mpi4py openmpi-bin, then "
+    f"{PYTHON_VARIABLE}=/usr/bin/python3",
+    installed=lambda: PYTHON_VARIABLE in os.environ or importable("petsc4py"),
+    factor=_distributed_factor,
+)

@@ -85,11 +85,6 @@ class SparseProblem:
         return int(self.free.shape[0])
 
 
-def unheld_problem(matrix: csr_array) -> SparseProblem:
-    """Return the problem of a matrix (n, n) whose every unknown is free."""
-    return SparseProblem(matrix, csr_array(eye_array(matrix.shape[0])))
-
-
 def checked_loads(loads: FloatArray | csr_array, n_dof: int) -> FloatArray | csc_array:
     """Return loads (n_dof, k), sparse ones by columns.
 
@@ -104,30 +99,6 @@ def checked_loads(loads: FloatArray | csr_array, n_dof: int) -> FloatArray | csc
     if not np.isfinite(checked.data if issparse(checked) else checked).all():
         raise InputError("loads: a value is not finite")
     return checked
-
-
-@dataclass(frozen=True, kw_only=True)
-class SolveStatistics:
-    """Resources that a solver has used so far.
-
-    Attributes
-    ----------
-    n_dof : displacement components, held ones included.
-    n_entries : stored entries of the matrix.
-    factor_seconds, solve_seconds : wall time [s] of preparing (ordering included) and of all solutions.
-    peak_memory : maximum memory the process has held [byte]; 0 where the platform does not report it.
-    relative_residual : largest ||A x - b|| / ||b|| of requested solutions.
-    probe_residual : the same of probes that move the whole body (:func:`probe_loads`): rounding error times the
-        condition of the matrix, a pessimistic guide to the relative error of Z_p where the body bends as a beam.
-    """
-
-    n_dof: int
-    n_entries: int
-    factor_seconds: float
-    solve_seconds: float
-    peak_memory: int
-    relative_residual: float
-    probe_residual: float
 
 
 def peak_memory() -> int:

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from scipy.sparse import block_diag, bsr_array, csc_array, csr_array, eye_array, kron
+from scipy.sparse import bsr_array, csc_array, csr_array
 
 from builder.structure.solid.elements import Quadrature, reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import SweptMesh, SweptSector, two_sector_mesh
+from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -152,32 +152,3 @@ def assemble_stiffness(
     pointer = np.searchsorted(pair, np.arange(n + 1) * n)
     stiffness = bsr_array((block.reshape(-1, 3, 3), pair % n, pointer), shape=(3 * n, 3 * n))
     return csr_array(stiffness.tocsr())
-
-
-def sector_stiffness(
-    sector: SweptSector, materials: Mapping[str, Material], quadrature: Quadrature | None = None
-) -> tuple[csr_array, csr_array]:
-    """Return the blocks of the stiffness of a swept mesh in sector frames.
-
-    The displacement of sector s is u_s in a frame rolled with the sector; forces on it are
-    K_0 u_s + K_1 u_(s+1) + K_1^T u_(s-1): block circulant, so that harmonic m needs
-    K_0 + K_1 w + K_1^T conj(w), w = exp(2 pi i m / n_sectors), alone.
-
-    Returns
-    -------
-    K_0, K_1 : (3 n_s, 3 n_s) [N/m], the first symmetric.
-
-    Raises
-    ------
-    InputError
-        As in :func:`element_stiffness`.
-    """
-    return sector_blocks(sector, assemble_stiffness(two_sector_mesh(sector), materials, quadrature))
-
-
-def sector_blocks(sector: SweptSector, both: csr_array) -> tuple[csr_array, csr_array]:
-    """Return the blocks A_0, A_1 (n_s, n_s) of a symmetric matrix over the nodes of two sectors, body axes."""
-    n = sector.n_dof
-    frame = block_diag([eye_array(n), kron(eye_array(sector.n_nodes), sector.rotation(1))], format="csr")
-    turned = csr_array(frame.T @ both @ frame)
-    return csr_array(turned[:n, :n] + turned[n:, n:]), csr_array(turned[:n, n:])

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 
 from builder.reporting import Progress
 from builder.structure.solid.cyclic import CyclicSolver, cyclic_problem, force_operator, pressure_operator
-from builder.structure.solid.linear_solvers import CYCLIC, Solver, choose_solver
+from builder.structure.solid.linear_solvers import CYCLIC, SparseSolver, choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, determinate_support, free_flight
 from builder.structure.solid.nodal_loads import loaded_surface, nodal_force_load, pressure_load
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
@@ -57,7 +57,7 @@ def held_problem(
 
 def strain_operator(
     rows: csr_array,
-    solver: Solver,
+    solver: SparseSolver,
     load: csr_array,
     flight: FreeFlight | None = None,
     progress: Progress | None = None,
@@ -99,7 +99,7 @@ def strain_operator(
 
 
 def displacement(
-    solver: Solver, load: csr_array, pressure: FloatArray, flight: FreeFlight | None = None
+    solver: SparseSolver, load: csr_array, pressure: FloatArray, flight: FreeFlight | None = None
 ) -> FloatArray:
     """Return the displacement of every node under surface pressures.
 
@@ -184,9 +184,9 @@ def solve_strain(
         problem = cyclic_problem(mesh, matter.materials((REGION,)), [support])
         cyclic = CyclicSolver(problem)
         if of_forces:
-            found = cyclic.strain_operator(rows, force_operator(problem, EXTERNAL), progress)
+            found = cyclic.strain_operator(rows, force_operator(mesh, EXTERNAL), progress)
             return _solution(_along_body_axes(mesh, found), cyclic)
-        return _solution(cyclic.strain_operator(rows, pressure_operator(problem, EXTERNAL), progress), cyclic)
+        return _solution(cyclic.strain_operator(rows, pressure_operator(mesh, EXTERNAL), progress), cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
     load = nodal_force_load(whole_mesh(mesh), EXTERNAL) if of_forces else _pressure_load(mesh)
     operator = strain_operator(rows, solver, load, flight, progress)
@@ -221,11 +221,11 @@ def solve_fields(
 
 def _held(
     mesh: AnyMesh, matter: Matter, support: Support | None, solver_name: str | None
-) -> tuple[Solver, FreeFlight | None]:
+) -> tuple[SparseSolver, FreeFlight | None]:
     """Return the solver of the held structure on its full mesh, and the inertia that balances a free flight."""
     whole = whole_mesh(mesh)
     regions = whole.region_names
-    flight = free_flight(whole, matter.densities(regions), matter) if support is None else None
+    flight = free_flight(whole, matter) if support is None else None
     held = held_problem(whole, matter.materials(regions), None if support is None else [support])
     return choose_solver(held, solver_name), flight
 
@@ -242,12 +242,11 @@ def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("sij,dsnj->dsni", turns, parts, optimize=True).reshape(len(operator), -1))
 
 
-def _solution(operator: FloatArray, solver: Solver) -> StrainSolution:
-    used = solver.statistics
+def _solution(operator: FloatArray, solver: SparseSolver | CyclicSolver) -> StrainSolution:
     statistics = {
         "solver": solver.name,
         "licence": solver.licence,
-        "relative_residual": float(f"{used.relative_residual:.0e}"),
-        "probe_residual": float(f"{used.probe_residual:.0e}"),
+        "relative_residual": float(f"{solver.relative_residual:.0e}"),
+        "probe_residual": float(f"{solver.probe_residual:.0e}"),
     }
     return StrainSolution(operator, statistics)

@@ -282,27 +282,27 @@ def cut_station(radius: Callable[[FloatArray], FloatArray], tip: float) -> float
     return high
 
 
-def two_sector_mesh(sector: SweptSector) -> SweptMesh:
-    """Return the elements of the first sector with the nodes of the first and of the second, body axes."""
-    after = sector.node @ sector.rotation(1).T
-    return SweptMesh(
-        element_type=sector.element_type,
-        node=np.concatenate([sector.node, after]),
-        element=sector.element,
-        region=np.zeros(len(sector.element), dtype=np.int64),
-        region_names=(REGION,),
-        surface=sector.surface,
-        quadrature=_quadrature(sector),
-    )
+def sector_window(sector: SweptSector, before: int = 0, after: int = 0) -> SweptMesh:
+    """Return the sectors from ``before`` ahead of the first to ``after`` behind it, body axes.
+
+    The nodes of the sector behind the last are there too.
+    """
+    turns = [sector.rotation(s) for s in range(-before, after + 2)]
+    return _repeated(sector, np.concatenate([sector.node @ turn.T for turn in turns]), before + after + 1)
 
 
 def full_mesh(sector: SweptSector) -> SweptMesh:
     """Return all sectors: node = sector * n_nodes + local node, elements and facets sector by sector."""
     turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
     node = np.einsum("sij,nj->sni", turns, sector.node).reshape(-1, 3)
+    return _repeated(sector, node, sector.n_sectors)
+
+
+def _repeated(sector: SweptSector, node: FloatArray, n_sectors: int) -> SweptMesh:
+    """Return the elements of neighbouring sectors on their nodes (n, 3) [m], the first node after the last."""
+    first = sector.n_nodes * np.arange(n_sectors)[:, None, None]
 
     def repeated(numbers: IntArray) -> IntArray:
-        first = sector.n_nodes * np.arange(sector.n_sectors)[:, None, None]
         every: IntArray = ((numbers + first) % len(node)).reshape(-1, numbers.shape[1])
         return every
 
@@ -314,7 +314,7 @@ def full_mesh(sector: SweptSector) -> SweptMesh:
         region=np.zeros(len(element), dtype=np.int64),
         region_names=(REGION,),
         surface={name: repeated(facet) for name, facet in sector.surface.items()},
-        quadrature=_quadrature(sector),
+        quadrature="thin_wall" if sector.element_type == HEXAHEDRON else "full",
     )
 
 
@@ -325,10 +325,6 @@ AnyMesh = SweptSector | SolidMesh
 def whole_mesh(mesh: AnyMesh) -> SolidMesh:
     """Return the mesh itself, or all sectors of a swept one."""
     return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
-
-
-def _quadrature(sector: SweptSector) -> Quadrature:
-    return "thin_wall" if sector.element_type == HEXAHEDRON else "full"
 
 
 QUARTERS: FloatArray = 0.5 * np.pi * np.arange(4.0)

@@ -10,8 +10,8 @@ from scipy.sparse import csr_array
 from solid_bodies import METAL, swept_tube
 
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.linear_solvers import Solver, choose_solver
-from builder.structure.solid.matter import FreeFlight, determinate_support, free_flight
+from builder.structure.solid.linear_solvers import SparseSolver, choose_solver
+from builder.structure.solid.matter import FreeFlight, Matter, determinate_support, free_flight
 from builder.structure.solid.nodal_loads import pressure_load
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.strain_solution import displacement, held_problem, strain_operator
@@ -26,7 +26,7 @@ N_GAUGES = 20
 
 
 @cache
-def case() -> tuple[SolidMesh, csr_array, csr_array, Solver]:
+def case() -> tuple[SolidMesh, csr_array, csr_array, SparseSolver]:
     """A clamped tube with 20 gauges: mesh, rows, load and solver."""
     mesh = swept_tube()
     roll = np.linspace(0.0, 6.0, N_GAUGES)
@@ -44,7 +44,7 @@ def pressures(load: csr_array) -> np.ndarray:
 def forward_error(
     z: np.ndarray,
     rows: csr_array,
-    solver: Solver,
+    solver: SparseSolver,
     load: csr_array,
     pressure: np.ndarray,
     flight: FreeFlight | None = None,
@@ -98,7 +98,7 @@ def test_displacement_has_one_vector_per_node() -> None:
 
 def test_free_flight_does_not_depend_on_the_nodes_that_hold_it() -> None:
     mesh, rows, load, _ = case()
-    flight = free_flight(mesh, {REGION: 4430.0})
+    flight = free_flight(mesh, Matter(material=METAL, density=4430.0))
     operators = []
     for support in (None, determinate_support(mesh, np.array([3, 200, mesh.n_nodes - 1]))):
         solver = choose_solver(held_problem(mesh, MATERIALS, support), "superlu")
@@ -110,7 +110,7 @@ def test_free_flight_does_not_depend_on_the_nodes_that_hold_it() -> None:
 
 def test_deformed_shape_in_flight_has_no_rigid_motion() -> None:
     mesh, _, load, _ = case()
-    flight = free_flight(mesh, {REGION: 4430.0})
+    flight = free_flight(mesh, Matter(material=METAL, density=4430.0))
     solver = choose_solver(held_problem(mesh, MATERIALS, None), "superlu")
     field = displacement(solver, load, pressures(load)[:, 0], flight).ravel()
     left = np.abs(flight.inertia_force.T @ field) / np.diag(flight.inertia)

@@ -13,6 +13,7 @@ from builder.aero.mapping.pressure_map import pressure_map
 from builder.aero.surface.mesh import mesh_of_grid
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response
+from builder.structure.solid.cyclic import sector_stiffness
 from builder.structure.solid.elements import boundary_facets, face_keys
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.mesh_checks import check_mesh
@@ -24,7 +25,7 @@ from builder.structure.solid.nodal_loads import (
     vector_area,
 )
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
-from builder.structure.solid.stiffness import assemble_stiffness, sector_stiffness
+from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.swept_mesh import (
     BORE,
     HEXAHEDRON,
@@ -134,9 +135,10 @@ def test_paper_resolution_has_the_papers_size() -> None:
 
 def test_sector_blocks_are_those_of_the_whole_stiffness() -> None:
     one = tube(0.2, 0.12, 0.13, 0.05, 8)
-    own, after = sector_stiffness(one, {REGION: METAL})
+    blocks = sector_stiffness(one, {REGION: METAL})
     field = np.random.default_rng(0).normal(size=(8, one.n_dof))
-    in_frames = own @ field.T + after @ np.roll(field, -1, axis=0).T + after.T @ np.roll(field, 1, axis=0).T
+    shifted = [np.roll(field, step, axis=0).T for step in (0, -1, 1)]
+    in_frames = blocks.here @ shifted[0] + blocks.after @ shifted[1] + blocks.before @ shifted[2]
     turns = np.stack([one.rotation(s) for s in range(8)])
 
     def to_body(vector: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ def test_bar_of_two_metals_in_flight_carries_the_mass_behind() -> None:
         points=(PointMass(mass=3000.0, position=(1.2, 0.5, 0.5), surface=SUPPORT),),
         covers=((0.0, 0.1, 500.0), (0.6, 0.9, 1e4)),  # the second covers nothing of the front
     )
-    flight = free_flight(mesh, matter.densities(mesh.region_names), matter)
+    flight = free_flight(mesh, matter)
     assert flight.mass == pytest.approx(1000.0 + 4000.0 + 3000.0 + 500.0, rel=1e-12)
     assert flight.centre[0] == pytest.approx((250.0 + 3000.0 + 3600.0) / 8500.0, rel=1e-12)
     found = solve_strain(mesh, matter, None, rows, None).strain_operator.sum(axis=1) * 1e6

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import splu
 from solid_bodies import METAL, cube, swept_tube
 
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
-from builder.structure.solid.matter import determinate_support, free_flight
+from builder.structure.solid.matter import Matter, determinate_support, free_flight
 from builder.structure.solid.nodal_loads import pressure_load, surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.stiffness import assemble_stiffness
@@ -29,7 +29,8 @@ from strainfmu.errors import InputError
 pytestmark = pytest.mark.fast
 
 E, NU = METAL.youngs_modulus, METAL.poisson_ratio
-DENSITY = {REGION: 4430.0}
+DENSITY = 4430.0
+MATTER = Matter(material=METAL, density=DENSITY)
 THREE_PLANES: list[Support] = [Symmetric("x0"), Symmetric("y0"), Symmetric("z0")]
 
 
@@ -162,7 +163,7 @@ def test_held_stiffness_is_the_product_with_free_motions(supports: list[Support]
 
 def test_inertia_of_a_cube() -> None:
     """Unit cube: mass rho, centre in the middle, moments of inertia rho/6."""
-    flight = free_flight(cube("tetrahedron10", 2, shake=0.2), {REGION: 3.0})
+    flight = free_flight(cube("tetrahedron10", 2, shake=0.2), Matter(material=METAL, density=3.0))
     assert flight.mass == pytest.approx(3.0, rel=1e-12)
     np.testing.assert_allclose(flight.centre, 0.5, rtol=1e-12)
     np.testing.assert_allclose(flight.inertia, np.diag([3.0, 3.0, 3.0, 0.5, 0.5, 0.5]), atol=1e-12)
@@ -170,8 +171,8 @@ def test_inertia_of_a_cube() -> None:
 
 def test_inertia_of_a_tube() -> None:
     """Hollow cylinder: m = rho pi (b^2 - a^2) L, I_x = m (a^2 + b^2)/2; 12 quadratic arcs, 6e-4."""
-    flight = free_flight(swept_tube(), DENSITY)
-    mass = DENSITY[REGION] * np.pi * (0.13**2 - 0.12**2) * 0.2
+    flight = free_flight(swept_tube(), MATTER)
+    mass = DENSITY * np.pi * (0.13**2 - 0.12**2) * 0.2
     assert flight.mass == pytest.approx(mass, rel=3e-4)
     np.testing.assert_allclose(flight.centre, [0.1, 0.0, 0.0], atol=1e-12)
     roll, pitch = np.diag(flight.inertia)[[3, 4]]
@@ -189,7 +190,7 @@ def lateral(mesh: SolidMesh) -> np.ndarray:
 
 def test_acceleration_is_force_over_mass_and_the_rest_is_balanced() -> None:
     mesh = swept_tube()
-    flight, load = free_flight(mesh, DENSITY), lateral(mesh)
+    flight, load = free_flight(mesh, MATTER), lateral(mesh)
     force = load.reshape(-1, 3)
     total, moment = force.sum(axis=0), np.cross(mesh.node - flight.centre, force).sum(axis=0)
     acceleration = flight.accelerations(load[:, None])[:, 0]
@@ -205,7 +206,7 @@ def test_acceleration_is_force_over_mass_and_the_rest_is_balanced() -> None:
 def test_three_determinate_supports_give_the_same_strain() -> None:
     """Wherever the balanced body is held, its strain is the same, to 1e-8, and no support carries force."""
     mesh = swept_tube()
-    balanced = free_flight(mesh, DENSITY).balanced(lateral(mesh)[:, None])[:, 0]
+    balanced = free_flight(mesh, MATTER).balanced(lateral(mesh)[:, None])[:, 0]
     roll = np.linspace(0.0, 2.5, 6)
     position = np.column_stack([np.linspace(0.05, 0.15, 6), 0.12 * np.sin(roll), 0.12 * np.cos(roll)])
     around = np.column_stack([np.zeros(6), np.cos(roll), -np.sin(roll)])
@@ -223,7 +224,7 @@ def test_three_determinate_supports_give_the_same_strain() -> None:
 def test_bar_in_flight_stretches_by_its_own_inertia() -> None:
     """Cube pushed at x0 with p: stress -p (1 - x), so its length shrinks by p/(2 E) (nu = 0.31 on the mean)."""
     mesh = cube("hexahedron20", 2)
-    flight = free_flight(mesh, DENSITY)
+    flight = free_flight(mesh, MATTER)
     load = flight.balanced(pressed(mesh, "x0")[:, None])[:, 0]
     u = solve(mesh, determinate_support(mesh), load)
     # Reciprocity with the uniaxial field: mean end-to-end shortening under a stress that varies along x only.
@@ -235,10 +236,10 @@ def test_bar_in_flight_stretches_by_its_own_inertia() -> None:
 
 def test_impossible_flights_are_refused() -> None:
     mesh = cube("hexahedron8", 2)
-    with pytest.raises(InputError, match=r"region 'wall' has no density, found \['skin'\]"):
-        free_flight(mesh, {"skin": 1.0})
+    with pytest.raises(InputError, match="density of the material of region 'wall' is missing"):
+        free_flight(mesh, Matter(material=METAL))
     with pytest.raises(InputError, match="density 0 kg/m3 of region 'wall' must be greater than 0"):
-        free_flight(mesh, {REGION: 0.0})
+        free_flight(mesh, Matter(material=METAL, density=0.0))
     line = np.flatnonzero((mesh.node[:, 1:] == 0.0).all(axis=1))
     with pytest.raises(InputError, match="lie on a line: they do not hold a body"):
         determinate_support(mesh, line[:3])
