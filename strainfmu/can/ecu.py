@@ -1,14 +1,14 @@
 """Export of an estimator as an ECU: an FMU of FMI 3.0 whose strains and results are CAN frames (FMI-LS-BUS 1.0).
 
 What the compiled ECU reads is made here: the plan of the input, the frames of the results, and which variable
-takes each quantity (``fmus/native/ecu/ecu.h``).
+takes each quantity (``fmus/native/ecu/ecu.c``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from strainfmu.can.bus_file import BusDescription
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine
-from strainfmu.can.nodes import bus_of_fmu, frame_table, node_resource, rates_of
+from strainfmu.can.nodes import bus_of_fmu, frame_table, node_part
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_frames import STATUS_PERIOD, composition
 from strainfmu.can.setup import all_layouts, make_machine
@@ -27,33 +27,21 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import ANGLE_ERROR, MEASURED_ANGLES, Q_SOURCE, STD
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.signal_names import STRAIN
-from strainfmu.fmu.description.port import BusPart, Port
+from strainfmu.fmu.description.port import BusPart
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references
 
-_VERSION = 1
-
+_SETUP = np.dtype(
+    [
+        *((name, "f8") for name in ("response_time", "status_period", "bridge_alarm")),
+        *((name, "i4") for name in ("needs_pressure", "configuration", STRAIN, "padding")),
+    ]
+)
 _KEY = np.dtype([("key", "u4"), ("slot", "i4")], align=True)
 _QUANTITY = np.dtype([("variable", "i4"), ("is_whole", "i4"), ("value", "f8"), ("fallback", "f8")], align=True)
 _OTHER = np.dtype([("variable", "i4"), ("padding", "i4"), ("step", "f8")], align=True)
-_ARRAYS = (
-    *("plan", "slot", "signal", "code", "change", "key"),
-    *("quantity", "constant", "other", "frame", "sent", "source"),
-)
-_COUNTED = ["key", "constant", "other", "frame", "sent", "signal", "code"]
-_SETUP = np.dtype(
-    [
-        ("guid", "S96"),
-        *((name, "f8") for name in ("response_time", "status_period", "bridge_alarm")),
-        *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
-        *((name, "i4") for name in ("needs_pressure", "configuration", STRAIN, "first_result")),
-        *((f"n_{name}", "i4") for name in _COUNTED),
-        *((name, "i8") for name in _ARRAYS),
-    ],
-    align=True,
-)
-"""Records of ``ecu.h``."""
+"""Records of ``ecu.c``."""
 
 
 def export_ecu(
@@ -90,24 +78,16 @@ def ecu_part(map_path: Path, bus: BusDescription) -> BusPart:
         machine, results, configuration, _ = make_machine(ready.step, chosen, ready.gauge_names, start=0.0)
         if machine.layout.is_authenticated:
             raise InputError(f"input.profile: expected one without authenticators in an FMU, got {chosen.profile}")
-        numbers = {
-            "response_time": bus.response_time,
-            "status_period": STATUS_PERIOD,
-            "bridge_alarm": machine.plan.bridge_alarm,
-            **rates_of(bus, results),
-            "needs_pressure": needs_pressure(ready.step),
-            "configuration": configuration,
-        }
-    inverse_map = load_inverse_map(map_path)
-    references = value_references(estimator_interface(inverse_map))
-    arrays = _arrays(machine, results, references)
-    dbc = dbc_text(all_layouts(map_path, chosen), map_path.name).encode("cp1252", "replace")
-    numbers[STRAIN] = references[f"{STRAIN}[1]"]
-    return BusPart(
-        ports=(Port(bus.network, bus.tx_clock),),
+        no_pressure_no_loads = needs_pressure(ready.step)
+    references = value_references(estimator_interface(load_inverse_map(map_path)))
+    times = (bus.response_time, STATUS_PERIOD, machine.plan.bridge_alarm)
+    setup = (*times, no_pressure_no_loads, configuration, references[f"{STRAIN}[1]"], 0)
+    return node_part(
+        bus,
+        results,
         resource="bus.bin",
-        content=lambda guid: node_resource(b"SFMUBUS", _VERSION, _SETUP, arrays, numbers, guid),
-        dbc=dbc,
+        tables=(np.array([setup], dtype=_SETUP), *_tables(machine, results, references)),
+        dbc=dbc_text(all_layouts(map_path, chosen), map_path.name).encode("cp1252", "replace"),
         lines=_lines(bus, machine),
     )
 
@@ -126,10 +106,10 @@ def _lines(bus: BusDescription, machine: Machine) -> tuple[str, ...]:
     )
 
 
-def _arrays(
+def _tables(
     machine: Machine, results: Sequence[FrameLayout], references: Mapping[str, int]
-) -> dict[str, np.ndarray]:
-    """Return the arrays of the file by name."""
+) -> tuple[np.ndarray[Any, Any], ...]:
+    """Return the tables behind the set-up, in the order of ``ecu.c``."""
     plan, constants = machine.plan, dict(machine.layout.constants)
     for angle in MEASURED_ANGLES:
         if angle in plan.quantities and f"{angle}{STD}" not in plan.quantities:
@@ -139,19 +119,17 @@ def _arrays(
     record = plan.record.copy()
     for name in plan.tables:
         record[name] = 0  # an address, the reader's own
-    return {
-        "plan": record,
-        **plan.tables,
-        "key": np.array(keys, dtype=_KEY),
-        "quantity": np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
-        "constant": np.array(
-            [_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY
-        ),
-        "other": np.array([(references[name], 0, step) for name, step in others.outputs.items()], dtype=_OTHER),
-        "frame": frame_table([(layout, kind) for layout, kind, _ in frames]),
-        "sent": np.concatenate([signal_table(layout) for layout, _, _ in frames]).astype(SIGNAL),
-        "source": np.concatenate([sources for _, _, sources in frames]).astype("i4"),
-    }
+    return (
+        record,
+        *plan.tables.values(),
+        np.array(keys, dtype=_KEY),
+        np.array([_taken(name, references) for name in plan.quantities], dtype=_QUANTITY),
+        np.array([_taken(name, references, value) for name, value in constants.items()], dtype=_QUANTITY),
+        np.array([(references[name], 0, step) for name, step in others.outputs.items()], dtype=_OTHER),
+        frame_table([(layout, kind) for layout, kind, _ in frames]),
+        np.concatenate([signal_table(layout) for layout, _, _ in frames]).astype(SIGNAL),
+        np.concatenate([sources for _, _, sources in frames]).astype("i4"),
+    )
 
 
 def _taken(name: str, references: Mapping[str, int], value: float = np.nan) -> tuple[int, bool, float, float]:

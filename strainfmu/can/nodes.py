@@ -1,6 +1,6 @@
 """Nodes of FMI-LS-BUS 1.0 as files that compiled code reads: frames that are sent, and the sender of strains.
 
-``fmus/native/network/link.h`` and ``fmus/native/nodes`` read them.
+``fmus/native/network/link.h`` and ``fmus/native/nodes/sender.c`` read them.
 """
 
 from __future__ import annotations
@@ -27,18 +27,15 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.signal_names import STRAIN, TARE
 from strainfmu.fmu.description.port import BusPart, Port
 from strainfmu.fmu.plant_export import export_schedule
-from strainfmu.fmu.plant_resource import resource_file
 from strainfmu.interface.fmi_variables import Variable, strain_names
 from strainfmu.interface.sensor_variables import fmi_units, sensor_names
 
-_SENDER_VERSION = 1
-_HEADER = 32
 _SESSION = 1
 """Number of the sender's run, the same in every simulation."""
 
 _CONSTANT, _SAMPLE_TIME = -1, -2
 _HEARD = {"heard_counter": -3, "heard_time": -4, "heard_delay": -5}
-"""Sources of a signal other than a variable, as ``nodes.h`` lists them."""
+"""Sources of a signal other than a variable, as ``sender.c`` lists them."""
 
 _OF_HARDWARE = (
     *("interface", "channel", "bus_options", "log_channel", "key_file", "freshness_file", "synchronised"),
@@ -57,18 +54,8 @@ FRAME = np.dtype(
 """``SentFrame``."""
 
 _SOURCE = np.dtype([("from", "i4"), ("padding", "i4"), ("value", "f8")], align=True)
-_SETUP = np.dtype(
-    [
-        ("guid", "S96"),
-        ("period", "f8"),
-        *((name, "i4") for name in ("is_triggered", "can_rate", "fd_rate")),
-        *((name, "i4") for name in ("n_frame", "n_sent", "n_answer", "answer_length")),
-        ("answer_key", "u4"),
-        *((name, "i8") for name in ("frame", "sent", "source", "answer")),
-    ],
-    align=True,
-)
-"""Records of ``nodes.h``."""
+_SETUP = np.dtype([("period", "f8"), ("answer_key", "u4"), ("answer_length", "i4")])
+"""Records of ``nodes/sender.c``."""
 
 
 def bus_of_fmu(path: Path) -> BusDescription:
@@ -89,13 +76,15 @@ def bus_of_fmu(path: Path) -> BusDescription:
     return bus
 
 
-def rates_of(bus: BusDescription, layouts: Sequence[FrameLayout]) -> dict[str, int]:
-    """Return the numbers of a set-up that state the clock and the bit rates [bit/s]."""
-    return {
-        "is_triggered": bus.tx_clock == "triggered",
-        "can_rate": 1000 * bus.can_rate,
-        "fd_rate": 1000 * bus.fd_rate if any(one.is_fd for one in layouts) else 0,
-    }
+def node_part(bus: BusDescription, layouts: Sequence[FrameLayout], **parts: Any) -> BusPart:
+    """Return the port of a node that sends ``layouts``, with ``parts`` as the class takes them."""
+    has_fd = any(layout.is_fd for layout in layouts)
+    return BusPart(
+        ports=(Port(bus.network, bus.tx_clock),),
+        can_rate=1000 * bus.can_rate,
+        fd_rate=1000 * bus.fd_rate if has_fd else 0,
+        **parts,
+    )
 
 
 def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
@@ -111,28 +100,6 @@ def frame_table(frames: Sequence[tuple[FrameLayout, int]]) -> np.ndarray:
             row["protection"]["crc_end"] = -1 if protection.end is None else protection.end
         first += len(layout.signals)
     return rows
-
-
-def node_resource(
-    magic: bytes,
-    version: int,
-    record: np.dtype[Any],
-    arrays: Mapping[str, np.ndarray],
-    numbers: Mapping[str, Any],
-    guid: str,
-) -> bytes:
-    """Return a file: header, ``record`` with ``numbers`` and the places and lengths of ``arrays``, then these."""
-    setup = np.zeros(1, dtype=record)
-    lengths = {f"n_{name}": len(array) for name, array in arrays.items() if f"n_{name}" in setup.dtype.names}
-    for name, value in {**numbers, **lengths, "guid": guid.encode()}.items():
-        setup[name] = value
-    place, parts = _HEADER + record.itemsize, []
-    for name, array in arrays.items():
-        content, padding = array.tobytes(), bytes(-place % 8)
-        setup[name] = place + len(padding)
-        parts += [padding, content]
-        place += len(padding) + len(content)
-    return resource_file(magic, version, setup.tobytes() + b"".join(parts))
 
 
 def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]) -> BusPart:
@@ -165,22 +132,19 @@ def sender_part(bus_path: Path, model: FlightModel, variables: Mapping[str, int]
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
     answer = next(one for one in results if one.cycle_time and "AnsweredCounter" in _names(one))
     answered = [name for name in ("AnsweredCounter", "E2E_Counter", "SampleTime") if name in _names(answer)]
-    arrays = {
-        "frame": frame_table([(frame.layout, cycles_apart(frame, layout.cycle_time)) for frame in frames]),
-        "sent": np.concatenate([_table(frame) for frame in frames]).astype(SIGNAL),
-        "source": np.array([row for frame in frames for row in _sources(frame, layout, variables)], dtype=_SOURCE),
-        "answer": signal_table(answer)[[answer.index_of(name) for name in answered]],
-    }
-    numbers = {
-        **rates_of(bus, [frame.layout for frame in frames]),
-        "period": layout.cycle_time,
-        "answer_length": answer.length,
-        "answer_key": answer.key,
-    }
-    return BusPart(
-        ports=(Port(bus.network, bus.tx_clock),),
+    setup = np.array([(layout.cycle_time, answer.key, answer.length)], dtype=_SETUP)
+    rows = [row for frame in frames for row in _sources(frame, layout, variables)]
+    return node_part(
+        bus,
+        [frame.layout for frame in frames],
         resource="sender.bin",
-        content=lambda guid: node_resource(b"SFMUSEN", _SENDER_VERSION, _SETUP, arrays, numbers, guid),
+        tables=(
+            setup,
+            frame_table([(frame.layout, cycles_apart(frame, layout.cycle_time)) for frame in frames]),
+            np.concatenate([_table(frame) for frame in frames]).astype(SIGNAL),
+            np.array(rows, dtype=_SOURCE),
+            signal_table(answer)[[answer.index_of(name) for name in answered]],
+        ),
         lines=(
             f"Connect the terminal <code>{bus.network}</code> to a CAN bus of FMI-LS-BUS 1.0, in an importer with "
             f"event mode. Strains go in frames of {layout.name}, a cycle every {1e3 * layout.cycle_time:g} ms.",

@@ -31,7 +31,7 @@ from strainfmu.estimator.tare import KnownStrain
 from strainfmu.files import built_time_of, content_hash_of, write_folder_atomically
 from strainfmu.fmu.c_folder import c_entries, check_folder_path
 from strainfmu.fmu.description.fmu_description import FmuDescription
-from strainfmu.fmu.description.port import BusPart, port_files
+from strainfmu.fmu.description.port import BusPart
 from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.estimator_page import estimator_sections
 from strainfmu.fmu.documentation.index_page import documentation_files
@@ -278,12 +278,12 @@ def _native_estimator(
         numbers=value_references(arrays if of_arrays else scalars),
         ports=() if bus is None else bus.ports,
     )
-    resource_files = {"map.bin": native_resource(inverse_map, description.guid, known)}
-    if bus is not None:
-        resource_files[bus.resource] = bus.content(description.guid)
     return {
         **native_entries(
-            description=description, libraries=libraries, sources=sources, resource_files=resource_files
+            description=description,
+            libraries=libraries,
+            sources=sources,
+            resource_files={"map.bin": native_resource(inverse_map, description.guid, known)},
         ),
         **_estimator_extras(
             description=description, inverse_map=inverse_map, content_hash=content_hash, kind="native", bus=bus
@@ -361,7 +361,7 @@ def _estimator_extras(
         **terminal_files(description, _terminals(inverse_map), "estimator"),
     }
     if bus is not None:
-        return {**common, **port_files(bus)}
+        return {**common, **bus.files(description.guid)}
     return {
         **common,
         **layered_standard_files(run, description.interface),

@@ -25,7 +25,7 @@ from strainfmu.estimator.signal_names import STRAIN
 from strainfmu.files import built_time_of, content_hash_of
 from strainfmu.flight_condition import FlightCondition
 from strainfmu.fmu.description.fmu_description import FmuDescription
-from strainfmu.fmu.description.port import MOST_PORTS, BusPart, Port, port_files
+from strainfmu.fmu.description.port import MOST_PORTS, BusPart, Port
 from strainfmu.fmu.description.terminals import terminal_files
 from strainfmu.fmu.documentation.index_page import Section, documentation_files
 from strainfmu.fmu.documentation.plant_page import native_plant_sections
@@ -33,7 +33,7 @@ from strainfmu.fmu.documentation.run_panels import reference_sections
 from strainfmu.fmu.fmu_file import check_fmu_path
 from strainfmu.fmu.native.package import CAPABILITIES, CAPABILITIES_ON_BUS, chosen_libraries, native_entries
 from strainfmu.fmu.native.sources import compiled_files, native_sources
-from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data, resource_file
+from strainfmu.fmu.plant_resource import ModelKind, model_resource, plant_data
 from strainfmu.fmu.reference_run.plant import (
     Reference,
     autopilot_reference,
@@ -45,7 +45,6 @@ from strainfmu.interface.fmi_variables import Variable, value_references
 from strainfmu.interface.plant_variables import FlightStart, Motion, native_plant_interface
 from strainfmu.version import __version__
 
-_CAN_BUS_VERSION = 1
 STEP_SIZE = 1e-2
 STOP_TIME = 20.0
 LIBRARY = "plant"
@@ -257,11 +256,9 @@ def export_can_bus(
     check_fmu_path(fmu_path)
     if not 1 <= n_nodes <= MOST_PORTS:
         raise InputError(f"nodes: expected 1 to {MOST_PORTS}, got {n_nodes}")
-    body = n_nodes.to_bytes(96, "little")
     part = BusPart(
         ports=tuple(Port(f"{network}{number}", "countdown") for number in range(1, n_nodes + 1)),
         resource="can.bin",
-        content=lambda _: resource_file(b"SFMUCAN", _CAN_BUS_VERSION, body),
         lines=(
             "Connect a node to each terminal. A frame takes the time of its bits at the rates that its sender has "
             "stated; of frames that wait the lowest identifier goes first. The sender gets a Confirm, or a Bus "
@@ -336,19 +333,17 @@ def _native_fmu(
     arrays = {variable.array for variable in interface}
     terminals = {"gauges": ((STRAIN,), "Strain of every gauge")} if STRAIN in arrays else {}
     icon = "plant" if kind is ModelKind.PLANT else None
-    files = {"model.bin": model_resource(kind=kind, interface=interface, data=data, guid=description.guid)}
-    if bus is not None:
-        files[bus.resource] = bus.content(description.guid)
+    resource = model_resource(kind=kind, interface=interface, data=data, guid=description.guid)
     return {
         **native_entries(
             description=description,
             libraries=libraries,
             sources=sources,
-            resource_files=files,
+            resource_files={"model.bin": resource},
         ),
         CONTENTS: json.dumps(known, indent=1).encode(),
         **{f"documentation/{name}": content for name, content in pages.items()},
         **(terminal_files(description, terminals, icon) if icon else {}),
         **({} if reference is None else reference.files(interface)),
-        **({} if bus is None else port_files(bus)),
+        **({} if bus is None else bus.files(description.guid)),
     }

@@ -73,15 +73,14 @@ static Model *model_in(const Instance *instance, const char *guid, const char *l
     return model;
 }
 
-/* Make the node of the resource in a folder, and set it with its ports; 0 after a message. Without one 1. */
+/* Make the node of the resource in a folder, if there is one; 0 after a message. */
 static int make_node(Instance *instance, const char *location) {
     char path[PATH_SIZE], text[MODEL_TEXT_SIZE];
     size_t length;
-    for (const Ports *const *kind = instance->kinds; kind != NULL && *kind != NULL; kind++) {
+    for (const NodeKind *const *kind = instance->kinds; kind != NULL && *kind != NULL; kind++) {
         if (resource_path(location, (*kind)->resource, path, sizeof path) && resource_exists(path)) {
             unsigned char *bytes = resource_read(path, &length, text);
-            instance->ports = *kind;
-            instance->node = bytes != NULL ? (*kind)->create(instance->model, bytes, length, text) : NULL;
+            instance->node = bytes != NULL ? node_create(*kind, instance->model, bytes, length, text) : NULL;
             if (instance->node == NULL) {
                 instance_error(instance, "%.*s %s", SHOWN_PATH, path, text);
                 return 0;
@@ -92,18 +91,22 @@ static int make_node(Instance *instance, const char *location) {
 }
 
 Instance *instance_create(const Instance *requested, const char *guid, const char *location) {
+    if (requested->name[0] == '\0') {
+        instance_error(requested, "the instance name is missing");
+        return NULL;
+    }
     Model *model = model_in(requested, guid, location);
     if (model == NULL) {
         return NULL;
     }
-    if (model->co_simulation_only && (requested->kind == MODEL_EXCHANGE_2 || requested->kind == MODEL_EXCHANGE_3)) {
+    const int for_model_exchange = requested->kind == MODEL_EXCHANGE_2 || requested->kind == MODEL_EXCHANGE_3;
+    if (for_model_exchange && (model->co_simulation_only || !MODEL.model_exchange)) {
         model_destroy(model);
         instance_error(requested, "this FMU is for co-simulation");
         return NULL;
     }
-    const char *name = requested->name != NULL ? requested->name : "";
     Instance *instance = calloc(1, sizeof *instance);
-    char *own_name = malloc(strlen(name) + 1);
+    char *own_name = malloc(strlen(requested->name) + 1);
     if (instance == NULL || own_name == NULL) {
         free(instance);
         free(own_name);
@@ -113,7 +116,7 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
     }
     *instance = *requested;
     instance->model = model;
-    instance->name = instance->own_name = strcpy(own_name, name);
+    instance->name = instance->own_name = strcpy(own_name, requested->name);
     if (!make_node(instance, location)) {
         instance_free(instance);
         return NULL;
@@ -124,9 +127,7 @@ Instance *instance_create(const Instance *requested, const char *guid, const cha
 
 void instance_free(Instance *instance) {
     if (instance != NULL) {
-        if (instance->node != NULL) {
-            instance->ports->destroy(instance->node);
-        }
+        node_destroy(instance->node);
         model_destroy(instance->model);
         free(instance->own_name);
         free(instance);
@@ -139,7 +140,7 @@ void instance_reset(Instance *instance) {
     model->time = 0.0;
     model_reset(model);
     if (instance->node != NULL) {
-        instance->ports->begin(instance->node, 0.0);
+        node_begin(instance->node, 0.0);
     }
     instance->stop_time = INFINITY;
     instance->ending = 0;
@@ -215,7 +216,7 @@ int instance_end_initialization(Instance *instance, const char *function, Mode m
     }
     model_end_initialization(instance->model);
     if (instance->node != NULL) {
-        instance->ports->begin(instance->node, instance->model->time);
+        node_begin(instance->node, instance->model->time);
     }
     instance->model->mode = mode;
     return STATUS_OK;
@@ -243,7 +244,7 @@ int instance_end_solver_step(Instance *instance, const char *function, int *even
 void instance_follow_event(Instance *instance) {
     if (instance->node != NULL) {
         const Floating host = floating_enter();
-        instance->ports->update(instance->node, instance->model->time);
+        instance->node->kind->update(instance->node, instance->model->time);
         floating_leave(&host);
         instance_log_event(instance);
     } else if (instance->kind == MODEL_EXCHANGE_2 || instance->kind == MODEL_EXCHANGE_3) {
@@ -276,7 +277,7 @@ int instance_step(Instance *instance, const char *function, double start, double
         return instance_error(instance, "%s: the step ends at %.9g s, behind the stop time of the experiment, %.9g s", function,
                               end, instance->stop_time);
     }
-    if (instance->node != NULL && !instance->ports->steps_model) {
+    if (instance->node != NULL && !instance->node->kind->steps_model) {
         model_set_time(instance->model, end);
         return STATUS_OK;
     }
@@ -303,4 +304,18 @@ void instance_log_event(Instance *instance) {
     while (instance->events_logged && model_event(instance->model, text)) {
         instance->write(instance, STATUS_OK, CATEGORY_EVENTS, text);
     }
+}
+
+int instance_set_logging(Instance *instance, const char *function, int on, size_t n, const char *const categories[]) {
+    if (instance == NULL || (n > 0 && !instance_given(instance, function, categories))) {
+        return STATUS_ERROR;
+    }
+    instance->events_logged = on && n == 0;
+    for (size_t i = 0; i < n; i++) {
+        const char *category = categories[i] != NULL ? categories[i] : "";
+        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, CATEGORY_ALL) == 0) {
+            instance->events_logged = on;
+        }
+    }
+    return STATUS_OK;
 }

@@ -29,10 +29,9 @@ struct Instance {
     void (*logger)(void); /* of the importer, NULL for none */
     void *environment;    /* that is passed back to it */
     int events_logged;
-    const Ports *const *kinds;     /* of nodes, of the front; NULL for none */
-    const Ports *ports;            /* of the node */
-    void *node;                    /* of the ports, NULL without one */
-    double stated_due[MAX_PORTS];  /* ticks of the clocks that the importer knows of [s] */
+    const NodeKind *const *kinds; /* of nodes, of the front; NULL for none */
+    Node *node;                   /* NULL without one */
+    double stated_due[MAX_PORTS]; /* ticks of the clocks that the importer knows of [s] */
 };
 
 /* Fill in an instance of which name, kind, write, logger and environment are set, from the resource in the folder
@@ -95,6 +94,9 @@ int instance_discard(const Instance *instance, const char *function, const char 
 
 /* Log that a function is not offered; STATUS_ERROR, also for no instance. */
 int instance_not_offered(const Instance *instance, const char *function);
+
+/* Request events or not: of all categories for an empty list, or where it names theirs. A status. */
+int instance_set_logging(Instance *instance, const char *function, int on, size_t n, const char *const categories[]);
 
 /* Log an event of the model, if the importer requests events. */
 void instance_log_event(Instance *instance);

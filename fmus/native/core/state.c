@@ -42,16 +42,9 @@ static size_t model_size(const Instance *instance) {
     return model_state_size(instance->model);
 }
 
-/* The state of the node of ports, behind the model's; of no bytes without one. */
-static void *node_state(const Instance *instance, size_t *size) {
-    *size = 0;
-    return instance->node != NULL ? instance->ports->state(instance->node, size) : NULL;
-}
-
+/* The state of the node of ports lies behind the model's. */
 static size_t node_size(const Instance *instance) {
-    size_t size;
-    (void)node_state(instance, &size);
-    return size;
+    return instance->node != NULL ? instance->node->size : 0;
 }
 
 size_t state_size(const Instance *instance) {
@@ -70,10 +63,8 @@ static void write_state(const Instance *instance, unsigned char *bytes) {
     memcpy(header.magic, MAGIC, sizeof MAGIC);
     memcpy(bytes + sizeof header, &model->time, sizeof model->time);
     model_write_state(model, bytes + sizeof header + sizeof model->time);
-    size_t size;
-    const void *of_node = node_state(instance, &size);
-    if (of_node != NULL) {
-        memcpy(bytes + state_size(instance) - size, of_node, size);
+    if (instance->node != NULL) {
+        memcpy(bytes + state_size(instance) - node_size(instance), instance->node->state, node_size(instance));
     }
     memcpy(bytes, &header, sizeof header);
     header.checksum = crc32(bytes + CHECKED_FROM, state_size(instance) - CHECKED_FROM);
@@ -121,7 +112,7 @@ static const char *state_fault(const Instance *instance, const unsigned char *by
         return text;
     }
     const unsigned char *of_node = bytes + size - node_size(instance);
-    return instance->node == NULL || instance->ports->check_state(instance->node, of_node, text) ? NULL : text;
+    return instance->node == NULL || node_check_state(instance->node, of_node, text) ? NULL : text;
 }
 
 static void read_state(Instance *instance, const unsigned char *bytes) {
@@ -131,10 +122,8 @@ static void read_state(Instance *instance, const unsigned char *bytes) {
     model->mode = (Mode)header.mode;
     memcpy(&model->time, bytes + sizeof header, sizeof model->time);
     model_read_state(model, bytes + sizeof header + sizeof model->time);
-    size_t size;
-    void *of_node = node_state(instance, &size);
-    if (of_node != NULL) {
-        memcpy(of_node, bytes + state_size(instance) - size, size);
+    if (instance->node != NULL) {
+        memcpy(instance->node->state, bytes + state_size(instance) - node_size(instance), node_size(instance));
     }
     instance_forget_ticks(instance);
     instance->ending = 0;
@@ -167,7 +156,15 @@ static void *new_state(const Instance *instance) {
     return head;
 }
 
-int state_get(Instance *instance, void **state) {
+/* Whether instance and arguments of a function are there. */
+static int are_given(const Instance *instance, const char *function, const void *first, const void *second) {
+    return instance != NULL && instance_given(instance, function, first) && instance_given(instance, function, second);
+}
+
+int state_get(Instance *instance, const char *function, void **state) {
+    if (!are_given(instance, function, state, state)) {
+        return STATUS_ERROR;
+    }
     if (*state == NULL) {
         *state = new_state(instance);
     }
@@ -181,7 +178,7 @@ int state_get(Instance *instance, void **state) {
 
 int state_set(Instance *instance, const void *state) {
     char text[MODEL_TEXT_SIZE];
-    const unsigned char *bytes = serialised(instance, state);
+    const unsigned char *bytes = instance != NULL ? serialised(instance, state) : NULL;
     if (bytes == NULL) {
         return STATUS_ERROR;
     }
@@ -193,23 +190,24 @@ int state_set(Instance *instance, const void *state) {
     return STATUS_OK;
 }
 
-void state_free(void **state) {
-    if (state != NULL && *state != NULL) {
+int state_free(const Instance *instance, void **state) {
+    if (instance != NULL && state != NULL) {
         free(*state);
         *state = NULL;
     }
+    return instance != NULL ? STATUS_OK : STATUS_ERROR;
 }
 
-int state_serialized_size(const Instance *instance, const void *state, size_t *size) {
-    if (serialised(instance, state) == NULL) {
+int state_serialized_size(const Instance *instance, const char *function, const void *state, size_t *size) {
+    if (!are_given(instance, function, state, size) || serialised(instance, state) == NULL) {
         return STATUS_ERROR;
     }
     *size = state_size(instance);
     return STATUS_OK;
 }
 
-int state_serialize(Instance *instance, const void *state, void *bytes, size_t size) {
-    const unsigned char *content = serialised(instance, state);
+int state_serialize(Instance *instance, const char *function, const void *state, void *bytes, size_t size) {
+    const unsigned char *content = are_given(instance, function, bytes, bytes) ? serialised(instance, state) : NULL;
     if (content == NULL) {
         return STATUS_ERROR;
     }
@@ -221,8 +219,11 @@ int state_serialize(Instance *instance, const void *state, void *bytes, size_t s
     return STATUS_OK;
 }
 
-int state_deserialize(Instance *instance, const void *bytes, size_t size, void **state) {
+int state_deserialize(Instance *instance, const char *function, const void *bytes, size_t size, void **state) {
     char text[MODEL_TEXT_SIZE];
+    if (!are_given(instance, function, bytes, state)) {
+        return STATUS_ERROR;
+    }
     const char *fault = state_fault(instance, bytes, size, text);
     if (fault != NULL) {
         return instance_error(instance, "the serialised state %s", fault);

@@ -7,22 +7,46 @@
 
    All memory of a node lies in one block without pointers behind `State`: the state of the FMU is a copy of it. */
 
-#include "ecu.h"
-
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "../core/floating.h"
-#include "../core/resource.h"
+#include "../network/link.h"
 
-#define HEADER_SIZE_OF_RESOURCE 32
 #define LARGEST_UNCERTAINTY 6553.4
 #define LARGEST_SCORE 25.4
 #define LONGEST_STEP 100   /* cycles in one step of the estimator */
 
 enum { QUEUE = 16, N_LOADS_SENT = 5, NO_COEFFICIENTS = 2 };
+
+/* --- the tables of resources/bus.bin, as strainfmu/can/ecu.py writes them ------------------------------------------ */
+
+enum { SETUP, PLAN, SLOT, SIGNAL, CODE, CHANGE, KEY, QUANTITY, CONSTANT, OTHER, FRAME, SENT, SOURCE };
+
+enum { OF_RESULT, OF_STATUS, OF_DETAIL }; /* kinds of a frame that is sent */
+
+typedef struct {
+    uint32_t key;
+    int32_t slot; /* the first of the identifier; -1 of a frame that bridges send */
+} EcuKey;
+
+/* A quantity of the flow, or a constant: the variable that takes it, and what stands for a value that is not above 0. */
+typedef struct {
+    int32_t variable, is_whole;
+    double value, fallback; /* of a constant; NaN for none */
+} EcuQuantity;
+
+typedef struct {
+    int32_t variable, padding;
+    double step; /* in which its value is rounded up, 0 for none */
+} EcuOther;
+
+typedef struct {
+    double response_time, status_period, bridge_alarm; /* [s] */
+    int32_t needs_pressure, configuration, strain, padding;
+} EcuSetup;
+
+/* --- values and state ----------------------------------------------------------------------------------------------- */
 
 /* Numbers of FMI 2.0 of outputs of the estimator: estimator/sample/outputs.h. */
 enum { HEALTH_OUTPUT = 20, CHI_SQUARE_OUTPUT = 21, ENVELOPE_OUTPUT = 26, N_REAL_LOADS = 10 };
@@ -54,31 +78,30 @@ typedef struct {
 } State;
 
 typedef struct {
-    Model *model;
-    unsigned char *bytes;
+    Node node;
     const EcuSetup *setup;
     SbPlan plan;
-    State *state;
-    size_t n_values, size, machine_at, counters_at; /* of the block */
-    double *strain;
-    const EcuKey *key;
-    const EcuQuantity *quantity, *constant;
-    const EcuOther *other;
-    const SentFrame *frame;
-    const SbSignal *sent;
-    const int32_t *source;
-} Node;
+    size_t n_values, strain_at, machine_at, counters_at; /* of the state */
+} Ecu;
 
-static SbState *machine_of(const Node *node) {
-    return (SbState *)(void *)((unsigned char *)node->state + node->machine_at);
+static State *state_of(const Ecu *ecu) {
+    return ecu->node.state;
 }
 
-static double *values_of(const Node *node, int waiting) {
-    return (double *)(void *)(node->state + 1) + node->n_values * (size_t)waiting;
+static SbState *machine_of(const Ecu *ecu) {
+    return (SbState *)(void *)((unsigned char *)ecu->node.state + ecu->machine_at);
 }
 
-static uint8_t *counters_of(const Node *node) {
-    return (uint8_t *)node->state + node->counters_at;
+static double *values_of(const Ecu *ecu, int waiting) {
+    return (double *)(void *)(state_of(ecu) + 1) + ecu->n_values * (size_t)waiting;
+}
+
+static uint8_t *counters_of(const Ecu *ecu) {
+    return (uint8_t *)ecu->node.state + ecu->counters_at;
+}
+
+static int64_t count_of(const Ecu *ecu, int table) {
+    return ecu->node.setup->table[table].count;
 }
 
 static size_t rounded(size_t bytes) {
@@ -101,26 +124,28 @@ static void give(Model *model, const EcuQuantity *to, double value) {
 }
 
 /* Step by whole cycles, with the strains and the flow of the result that is ready. */
-static void step_estimator(Node *node, double now) {
-    State *s = node->state;
-    Model *model = node->model;
-    const SbPlan *plan = &node->plan;
-    const SbState *machine = machine_of(node);
+static void step_estimator(Ecu *ecu, double now) {
+    State *s = state_of(ecu);
+    Model *model = ecu->node.model;
+    const SbPlan *plan = &ecu->plan;
+    const SbState *machine = machine_of(ecu);
     const double *strain = strain_of(machine), *flow = flow_of(machine);
+    double *valid_strain = (double *)(void *)((unsigned char *)s + ecu->strain_at);
+    const EcuQuantity *quantity = ecu->node.table[QUANTITY], *constant = ecu->node.table[CONSTANT];
     const double cycles = isnan(s->last_step) ? 1.0 : (now - s->last_step) / plan->cycle;
     const double size = plan->cycle * (cycles <= 1.0 ? 1.0 : cycles < LONGEST_STEP ? (int32_t)(cycles + 0.5) : LONGEST_STEP);
     char text[MODEL_TEXT_SIZE];
     s->last_step = now;
     for (int32_t g = 0; g < plan->n_gauges; g++) {
-        node->strain[g] = valid_of(machine)[g] ? strain[g] : NAN;
+        valid_strain[g] = valid_of(machine)[g] ? strain[g] : NAN;
     }
-    const Selection strains = {NULL, (size_t)node->setup->strain, (size_t)plan->n_gauges};
-    (void)model_set_reals(model, &strains, node->strain, text);
+    const Selection strains = {NULL, (size_t)ecu->setup->strain, (size_t)plan->n_gauges};
+    (void)model_set_reals(model, &strains, valid_strain, text);
     for (int32_t k = 0; k < plan->n_flow; k++) {
-        give(model, &node->quantity[k], k == plan->pressure && !isnan(plan->fixed_pressure) ? plan->fixed_pressure : flow[k]);
+        give(model, &quantity[k], k == plan->pressure && !isnan(plan->fixed_pressure) ? plan->fixed_pressure : flow[k]);
     }
-    for (int32_t k = 0; k < node->setup->n_constants; k++) {
-        give(model, &node->constant[k], node->constant[k].value);
+    for (int32_t k = 0; k < count_of(ecu, CONSTANT); k++) {
+        give(model, &constant[k], constant[k].value);
     }
     (void)model_step(model, s->estimator_time, s->estimator_time + size, text);
     s->estimator_time += size;
@@ -144,31 +169,31 @@ static double whole_above(double x) {
 }
 
 /* Loads in addition to the five, and their standard deviations, which are never stated smaller than they are. */
-static void set_others(const Node *node, int published, double *value) {
+static void set_others(const Ecu *ecu, int published, double *value) {
     char text[MODEL_TEXT_SIZE];
-    for (int32_t k = 0; k < node->setup->n_others; k++) {
-        const EcuOther *one = &node->other[k];
-        const Selection which = {NULL, (size_t)one->variable, 1};
-        double found = NAN;
+    const EcuOther *load = ecu->node.table[OTHER];
+    for (int64_t k = 0; k < count_of(ecu, OTHER); k++, load++) {
+        const Selection which = {NULL, (size_t)load->variable, 1};
+        double estimate = NAN;
         if (published) {
-            (void)model_get_reals(node->model, &which, &found, text);
+            (void)model_get_reals(ecu->node.model, &which, &estimate, text);
         }
-        const double steps = found / one->step;
-        value[k] = one->step == 0.0 ? found : steps >= 0.0 && steps <= 65534.0 ? one->step * whole_above(steps) : NAN;
+        const double steps = estimate / load->step;
+        value[k] = load->step == 0.0 ? estimate : steps >= 0.0 && steps <= 65534.0 ? load->step * whole_above(steps) : NAN;
     }
 }
 
 /* The result of the machine is ready: estimate, answer, and let its frames wait. */
-static void publish(Node *node) {
-    State *s = node->state;
-    Model *model = node->model;
-    const EcuSetup *setup = node->setup;
-    SbState *machine = machine_of(node);
+static void publish(Ecu *ecu) {
+    State *s = state_of(ecu);
+    Model *model = ecu->node.model;
+    const EcuSetup *setup = ecu->setup;
+    SbState *machine = machine_of(ecu);
     SbResult *r = &machine->result;
     const int is_silent = r->is_silent, n_used = r->n_used;
     const double *flow = flow_of(machine);
-    const double on_bus = node->plan.pressure >= 0 ? flow[node->plan.pressure] : NAN;
-    const double pressure = isnan(node->plan.fixed_pressure) ? on_bus : node->plan.fixed_pressure;
+    const double on_bus = ecu->plan.pressure >= 0 ? flow[ecu->plan.pressure] : NAN;
+    const double pressure = isnan(ecu->plan.fixed_pressure) ? on_bus : ecu->plan.fixed_pressure;
     const double time = model->time;
     const Mode mode = model->mode;
     double loads[N_REAL_LOADS], chi_square = NAN, score = NAN;
@@ -179,7 +204,7 @@ static void publish(Node *node) {
     if (n_used) {
         const Selection first = {NULL, 0, N_REAL_LOADS}, chi = {NULL, CHI_SQUARE_OUTPUT, 1};
         const Selection margin = {NULL, ENVELOPE_OUTPUT, 1}, state = {NULL, HEALTH_OUTPUT, 1};
-        step_estimator(node, r->time);
+        step_estimator(ecu, r->time);
         (void)model_get_reals(model, &first, loads, text);
         (void)model_get_reals(model, &chi, &chi_square, text);
         (void)model_get_reals(model, &margin, &score, text);
@@ -191,13 +216,13 @@ static void publish(Node *node) {
     }
     const double release = r->time + setup->response_time;
     const int stated = health >= 0 && setup->needs_pressure && isnan(pressure) ? NO_COEFFICIENTS : health;
-    const int is_sent = sb_answer(&node->plan, machine, &release, stated, is_finite);
+    const int is_sent = sb_answer(&ecu->plan, machine, &release, stated, is_finite);
     const int published = has_coefficients(r->quality);
     if (is_sent && s->n_waiting == QUEUE) {
         s->link.counter[PORT_LOST]++;
     } else if (is_sent) {
         const int place = (s->first + s->n_waiting++) % QUEUE;
-        double *value = values_of(node, place);
+        double *value = values_of(ecu, place);
         Waiting *waiting = &s->waiting[place];
         waiting->release = release;
         for (int k = 0; k < N_LOADS_SENT; k++) {
@@ -217,7 +242,7 @@ static void publish(Node *node) {
         value[R_CONFIGURATION] = setup->configuration;
         value[R_PRESSURE] = is_silent ? NAN : pressure;
         value[R_SCORE] = at_most(score, LARGEST_SCORE);
-        set_others(node, published, value + R_OTHERS);
+        set_others(ecu, published, value + R_OTHERS);
         double *detail = waiting->detail;
         detail[0] = detail[1] = 0.0;
         detail[D_QUALITY] = r->quality;
@@ -242,48 +267,49 @@ static void publish(Node *node) {
 }
 
 /* What is due by now: cycles at their deadline, and silence. */
-static void advance(Node *node, double time) {
-    SbState *machine = machine_of(node);
+static void advance(Ecu *ecu, double time) {
+    SbState *machine = machine_of(ecu);
     for (;;) {
         const double next = machine->deadline < machine->next_status ? machine->deadline : machine->next_status;
         if (next > time + TIME_ROUND_OFF) {
             return;
         }
         const double now = next > time ? next : time;
-        if (sb_due(&node->plan, machine, &now) == SB_READY) {
-            publish(node);
+        if (sb_due(&ecu->plan, machine, &now) == SB_READY) {
+            publish(ecu);
         }
     }
 }
 
 /* --- frames in ------------------------------------------------------------------------------------------------------ */
 
-static const EcuKey *key_of(const Node *node, uint32_t key) {
-    for (int32_t k = 0; k < node->setup->n_keys; k++) {
-        if (node->key[k].key == key) {
-            return &node->key[k];
+static const EcuKey *key_of(const Ecu *ecu, uint32_t key) {
+    const EcuKey *known = ecu->node.table[KEY];
+    for (int64_t k = 0; k < count_of(ecu, KEY); k++, known++) {
+        if (known->key == key) {
+            return known;
         }
     }
     return NULL;
 }
 
-static void take_frame(Node *node, const Heard *heard, double time) {
-    SbState *machine = machine_of(node);
-    const EcuKey *known = key_of(node, heard->key);
+static void take_frame(Ecu *ecu, const Heard *heard, double time) {
+    SbState *machine = machine_of(ecu);
+    const EcuKey *known = key_of(ecu, heard->key);
     if (known != NULL && known->slot < 0) {
-        sb_note_bridge(machine, time + node->setup->bridge_alarm);
+        sb_note_bridge(machine, time + ecu->setup->bridge_alarm);
         sb_count(machine, SB_OF_SECOND_BRIDGE, time);
     } else if (known == NULL || heard->is_remote) {
-        const EcuKey *of_other_width = key_of(node, heard->key ^ EXTENDED_FLAG);
+        const EcuKey *of_other_width = key_of(ecu, heard->key ^ EXTENDED_FLAG);
         const int is_other = known == NULL && of_other_width != NULL && of_other_width->slot >= 0;
         sb_count(machine, known != NULL ? SB_REMOTE_FRAME : is_other ? SB_WRONG_FORMAT : SB_UNKNOWN, time);
     } else {
         int event = SB_AGAIN;
         while (event == SB_AGAIN) {
-            event = sb_take(&node->plan, machine, known->slot, &time, heard->data, (int)heard->n,
+            event = sb_take(&ecu->plan, machine, known->slot, &time, heard->data, (int)heard->n,
                             heard->is_fd ? SB_FLAG_FD : 0);
             if (event == SB_READY || event == SB_AGAIN) {
-                publish(node);
+                publish(ecu);
             }
         }
     }
@@ -292,23 +318,25 @@ static void take_frame(Node *node, const Heard *heard, double time) {
 /* --- frames out ----------------------------------------------------------------------------------------------------- */
 
 /* Compose the frames of a kind with their counters, and send them. */
-static void send_frames(Node *node, int kind, const double *value) {
-    for (int32_t f = 0; f < node->setup->n_frames; f++) {
-        const SentFrame *frame = &node->frame[f];
-        uint8_t *counter = counters_of(node) + f;
+static void send_frames(Ecu *ecu, int kind, const double *value) {
+    const SentFrame *frame = ecu->node.table[FRAME];
+    const SbSignal *sent = ecu->node.table[SENT];
+    const int32_t *source = ecu->node.table[SOURCE];
+    uint8_t *counter = counters_of(ecu);
+    for (int64_t f = 0; f < count_of(ecu, FRAME); f++, frame++, counter++) {
         double picked[MOST_SIGNALS];
         for (int32_t k = 0; frame->kind == kind && k < frame->n_signals; k++) {
-            picked[k] = value[node->source[frame->first + k]];
+            picked[k] = value[source[frame->first + k]];
         }
-        if (frame->kind == kind && link_send_frame(&node->state->link, frame, node->sent, picked, *counter)) {
+        if (frame->kind == kind && link_send_frame(&state_of(ecu)->link, frame, sent, picked, *counter)) {
             *counter = (uint8_t)((*counter + 1) % frame->modulus);
         }
     }
 }
 
-static void send_status(Node *node, double time) {
-    State *s = node->state;
-    const SbAccount *account = &machine_of(node)->account;
+static void send_status(Ecu *ecu, double time) {
+    State *s = state_of(ecu);
+    const SbAccount *account = &machine_of(ecu)->account;
     double value[N_STATUS] = {0.0};
     int64_t rejected = 0;
     for (int k = 0; k < SB_N_CLASSES; k++) {
@@ -326,197 +354,123 @@ static void send_status(Node *node, double time) {
     value[S_QUALITY] = s->has_last ? s->detail[D_QUALITY] : SB_NO_DATA;
     value[S_DRIFT] = NAN;
     value[S_SCORE] = s->has_last ? s->score : NAN;
-    value[S_CONFIGURATION] = node->setup->configuration;
-    send_frames(node, OF_STATUS, value);
+    value[S_CONFIGURATION] = ecu->setup->configuration;
+    send_frames(ecu, OF_STATUS, value);
     double detail[N_DETAILS] = {0.0};
     detail[D_UNCERTAINTY] = NAN;
     if (s->has_last) {
         memcpy(detail, s->detail, sizeof detail);
     }
-    send_frames(node, OF_DETAIL, detail);
-    s->next_status += node->setup->status_period;
+    send_frames(ecu, OF_DETAIL, detail);
+    s->next_status += ecu->setup->status_period;
     s->next_status = s->next_status > time ? s->next_status : time;
 }
 
-static void tick(void *of, size_t port, double time) {
-    Node *node = of;
+static void tick(Node *node, size_t port, double time) {
+    Ecu *ecu = (Ecu *)node;
     State *s = node->state;
     (void)port;
-    if (!link_tick(&s->link, node->setup->can_rate, node->setup->fd_rate)) {
+    if (!link_tick(&s->link, node->setup)) {
         return;
     }
     const Floating host = floating_enter();
-    advance(node, time);
+    advance(ecu, time);
     while (s->n_waiting > 0 && s->waiting[s->first].release <= time + TIME_ROUND_OFF) {
         const Waiting *waiting = &s->waiting[s->first];
-        double *value = values_of(node, s->first);
+        double *value = values_of(ecu, s->first);
         value[R_AGE] += time > waiting->release ? 1e3 * (time - waiting->release) : 0.0;
-        send_frames(node, OF_RESULT, value);
+        send_frames(ecu, OF_RESULT, value);
         if (waiting->has_details) {
-            send_frames(node, OF_DETAIL, waiting->detail);
+            send_frames(ecu, OF_DETAIL, waiting->detail);
         }
         s->first = (s->first + 1) % QUEUE;
         s->n_waiting--;
     }
     if (s->next_status <= time + TIME_ROUND_OFF) {
-        send_status(node, time);
+        send_status(ecu, time);
     }
     floating_leave(&host);
 }
 
-static double due(const void *of, size_t port) {
-    const Node *node = of;
+static double due(const Node *node, size_t port) {
     const State *s = node->state;
-    const SbState *machine = machine_of(node);
+    const SbState *machine = machine_of((const Ecu *)node);
     double next = s->next_status;
     (void)port;
     next = s->n_waiting > 0 && s->waiting[s->first].release < next ? s->waiting[s->first].release : next;
     next = machine->deadline < next ? machine->deadline : next;
-    next = machine->next_status < next ? machine->next_status : next;
-    return s->link.has_begun && s->link.n_reply == 0 ? next : -INFINITY;
+    return machine->next_status < next ? machine->next_status : next;
 }
 
-static void update(void *of, double time) {
-    Node *node = of;
-    Link *link = &node->state->link;
+static void update(Node *node, double time) {
+    Ecu *ecu = (Ecu *)node;
+    Link *link = node_link(node, 0);
     Heard heard;
     link_end_tick(link);
     if (link->n_heard > 0) {
-        advance(node, time);
+        advance(ecu, time);
     }
     for (size_t at = 0; link_next(link, &at, &heard);) {
         if (heard.is_frame) {
-            take_frame(node, &heard, time);
+            take_frame(ecu, &heard, time);
         }
     }
-    link->counter[PORT_USED] = (uint64_t)machine_of(node)->account.count[SB_USED];
-}
-
-static Link *link_of(const void *node, size_t port) {
-    return port == 0 ? &((const Node *)node)->state->link : NULL;
-}
-
-static int is_triggered(const void *node) {
-    return ((const Node *)node)->setup->is_triggered;
+    link->counter[PORT_USED] = (uint64_t)machine_of(ecu)->account.count[SB_USED];
 }
 
 /* --- creation and state --------------------------------------------------------------------------------------------- */
 
-static void destroy(void *of) {
-    Node *node = of;
-    if (node != NULL) {
-        free(node->state);
-        free(node->strain);
-        free(node->bytes);
-        free(node);
-    }
-}
-
-static void begin(void *of, double time) {
-    Node *node = of;
+static void begin(Node *node, double time) {
+    Ecu *ecu = (Ecu *)node;
     State *s = node->state;
-    memset(s, 0, node->size);
     s->last_step = s->score = NAN;
     s->estimator_time = s->next_status = time;
-    for (int32_t f = 0; f < node->setup->n_frames; f++) {
-        counters_of(node)[f] = (uint8_t)(node->setup->first_result % node->frame[f].modulus);
-    }
-    sb_begin(&node->plan, machine_of(node), time);
+    sb_begin(&ecu->plan, machine_of(ecu), time);
 }
 
-static int read_setup(Node *node, size_t length) {
-    const EcuSetup *e = (const EcuSetup *)(const void *)(node->bytes + HEADER_SIZE_OF_RESOURCE);
-    const void *plan, *slot = NULL, *signal = NULL, *code = NULL, *change = NULL;
-    node->setup = e;
-    if (length < HEADER_SIZE_OF_RESOURCE + sizeof *e || !array_of(node->bytes, length, e->plan, 1, sizeof(SbPlan), &plan)) {
+static size_t prepare(Node *node) {
+    Ecu *ecu = (Ecu *)node;
+    if (count_of(ecu, SETUP) != 1 || count_of(ecu, PLAN) != 1) {
         return 0;
     }
-    memcpy(&node->plan, plan, sizeof node->plan);
-    const SbPlan *p = &node->plan;
-    const unsigned char *b = node->bytes;
-    const int good = array_of(b, length, e->slot, p->n_slots, sizeof(SbSlot), &slot)
-                  && array_of(b, length, e->signal, e->n_signals, sizeof(SbSignal), &signal)
-                  && array_of(b, length, e->code, e->n_codes, sizeof(int64_t), &code)
-                  && array_of(b, length, e->change, p->n_gauges, sizeof(double), &change)
-                  && array_of(b, length, e->key, e->n_keys, sizeof(EcuKey), (const void **)&node->key)
-                  && array_of(b, length, e->quantity, p->n_flow, sizeof(EcuQuantity), (const void **)&node->quantity)
-                  && array_of(b, length, e->constant, e->n_constants, sizeof(EcuQuantity), (const void **)&node->constant)
-                  && array_of(b, length, e->other, e->n_others, sizeof(EcuOther), (const void **)&node->other)
-                  && array_of(b, length, e->frame, e->n_frames, sizeof(SentFrame), (const void **)&node->frame)
-                  && array_of(b, length, e->sent, e->n_sent, sizeof(SbSignal), (const void **)&node->sent)
-                  && array_of(b, length, e->source, e->n_sent, sizeof(int32_t), (const void **)&node->source);
-    node->plan.slot = slot;
-    node->plan.signal = signal;
-    node->plan.code = code;
-    node->plan.change = change;
-    return good && memchr(e->guid, 0, sizeof e->guid) != NULL;
+    ecu->setup = node->table[SETUP];
+    memcpy(&ecu->plan, node->table[PLAN], sizeof ecu->plan);
+    SbPlan *plan = &ecu->plan;
+    plan->slot = node->table[SLOT];
+    plan->signal = node->table[SIGNAL];
+    plan->code = node->table[CODE];
+    plan->change = node->table[CHANGE];
+    ecu->n_values = (size_t)(R_OTHERS + count_of(ecu, OTHER));
+    ecu->strain_at = sizeof(State) + QUEUE * ecu->n_values * sizeof(double);
+    ecu->machine_at = ecu->strain_at + (size_t)plan->n_gauges * sizeof(double);
+    ecu->counters_at = ecu->machine_at + rounded((size_t)sb_size(plan));
+    const int good = plan->n_slots == count_of(ecu, SLOT) && plan->n_gauges == count_of(ecu, CHANGE)
+                  && plan->n_flow == count_of(ecu, QUANTITY) && count_of(ecu, SENT) == count_of(ecu, SOURCE);
+    return good ? ecu->counters_at + rounded((size_t)count_of(ecu, FRAME)) : 0;
 }
 
-static int allocate(Node *node) {
-    const EcuSetup *e = node->setup;
-    node->n_values = (size_t)(R_OTHERS + e->n_others);
-    node->machine_at = rounded(sizeof(State)) + QUEUE * node->n_values * sizeof(double);
-    node->counters_at = node->machine_at + rounded((size_t)sb_size(&node->plan));
-    node->size = node->counters_at + rounded((size_t)e->n_frames);
-    node->state = calloc(1, node->size);
-    node->strain = calloc((size_t)node->plan.n_gauges + 1, sizeof *node->strain);
-    return node->state != NULL && node->strain != NULL;
+static int check_state(const Node *node, const void *state) {
+    const State *s = state;
+    const size_t machine_at = ((const Ecu *)node)->machine_at;
+    const SbState *machine = (const SbState *)(const void *)((const unsigned char *)state + machine_at);
+    return s->first >= 0 && s->first < QUEUE && s->n_waiting >= 0 && s->n_waiting <= QUEUE
+        && memcmp(&machine->slots_at, &machine_of((const Ecu *)node)->slots_at, 8 * sizeof machine->slots_at) == 0;
 }
 
-static void *create(Model *model, unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
-    Node *node = calloc(1, sizeof *node);
-    if (node == NULL) {
-        free(bytes);
-        snprintf(text, MODEL_TEXT_SIZE, "needs more memory than there is");
-        return NULL;
-    }
-    node->bytes = bytes;
-    node->model = model;
-    if (!resource_check(bytes, length, "SFMUBUS", ECU_VERSION, "bus", text)) {
-        destroy(node);
-        return NULL;
-    }
-    if (!read_setup(node, length) || strcmp(node->setup->guid, model->guid) != 0 || !allocate(node)) {
-        snprintf(text, MODEL_TEXT_SIZE, "is not the bus of this FMU");
-        destroy(node);
-        return NULL;
-    }
-    begin(node, 0.0);
-    return node;
-}
-
-static void *state(const void *of, size_t *size) {
-    const Node *node = of;
-    *size = node->size;
-    return node->state;
-}
-
-static int check_state(const void *of, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
-    const Node *node = of;
-    State s;
-    SbState machine;
-    memcpy(&s, bytes, sizeof s);
-    memcpy(&machine, bytes + node->machine_at, sizeof machine);
-    const int good = link_check(&s.link) && s.first >= 0 && s.first < QUEUE && s.n_waiting >= 0 && s.n_waiting <= QUEUE
-                  && memcmp(&machine.slots_at, &machine_of(node)->slots_at, 8 * sizeof machine.slots_at) == 0;
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds frames that cannot be");
-    }
-    return good;
-}
-
-static const Ports ECU = {
+static const NodeKind ECU = {
     .resource = "bus.bin",
-    .create = create,
-    .destroy = destroy,
+    .most_ports = 1,
+    .node_size = sizeof(Ecu),
+    .port_size = sizeof(Link),
+    .row_size = {sizeof(EcuSetup), sizeof(SbPlan), sizeof(SbSlot), sizeof(SbSignal), sizeof(int64_t), sizeof(double),
+                 sizeof(EcuKey), sizeof(EcuQuantity), sizeof(EcuQuantity), sizeof(EcuOther), sizeof(SentFrame),
+                 sizeof(SbSignal), sizeof(int32_t)},
+    .prepare = prepare,
     .begin = begin,
-    .is_triggered = is_triggered,
-    .link = link_of,
     .due = due,
     .tick = tick,
     .update = update,
-    .state = state,
     .check_state = check_state,
 };
 
-const Ports *const PORTS[] = {&ECU, NULL};
+const NodeKind *const NODE_KINDS[] = {&ECU, NULL};

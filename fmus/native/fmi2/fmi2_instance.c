@@ -2,8 +2,6 @@
 
 #include "fmi2.h"
 
-#include <string.h>
-
 static void write_message(const Instance *instance, int status, const char *category, const char *text) {
     fmi2CallbackLogger logger = (fmi2CallbackLogger)instance->logger;
     if (logger != NULL) {
@@ -21,18 +19,7 @@ const char *fmi2GetVersion(void) {
 
 fmi2Status fmi2SetDebugLogging(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                const fmi2String categories[]) {
-    Instance *s = c;
-    if (s == NULL || (nCategories > 0 && !instance_given(s, "fmi2SetDebugLogging", categories))) {
-        return fmi2Error;
-    }
-    s->events_logged = loggingOn && nCategories == 0;
-    for (size_t i = 0; i < nCategories; i++) {
-        const char *category = categories[i] != NULL ? categories[i] : "";
-        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, CATEGORY_ALL) == 0) {
-            s->events_logged = loggingOn != fmi2False;
-        }
-    }
-    return fmi2OK;
+    return (fmi2Status)instance_set_logging(c, "fmi2SetDebugLogging", loggingOn != fmi2False, nCategories, categories);
 }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
@@ -50,16 +37,8 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
         .environment = functions->componentEnvironment,
         .events_logged = loggingOn != fmi2False,
     };
-    if (instanceName == NULL || instanceName[0] == '\0') {
-        instance_error(&requested, "fmi2Instantiate: the instance name is missing");
-        return NULL;
-    }
     if (fmuType != fmi2CoSimulation && fmuType != fmi2ModelExchange) {
         instance_error(&requested, "fmi2Instantiate: type %d found, must be 0 or 1", (int)fmuType);
-        return NULL;
-    }
-    if (fmuType == fmi2ModelExchange && !MODEL.model_exchange) {
-        instance_error(&requested, "fmi2Instantiate: this FMU is for co-simulation");
         return NULL;
     }
     return instance_create(&requested, fmuGUID, fmuResourceLocation);

@@ -2,10 +2,6 @@
 
 #include "fmi3.h"
 
-#include <string.h>
-
-#include "../core/ports.h"
-
 static void write_message(const Instance *instance, int status, const char *category, const char *text) {
     fmi3LogMessageCallback logger = (fmi3LogMessageCallback)instance->logger;
     if (logger != NULL) {
@@ -19,18 +15,7 @@ const char *fmi3GetVersion(void) {
 
 fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[]) {
-    Instance *s = instance;
-    if (s == NULL || (nCategories > 0 && !instance_given(s, "fmi3SetDebugLogging", categories))) {
-        return fmi3Error;
-    }
-    s->events_logged = loggingOn && nCategories == 0;
-    for (size_t i = 0; i < nCategories; i++) {
-        const char *category = categories[i] != NULL ? categories[i] : "";
-        if (strcmp(category, CATEGORY_EVENTS) == 0 || strcmp(category, CATEGORY_ALL) == 0) {
-            s->events_logged = loggingOn;
-        }
-    }
-    return fmi3OK;
+    return (fmi3Status)instance_set_logging(instance, "fmi3SetDebugLogging", loggingOn, nCategories, categories);
 }
 
 static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fmi3String path, fmi3Boolean eventModeUsed,
@@ -43,16 +28,8 @@ static fmi3Instance instantiate(Kind kind, fmi3String name, fmi3String token, fm
         .logger = (void (*)(void))logMessage,
         .environment = environment,
         .events_logged = loggingOn,
-        .kinds = PORTS,
+        .kinds = NODE_KINDS,
     };
-    if (name == NULL || name[0] == '\0') {
-        instance_error(&requested, "the instance name is missing");
-        return NULL;
-    }
-    if (kind == MODEL_EXCHANGE_3 && !MODEL.model_exchange) {
-        instance_error(&requested, "this FMU is for co-simulation");
-        return NULL;
-    }
     Instance *instance = instance_create(&requested, token, path);
     if (instance != NULL && kind == CO_SIMULATION_3 && (instance->node != NULL) != (eventModeUsed != 0)) {
         instance_error(&requested, eventModeUsed ? "event mode was requested, which this FMU has in model exchange only"

@@ -14,47 +14,49 @@
 #define SHORTEST_INTERVAL 1e-6 /* [s]: importers differ about intervals of 0 */
 #define ROUND_OFF 1e-9         /* of a time [s] */
 
-enum { RX_DATA, TX_DATA, RX_CLOCK, TX_CLOCK, FIRST_COUNTER = 16 };
+/* Sets of the variables of a port: the bit of each is its number from the first one. */
+enum { RX_DATA = 1, TX_DATA = 2, RX_CLOCK = 4, TX_CLOCK = 8 };
+enum { FIRST_COUNTER = 16, COUNTERS = ((1 << N_PORT_COUNTERS) - 1) << FIRST_COUNTER };
+
+/* A variable of a port. */
+typedef struct {
+    Link *link;
+    size_t port, number;
+} Member;
 
 /* Whether a function is allowed in the mode of the instance, with lists of so many references and values. */
 static int may(Instance *s, const char *function, int modes, const fmi3ValueReference references[], size_t n,
-               const void *values) {
+               const void *values, const void *more_values) {
     return instance_allows(s, function, modes)
-        && (n == 0 || (instance_given(s, function, references) && instance_given(s, function, values)));
+        && (n == 0 || (instance_given(s, function, references) && instance_given(s, function, values)
+                       && instance_given(s, function, more_values)));
 }
 
-/* The port of a variable, and which of its variables it is, as a number; NULL, after a message, where there is none. */
-static Link *port_of(Instance *s, const char *function, fmi3ValueReference reference, size_t *port, unsigned *member) {
-    Link *link = NULL;
+/* Set `member` to the variable of a reference, which must be one of a set; 0, after a message, if it is not. */
+static int is_member(Instance *s, const char *function, fmi3ValueReference reference, unsigned set, Member *member) {
     if (s->node != NULL && reference >= FMI3_FIRST_PORT) {
-        *port = (reference - FMI3_FIRST_PORT) / FMI3_REFERENCES_OF_PORT;
-        *member = (reference - FMI3_FIRST_PORT) % FMI3_REFERENCES_OF_PORT;
-        link = s->ports->link(s->node, *port);
+        member->port = (reference - FMI3_FIRST_PORT) / FMI3_REFERENCES_OF_PORT;
+        member->number = (reference - FMI3_FIRST_PORT) % FMI3_REFERENCES_OF_PORT;
+        member->link = node_link(s->node, member->port);
+        if (member->link != NULL && (set >> member->number & 1u)) {
+            return 1;
+        }
     }
-    if (link == NULL) {
-        fmi3_wrong_type(s, function, reference);
-    }
-    return link;
+    fmi3_wrong_type(s, function, reference);
+    return 0;
 }
 
-/* The same of a certain variable of a port. */
-static Link *wanted_of(Instance *s, const char *function, fmi3ValueReference reference, size_t *port, unsigned wanted) {
-    unsigned member = wanted;
-    Link *link = port_of(s, function, reference, port, &member);
-    if (link != NULL && member != wanted) {
-        fmi3_wrong_type(s, function, reference);
-        return NULL;
-    }
-    return link;
+static int is_triggered(const Instance *s) {
+    return s->node != NULL && s->node->setup->is_triggered;
 }
 
 static int is_due(const Instance *s, size_t port) {
-    return s->ports->due(s->node, port) <= s->model->time + ROUND_OFF;
+    return node_due(s->node, port) <= s->model->time + ROUND_OFF;
 }
 
 int fmi3_is_due(const Instance *s) {
     int due = 0;
-    for (size_t port = 0; s->node != NULL && s->ports->is_triggered(s->node) && s->ports->link(s->node, port) != NULL; port++) {
+    for (size_t port = 0; is_triggered(s) && node_link(s->node, port) != NULL; port++) {
         due = due || is_due(s, port);
     }
     return due;
@@ -77,20 +79,18 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
                          const size_t valueSizes[], const fmi3Binary values[], size_t nValues) {
     static const char NAME[] = "fmi3SetBinary";
     Instance *s = instance;
-    if (!may(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values)
-        || (nValueReferences > 0 && !instance_given(s, NAME, valueSizes))) {
+    Member rx;
+    if (!may(s, NAME, FMI3_SETTABLE, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
-        size_t port;
-        Link *link = wanted_of(s, NAME, valueReferences[i], &port, RX_DATA);
-        if (link == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], RX_DATA, &rx)) {
             return fmi3Error;
         }
         if (valueSizes[i] == 0 || s->model->mode != EVENT) {
             continue; /* start values, and what a clock without data brings */
         }
-        if (!instance_given(s, NAME, values[i]) || !hear(link, values[i], valueSizes[i])) {
+        if (!instance_given(s, NAME, values[i]) || !hear(rx.link, values[i], valueSizes[i])) {
             return (fmi3Status)instance_error(s, "%s: %lu bytes found, of all of an event at most %d are taken", NAME,
                                               (unsigned long)valueSizes[i], PORT_BYTES);
         }
@@ -102,18 +102,16 @@ fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
                          size_t valueSizes[], fmi3Binary values[], size_t nValues) {
     static const char NAME[] = "fmi3GetBinary";
     Instance *s = instance;
-    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values)
-        || (nValueReferences > 0 && !instance_given(s, NAME, valueSizes))) {
+    Member tx;
+    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, valueSizes)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValues && i < nValueReferences; i++) {
-        size_t port;
-        const Link *link = wanted_of(s, NAME, valueReferences[i], &port, TX_DATA);
-        if (link == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], TX_DATA, &tx)) {
             return fmi3Error;
         }
-        values[i] = link->is_ticking ? link->out : NULL;
-        valueSizes[i] = link->is_ticking ? link->n_out : 0;
+        values[i] = tx.link->is_ticking ? tx.link->out : NULL;
+        valueSizes[i] = tx.link->is_ticking ? tx.link->n_out : 0;
     }
     return fmi3OK;
 }
@@ -122,21 +120,17 @@ fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference valueRef
                         const fmi3Clock values[]) {
     static const char NAME[] = "fmi3SetClock";
     Instance *s = instance;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values)) {
+    Member clock;
+    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        size_t port;
-        unsigned member;
-        if (port_of(s, NAME, valueReferences[i], &port, &member) == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], is_triggered(s) ? RX_CLOCK : RX_CLOCK | TX_CLOCK, &clock)) {
             return fmi3Error;
         }
-        if (member != RX_CLOCK && (member != TX_CLOCK || s->ports->is_triggered(s->node))) {
-            return fmi3_wrong_type(s, NAME, valueReferences[i]);
-        }
-        if (member == TX_CLOCK && values[i]) {
-            s->ports->tick(s->node, port, s->model->time);
-            s->stated_due[port] = INFINITY;
+        if ((TX_CLOCK >> clock.number & 1) && values[i]) {
+            s->node->kind->tick(s->node, clock.port, s->model->time);
+            s->stated_due[clock.port] = INFINITY;
         }
     }
     return fmi3OK;
@@ -146,19 +140,18 @@ fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference valueRef
                         fmi3Clock values[]) {
     static const char NAME[] = "fmi3GetClock";
     Instance *s = instance;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values)) {
+    Member clock;
+    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        size_t port;
-        const Link *link = wanted_of(s, NAME, valueReferences[i], &port, TX_CLOCK);
-        if (link == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], TX_CLOCK, &clock)) {
             return fmi3Error;
         }
-        if (s->ports->is_triggered(s->node) && is_due(s, port)) {
-            s->ports->tick(s->node, port, s->model->time);
+        if (is_triggered(s) && is_due(s, clock.port)) {
+            s->node->kind->tick(s->node, clock.port, s->model->time);
         }
-        values[i] = s->ports->is_triggered(s->node) && link->is_ticking;
+        values[i] = is_triggered(s) && clock.link->is_ticking;
     }
     return fmi3OK;
 }
@@ -168,20 +161,19 @@ fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReferenc
                                   fmi3IntervalQualifier qualifiers[]) {
     static const char NAME[] = "fmi3GetIntervalDecimal";
     Instance *s = instance;
-    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, intervals)
-        || (nValueReferences > 0 && !instance_given(s, NAME, qualifiers))) {
+    Member clock;
+    if (!may(s, NAME, EVENT, valueReferences, nValueReferences, intervals, qualifiers)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences; i++) {
-        size_t port;
-        if (wanted_of(s, NAME, valueReferences[i], &port, TX_CLOCK) == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], TX_CLOCK, &clock)) {
             return fmi3Error;
         }
-        const double due = s->ports->due(s->node, port), left = due - s->model->time;
-        const int is_known = due == s->stated_due[port];
-        intervals[i] = due == INFINITY ? 0.0 : left > SHORTEST_INTERVAL ? left : SHORTEST_INTERVAL;
+        const double due = node_due(s->node, clock.port), remaining = due - s->model->time;
+        const int is_known = due == s->stated_due[clock.port];
+        intervals[i] = due == INFINITY ? 0.0 : remaining > SHORTEST_INTERVAL ? remaining : SHORTEST_INTERVAL;
         qualifiers[i] = due == INFINITY ? fmi3IntervalNotYetKnown : is_known ? fmi3IntervalUnchanged : fmi3IntervalChanged;
-        s->stated_due[port] = due;
+        s->stated_due[clock.port] = due;
     }
     return fmi3OK;
 }
@@ -190,20 +182,15 @@ fmi3Status fmi3GetUInt64(fmi3Instance instance, const fmi3ValueReference valueRe
                          fmi3UInt64 values[], size_t nValues) {
     static const char NAME[] = "fmi3GetUInt64";
     Instance *s = instance;
-    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values)) {
+    Member counter;
+    if (!may(s, NAME, FMI3_READABLE, valueReferences, nValueReferences, values, values)) {
         return fmi3Error;
     }
     for (size_t i = 0; i < nValueReferences && i < nValues; i++) {
-        size_t port;
-        unsigned member;
-        const Link *link = port_of(s, NAME, valueReferences[i], &port, &member);
-        if (link == NULL) {
+        if (!is_member(s, NAME, valueReferences[i], COUNTERS, &counter)) {
             return fmi3Error;
         }
-        if (member < FIRST_COUNTER || member >= FIRST_COUNTER + N_PORT_COUNTERS) {
-            return fmi3_wrong_type(s, NAME, valueReferences[i]);
-        }
-        values[i] = link->counter[member - FIRST_COUNTER];
+        values[i] = counter.link->counter[counter.number - FIRST_COUNTER];
     }
     return fmi3OK;
 }

@@ -16,21 +16,22 @@ static fmi3Status not_offered(const Instance *instance, const char *function) {
     return (fmi3Status)instance_not_offered(instance, function);
 }
 
-#define GET(Type)                                                                               \
-    fmi3Status fmi3Get##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[], \
-                             size_t nValueReferences, fmi3##Type values[], size_t nValues) {    \
-        (void)values;                                                                           \
-        (void)nValues;                                                                          \
-        return no_variables(instance, "fmi3Get" #Type, valueReferences, nValueReferences);      \
+/* Parameters of the standard that no function here needs. */
+static void unused(int number, ...) {
+    (void)number;
+}
+
+#define VARIABLES fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences
+
+/* A function of variables, with its other parameters and their names. */
+#define NO_VARIABLES(function, parameters, ...)                                      \
+    fmi3Status function parameters {                                                 \
+        unused(0, __VA_ARGS__);                                                      \
+        return no_variables(instance, #function, valueReferences, nValueReferences); \
     }
 
-#define SET(Type)                                                                                  \
-    fmi3Status fmi3Set##Type(fmi3Instance instance, const fmi3ValueReference valueReferences[],    \
-                             size_t nValueReferences, const fmi3##Type values[], size_t nValues) { \
-        (void)values;                                                                              \
-        (void)nValues;                                                                             \
-        return no_variables(instance, "fmi3Set" #Type, valueReferences, nValueReferences);         \
-    }
+#define GET(Type) NO_VARIABLES(fmi3Get##Type, (VARIABLES, fmi3##Type values[], size_t nValues), values, nValues)
+#define SET(Type) NO_VARIABLES(fmi3Set##Type, (VARIABLES, const fmi3##Type values[], size_t nValues), values, nValues)
 
 GET(Float32)
 GET(Int8)
@@ -47,70 +48,26 @@ SET(UInt16)
 SET(UInt32)
 SET(UInt64)
 SET(String)
+NO_VARIABLES(fmi3GetIntervalFraction,
+             (VARIABLES, fmi3UInt64 counters[], fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]),
+             counters, resolutions, qualifiers)
+NO_VARIABLES(fmi3GetShiftDecimal, (VARIABLES, fmi3Float64 shifts[]), shifts)
+NO_VARIABLES(fmi3GetShiftFraction, (VARIABLES, fmi3UInt64 counters[], fmi3UInt64 resolutions[]), counters, resolutions)
+NO_VARIABLES(fmi3SetIntervalDecimal, (VARIABLES, const fmi3Float64 intervals[]), intervals)
+NO_VARIABLES(fmi3SetIntervalFraction, (VARIABLES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), counters,
+             resolutions)
+NO_VARIABLES(fmi3SetShiftDecimal, (VARIABLES, const fmi3Float64 shifts[]), shifts)
+NO_VARIABLES(fmi3SetShiftFraction, (VARIABLES, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]), counters,
+             resolutions)
 
-fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                   size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[],
-                                   fmi3IntervalQualifier qualifiers[]) {
-    (void)counters;
-    (void)resolutions;
-    (void)qualifiers;
-    return no_variables(instance, "fmi3GetIntervalFraction", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, fmi3Float64 shifts[]) {
-    (void)shifts;
-    return no_variables(instance, "fmi3GetShiftDecimal", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                size_t nValueReferences, fmi3UInt64 counters[], fmi3UInt64 resolutions[]) {
-    (void)counters;
-    (void)resolutions;
-    return no_variables(instance, "fmi3GetShiftFraction", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                  size_t nValueReferences, const fmi3Float64 intervals[]) {
-    (void)intervals;
-    return no_variables(instance, "fmi3SetIntervalDecimal", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetIntervalFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                   size_t nValueReferences, const fmi3UInt64 counters[],
-                                   const fmi3UInt64 resolutions[]) {
-    (void)counters;
-    (void)resolutions;
-    return no_variables(instance, "fmi3SetIntervalFraction", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetShiftDecimal(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, const fmi3Float64 shifts[]) {
-    (void)shifts;
-    return no_variables(instance, "fmi3SetShiftDecimal", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3SetShiftFraction(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                size_t nValueReferences, const fmi3UInt64 counters[], const fmi3UInt64 resolutions[]) {
-    (void)counters;
-    (void)resolutions;
-    return no_variables(instance, "fmi3SetShiftFraction", valueReferences, nValueReferences);
-}
-
-fmi3Status fmi3GetOutputDerivatives(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                    size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
-                                    size_t nValues) {
-    (void)valueReferences;
-    (void)orders;
-    (void)values;
-    (void)nValues;
+fmi3Status fmi3GetOutputDerivatives(VARIABLES, const fmi3Int32 orders[], fmi3Float64 values[], size_t nValues) {
+    unused(0, valueReferences, orders, values, nValues);
     return nValueReferences == 0 && instance != NULL ? fmi3OK : not_offered(instance, "fmi3GetOutputDerivatives");
 }
 
 fmi3Status fmi3GetNumberOfVariableDependencies(fmi3Instance instance, fmi3ValueReference valueReference,
                                                size_t *nDependencies) {
-    (void)valueReference;
-    (void)nDependencies;
+    unused(0, valueReference, nDependencies);
     return not_offered(instance, "fmi3GetNumberOfVariableDependencies");
 }
 
@@ -118,19 +75,14 @@ fmi3Status fmi3GetVariableDependencies(fmi3Instance instance, fmi3ValueReference
                                        size_t elementIndicesOfDependent[], fmi3ValueReference independents[],
                                        size_t elementIndicesOfIndependents[], fmi3DependencyKind dependencyKinds[],
                                        size_t nDependencies) {
-    (void)dependent;
-    (void)elementIndicesOfDependent;
-    (void)independents;
-    (void)elementIndicesOfIndependents;
-    (void)dependencyKinds;
-    (void)nDependencies;
+    unused(0, dependent, elementIndicesOfDependent, independents, elementIndicesOfIndependents, dependencyKinds,
+           nDependencies);
     return not_offered(instance, "fmi3GetVariableDependencies");
 }
 
 fmi3Status fmi3ActivateModelPartition(fmi3Instance instance, fmi3ValueReference clockReference,
                                       fmi3Float64 activationTime) {
-    (void)clockReference;
-    (void)activationTime;
+    unused(0, clockReference, activationTime);
     return not_offered(instance, "fmi3ActivateModelPartition");
 }
 
@@ -141,14 +93,8 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3ClockUpdateCallback clockUpdate,
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption) {
-    (void)instanceName;
-    (void)instantiationToken;
-    (void)resourcePath;
-    (void)visible;
-    (void)loggingOn;
-    (void)clockUpdate;
-    (void)lockPreemption;
-    (void)unlockPreemption;
+    unused(0, instanceName, instantiationToken, resourcePath, visible, loggingOn, clockUpdate, lockPreemption,
+           unlockPreemption);
     if (logMessage != NULL) {
         logMessage(instanceEnvironment, fmi3Error, CATEGORY_ERROR,
                    "scheduled execution is not supported by this FMU");

@@ -1,5 +1,35 @@
 #include "link.h"
 
+/* Append an operation to *n bytes of at most `most`; 0 without a place for it. */
+static int append_operation(uint8_t *to, size_t *n, size_t most, uint32_t code, const uint8_t *arguments,
+                                   size_t length) {
+    if (length + OPERATION_HEAD > most - *n) {
+        return 0;
+    }
+    put_number(to + *n, code, 4);
+    put_number(to + *n + 4, OPERATION_HEAD + length, 4);
+    memcpy(to + *n + OPERATION_HEAD, arguments, length);
+    *n += OPERATION_HEAD + length;
+    return 1;
+}
+
+/* The operation at *at of n bytes: 1, and *at is behind it; 0 at the end, or where the rest is none. */
+static int next_operation(const uint8_t *bytes, size_t n, size_t *at, uint32_t *code, const uint8_t **arguments,
+                                 size_t *length) {
+    if (n - *at < OPERATION_HEAD) {
+        return 0;
+    }
+    const uint64_t whole = get_number(bytes + *at + 4, 4);
+    if (whole < OPERATION_HEAD || whole > n - *at) {
+        return 0;
+    }
+    *code = (uint32_t)get_number(bytes + *at, 4);
+    *arguments = bytes + *at + OPERATION_HEAD;
+    *length = (size_t)whole - OPERATION_HEAD;
+    *at += (size_t)whole;
+    return 1;
+}
+
 /* Answer what is no operation with a copy of its start. */
 static void refuse(Link *link, const uint8_t *bytes, size_t n) {
     uint8_t echo[2 + LONGEST_ECHO];
@@ -67,7 +97,8 @@ void link_send(Link *link, uint32_t code, const uint8_t *arguments, size_t n) {
 }
 
 /* A node states its rates before it transmits. */
-static void send_configuration(Link *link, const int32_t rate[2]) {
+static void send_configuration(Link *link, const NodeSetup *setup) {
+    const int32_t rate[] = {setup->can_rate, setup->fd_rate};
     uint8_t arguments[5];
     for (int k = 0; k < 2; k++) {
         if (rate[k] > 0) {
@@ -81,13 +112,13 @@ static void send_configuration(Link *link, const int32_t rate[2]) {
     link_send(link, CONFIGURATION_OF_BUS, arguments, 2);
 }
 
-int link_tick(Link *link, int32_t can_rate, int32_t fd_rate) {
+int link_tick(Link *link, const NodeSetup *setup) {
     if (link->is_ticking) {
         return 0;
     }
     link->is_ticking = 1;
     if (!link->has_begun) {
-        send_configuration(link, (const int32_t[]){can_rate, fd_rate});
+        send_configuration(link, setup);
         link->has_begun = 1;
     }
     if (link->n_reply <= sizeof link->out - link->n_out) {
@@ -120,15 +151,4 @@ int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, 
     link_send(link, frame->is_fd ? CAN_FD_TRANSMIT : CAN_TRANSMIT, arguments, head + (size_t)frame->length);
     link->counter[PORT_SENT]++;
     return 1;
-}
-
-int link_check(const Link *link) {
-    return link->n_heard <= sizeof link->heard && link->n_reply <= sizeof link->reply && link->n_out <= sizeof link->out;
-}
-
-int array_of(const unsigned char *bytes, size_t length, int64_t place, int64_t count, size_t each, const void **array) {
-    const int good = place >= 0 && place % 8 == 0 && count >= 0 && (uint64_t)place <= length
-                  && (uint64_t)count <= (length - (size_t)place) / each;
-    *array = bytes + (good ? place : 0);
-    return good;
 }

@@ -4,9 +4,45 @@
 #ifndef LINK_H
 #define LINK_H
 
+#include <string.h>
+
 #include "../bus/bus.h"
 #include "../core/ports.h"
-#include "operations.h"
+
+/* Codes of operations: u32 code, u32 length of all, arguments; little endian, without padding. */
+enum {
+    FORMAT_ERROR = 0x01,
+    CAN_TRANSMIT = 0x10,    /* u32 identifier, u8 extended, u8 remote, u16 n, data */
+    CAN_FD_TRANSMIT = 0x11, /* u32 identifier, u8 extended, u8 bit rate switch, u8 error state, u16 n, data */
+    CAN_XL_TRANSMIT = 0x12,
+    CONFIRM = 0x20,
+    ARBITRATION_LOST = 0x30,
+    BUS_ERROR = 0x31,
+    CONFIGURATION_OF_BUS = 0x40, /* u8 what, then its value */
+    STATUS_OF_NODE = 0x41,
+    WAKE_UP = 0x42
+};
+
+enum { OPERATION_HEAD = 8, CAN_HEAD = 8, CAN_FD_HEAD = 9, LONGEST_ECHO = 256 };
+
+/* What the operation of a configuration states. */
+enum { CAN_RATE = 1, CAN_FD_RATE = 2, ARBITRATION = 4 };
+
+enum { BUFFER_AND_RETRANSMIT = 1 };
+
+static inline void put_number(uint8_t *to, uint64_t value, int bytes) {
+    for (int i = 0; i < bytes; i++) {
+        to[i] = (uint8_t)(value >> 8 * i);
+    }
+}
+
+static inline uint64_t get_number(const uint8_t *from, int bytes) {
+    uint64_t value = 0;
+    for (int i = 0; i < bytes; i++) {
+        value |= (uint64_t)from[i] << 8 * i;
+    }
+    return value;
+}
 
 #define EXTENDED_FLAG 0x80000000u
 #define TIME_ROUND_OFF 1e-9 /* [s] */
@@ -23,9 +59,8 @@ typedef struct {
    the end, where all is forgotten. */
 int link_next(Link *link, size_t *at, Heard *heard);
 
-/* A tick begins: bit rates [bit/s, 0 for none] and arbitration in the first one, and what is to be replied. 0 if it has
-   begun before. */
-int link_tick(Link *link, int32_t can_rate, int32_t fd_rate);
+/* A tick begins: bit rates and arbitration in the first one, and what is to be replied. 0 if it has begun before. */
+int link_tick(Link *link, const NodeSetup *setup);
 
 /* The event ends: what was sealed is gone. */
 void link_end_tick(Link *link);
@@ -43,10 +78,5 @@ enum { MOST_SIGNALS = 512 }; /* a bit each */
 
 /* Send a frame with the values of its signals; 0 if a value does not fit, which counts as lost. */
 int link_send_frame(Link *link, const SentFrame *frame, const SbSignal *signal, const double *value, int counter);
-
-int link_check(const Link *link);
-
-/* Set an array of a resource of so many bytes; 0 if it does not lie in there. */
-int array_of(const unsigned char *bytes, size_t length, int64_t place, int64_t count, size_t each, const void **array);
 
 #endif

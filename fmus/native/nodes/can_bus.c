@@ -6,15 +6,10 @@
    depend on the content are not counted. Sources: ISO 11898-1:2015; FMI-LS-BUS 1.0.0, section 5.5.1. */
 
 #include <math.h>
-#include <stddef.h>
-#include <stdio.h>
-#include <stdlib.h>
 
-#include "../core/resource.h"
-#include "../network/link.h"
 #include "nodes.h"
 
-enum { QUEUE = 64, OTHER_BIT_RATE = 1, HEADER_OF_RESOURCE = 32 };
+enum { QUEUE = 64, OTHER_BIT_RATE = 1 };
 
 typedef struct {
     uint32_t key, n;
@@ -28,16 +23,19 @@ typedef struct {
     Frame queue[QUEUE];
 } Port;
 
+/* What lies behind the ports in the state. */
 typedef struct {
-    double end;             /* of the frame on the wire [s] */
+    double end;              /* of the frame on the wire [s] */
     int32_t sender, is_busy; /* its port */
-    Port port[MAX_PORTS];
-} State;
+} Wire;
 
-typedef struct {
-    int32_t n_ports;
-    State state;
-} Bus;
+static Port *ports_of(const Node *bus) {
+    return bus->state;
+}
+
+static Wire *wire_of(const Node *bus) {
+    return (Wire *)(void *)(ports_of(bus) + bus->setup->n_ports);
+}
 
 static Frame *head_of(Port *port) {
     return port->n > 0 ? &port->queue[port->first] : NULL;
@@ -67,11 +65,11 @@ static double duration(const Port *sender, const Frame *frame) {
 }
 
 /* Whether another node has stated another bit rate. */
-static int differs(const Bus *bus, const Port *sender) {
+static int differs(const Node *bus, const Port *sender) {
     int other = 0;
-    for (int p = 0; p < bus->n_ports; p++) {
+    for (int p = 0; p < bus->setup->n_ports; p++) {
         for (int k = 0; k < 2; k++) {
-            const uint32_t rate = bus->state.port[p].rate[k];
+            const uint32_t rate = ports_of(bus)[p].rate[k];
             other = other || (rate > 0 && sender->rate[k] > 0 && rate != sender->rate[k]);
         }
     }
@@ -79,12 +77,12 @@ static int differs(const Bus *bus, const Port *sender) {
 }
 
 /* Arbitration: the next frame goes on the wire, if there is any. */
-static void arbitrate(Bus *bus, double time) {
-    State *s = &bus->state;
-    while (!s->is_busy) {
+static void arbitrate(Node *bus, double time) {
+    Wire *wire = wire_of(bus);
+    while (!wire->is_busy) {
         Port *best = NULL;
-        for (int p = 0; p < bus->n_ports; p++) {
-            Port *port = &s->port[p];
+        for (int p = 0; p < bus->setup->n_ports; p++) {
+            Port *port = ports_of(bus) + p;
             best = head_of(port) != NULL && (best == NULL || priority(head_of(port)) < priority(head_of(best))) ? port : best;
         }
         if (best == NULL) {
@@ -100,22 +98,22 @@ static void arbitrate(Bus *bus, double time) {
             remove_head(best);
             continue;
         }
-        s->is_busy = 1;
-        s->sender = (int32_t)(best - s->port);
-        s->end = time + duration(best, head_of(best));
+        wire->is_busy = 1;
+        wire->sender = (int32_t)(best - ports_of(bus));
+        wire->end = time + duration(best, head_of(best));
     }
 }
 
 /* The frame on the wire ends, and arrives. */
-static void finish(Bus *bus, double time) {
-    State *s = &bus->state;
-    if (!s->is_busy || s->end > time + TIME_ROUND_OFF) {
+static void finish(Node *bus, double time) {
+    Wire *wire = wire_of(bus);
+    if (!wire->is_busy || wire->end > time + TIME_ROUND_OFF) {
         return;
     }
-    Port *sender = &s->port[s->sender];
+    Port *sender = ports_of(bus) + wire->sender;
     const Frame *frame = head_of(sender);
-    for (int p = 0; p < bus->n_ports; p++) {
-        Port *port = &s->port[p];
+    for (int p = 0; p < bus->setup->n_ports; p++) {
+        Port *port = ports_of(bus) + p;
         if (port == sender) {
             link_send(&port->link, CONFIRM, frame->operation + OPERATION_HEAD, 4);
         } else {
@@ -124,7 +122,7 @@ static void finish(Bus *bus, double time) {
             port->link.counter[PORT_SENT]++;
         }
     }
-    s->is_busy = 0;
+    wire->is_busy = 0;
     remove_head(sender);
 }
 
@@ -146,17 +144,15 @@ static void take(Port *port, const Heard *heard) {
     }
 }
 
-static void tick(void *of, size_t port, double time) {
-    Bus *bus = of;
+static void tick(Node *bus, size_t port, double time) {
     finish(bus, time);
-    link_tick(&bus->state.port[port].link, 0, 0);
+    link_tick(&ports_of(bus)[port].link, bus->setup);
 }
 
-static void update(void *of, double time) {
-    Bus *bus = of;
+static void update(Node *bus, double time) {
     finish(bus, time);
-    for (int p = 0; p < bus->n_ports; p++) {
-        Port *port = &bus->state.port[p];
+    for (int p = 0; p < bus->setup->n_ports; p++) {
+        Port *port = ports_of(bus) + p;
         Heard heard;
         link_end_tick(&port->link);
         for (size_t at = 0; link_next(&port->link, &at, &heard);) {
@@ -166,88 +162,46 @@ static void update(void *of, double time) {
     arbitrate(bus, time);
 }
 
-static double due(const void *of, size_t port) {
-    const State *s = &((const Bus *)of)->state;
-    const Link *link = &s->port[port].link;
-    return link->n_out + link->n_reply > 0 ? -INFINITY : s->is_busy ? s->end : INFINITY;
+static double due(const Node *bus, size_t port) {
+    const Wire *wire = wire_of(bus);
+    return ports_of(bus)[port].link.n_out > 0 ? -INFINITY : wire->is_busy ? wire->end : INFINITY;
 }
 
-static Link *link_of(const void *of, size_t port) {
-    Bus *bus = (Bus *)(uintptr_t)of;
-    return port < (size_t)bus->n_ports ? &bus->state.port[port].link : NULL;
+static size_t prepare(Node *bus) {
+    return (size_t)bus->setup->n_ports * sizeof(Port) + sizeof(Wire);
 }
 
-static int is_triggered(const void *node) {
-    (void)node;
-    return 0;
-}
-
-static void begin(void *of, double time) {
-    Bus *bus = of;
+static void begin(Node *bus, double time) {
     (void)time;
-    memset(&bus->state, 0, sizeof bus->state);
-    for (int p = 0; p < bus->n_ports; p++) {
-        bus->state.port[p].link.has_begun = 1; /* a bus states no rates */
+    for (int p = 0; p < bus->setup->n_ports; p++) {
+        ports_of(bus)[p].link.has_begun = 1; /* a bus states no rates */
     }
 }
 
-static void *create(Model *model, unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
-    Bus *bus = NULL;
-    (void)model;
-    if (resource_check(bytes, length, "SFMUCAN", CAN_BUS_VERSION, "bus", text)) {
-        const uint32_t n_ports = length == HEADER_SIZE ? u32_at(bytes, HEADER_OF_RESOURCE) : 0;
-        bus = n_ports >= 1 && n_ports <= MAX_PORTS ? calloc(1, sizeof *bus) : NULL;
-        if (bus != NULL) {
-            bus->n_ports = (int32_t)n_ports;
-        } else {
-            snprintf(text, MODEL_TEXT_SIZE, "holds no bus of 1 to %d ports, or there is no memory for it", MAX_PORTS);
-        }
-    }
-    free(bytes);
-    return bus;
-}
-
-static void *state(const void *of, size_t *size) {
-    Bus *bus = (Bus *)(uintptr_t)of;
-    *size = offsetof(State, port) + (size_t)bus->n_ports * sizeof(Port);
-    return &bus->state;
-}
-
-static int check_state(const void *of, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
-    const int n_ports = ((const Bus *)of)->n_ports;
-    size_t size;
-    (void)state(of, &size);
-    State *s = malloc(size);
-    int good = s != NULL;
-    if (good) {
-        memcpy(s, bytes, size);
-        good = s->sender >= 0 && s->sender < n_ports && (!s->is_busy || s->port[s->sender].n > 0);
-    }
-    for (int p = 0; good && p < n_ports; p++) {
-        const Port *port = &s->port[p];
-        good = link_check(&port->link) && port->first >= 0 && port->first < QUEUE && port->n >= 0 && port->n <= QUEUE;
+static int check_state(const Node *bus, const void *state) {
+    const int n_ports = bus->setup->n_ports;
+    const Port *port = state;
+    const Wire *wire = (const Wire *)(const void *)(port + n_ports);
+    int good = wire->sender >= 0 && wire->sender < n_ports && (!wire->is_busy || port[wire->sender].n > 0);
+    for (int p = 0; good && p < n_ports; p++, port++) {
+        good = port->first >= 0 && port->first < QUEUE && port->n >= 0 && port->n <= QUEUE;
         for (int k = 0; good && k < port->n; k++) {
             const uint32_t n = port->queue[(port->first + k) % QUEUE].n;
             good = n >= OPERATION_HEAD + CAN_HEAD && n <= sizeof port->queue[k].operation;
         }
     }
-    free(s);
-    if (!good) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds frames that cannot be");
-    }
     return good;
 }
 
-const Ports CAN_BUS = {
+const NodeKind CAN_BUS = {
     .resource = "can.bin",
-    .create = create,
-    .destroy = free,
+    .most_ports = MAX_PORTS,
+    .node_size = sizeof(Node),
+    .port_size = sizeof(Port),
+    .prepare = prepare,
     .begin = begin,
-    .is_triggered = is_triggered,
-    .link = link_of,
     .due = due,
     .tick = tick,
     .update = update,
-    .state = state,
     .check_state = check_state,
 };

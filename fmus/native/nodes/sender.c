@@ -5,15 +5,31 @@
    how long it has been known. With them a bridge bounds the age of the strains. */
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 
 #include "../bus/rounding.h"
 #include "../core/floating.h"
-#include "../core/resource.h"
 #include "nodes.h"
 
-enum { HEADER_OF_RESOURCE = 32, CYCLES = 256 };
+enum { CYCLES = 256 };
+
+/* Where the value of a signal comes from: a variable of the model, by its number, or one of these. */
+enum { CONSTANT = -1, SAMPLE_TIME = -2, HEARD_COUNTER = -3, HEARD_TIME = -4, HEARD_DELAY = -5 };
+
+/* `value`: of a constant in its signal's unit; of times the unit of the raw number [s]. */
+typedef struct {
+    int32_t from, padding;
+    double value;
+} SenderSource;
+
+/* The tables of resources/sender.bin, as strainfmu/can/nodes.py writes them: set-up; frames, their signals and sources;
+   and of the answer the signals of: counter of the cycle that it answers, its own counter, its sample time if any. */
+enum { SETUP, FRAME, SENT, SOURCE, ANSWER };
+
+typedef struct {
+    double period; /* [s] */
+    uint32_t answer_key;
+    int32_t answer_length;
+} SenderSetup;
 
 #define NONE_HEARD 4294967295.0 /* sample time that stands for no result */
 
@@ -25,15 +41,9 @@ typedef struct {
     uint64_t cycle;
 } State;
 
-typedef struct {
-    Model *model;
-    unsigned char *bytes;
-    const SenderSetup *setup;
-    const SentFrame *frame;
-    const SbSignal *sent, *answer;
-    const SenderSource *source;
-    State state;
-} Sender;
+static const SenderSetup *setup_of(const Node *sender) {
+    return sender->table[SETUP];
+}
 
 static double ticks_of(double time, double tick, const SbSignal *signal) {
     double modulus = 1.0;
@@ -43,8 +53,8 @@ static double ticks_of(double time, double tick, const SbSignal *signal) {
     return remainder_of((double)whole_number(time / tick), modulus) * signal->scale + signal->offset;
 }
 
-static double value_of(const Sender *sender, const SbSignal *signal, const SenderSource *source, double time) {
-    const State *s = &sender->state;
+static double value_of(const Node *sender, const SbSignal *signal, const SenderSource *source, double time) {
+    const State *s = sender->state;
     const int has_heard = !isnan(s->heard_at);
     switch (source->from) {
     case CONSTANT: return source->value;
@@ -66,32 +76,34 @@ static double value_of(const Sender *sender, const SbSignal *signal, const Sende
     }
 }
 
-static void send_cycle(Sender *sender, double time) {
-    State *s = &sender->state;
+static void send_cycle(Node *sender, double time) {
+    State *s = sender->state;
+    const SentFrame *frame = sender->table[FRAME];
+    const SbSignal *sent = sender->table[SENT];
+    const SenderSource *source = sender->table[SOURCE];
+    const double period = setup_of(sender)->period;
     double value[MOST_SIGNALS];
     s->sampled[s->cycle % CYCLES] = time;
-    for (int32_t f = 0; f < sender->setup->n_frames; f++) {
-        const SentFrame *frame = &sender->frame[f];
+    for (int64_t f = 0; f < sender->setup->table[FRAME].count; f++, frame++) {
         const uint64_t every = (uint64_t)frame->kind; /* in cycles */
         if (s->cycle % every != 0) {
             continue;
         }
         for (int32_t k = 0; k < frame->n_signals; k++) {
-            value[k] = value_of(sender, sender->sent + frame->first + k, sender->source + frame->first + k, time);
+            value[k] = value_of(sender, sent + frame->first + k, source + frame->first + k, time);
         }
         const int counter = frame->modulus > 0 ? (int)(s->cycle / every % (uint64_t)frame->modulus) : -1;
-        link_send_frame(&s->link, frame, sender->sent, value, counter);
+        link_send_frame(&s->link, frame, sent, value, counter);
     }
     s->cycle++;
-    const double periods = (double)(int64_t)((time - s->begin) / sender->setup->period + 1e-6) + 1.0;
-    s->next = s->begin + periods * sender->setup->period;
+    const double periods = (double)(int64_t)((time - s->begin) / period + 1e-6) + 1.0;
+    s->next = s->begin + periods * period;
 }
 
-static void tick(void *of, size_t port, double time) {
-    Sender *sender = of;
+static void tick(Node *sender, size_t port, double time) {
+    State *s = sender->state;
     (void)port;
-    if (link_tick(&sender->state.link, sender->setup->can_rate, sender->setup->fd_rate)
-        && sender->state.next <= time + TIME_ROUND_OFF) {
+    if (link_tick(&s->link, sender->setup) && s->next <= time + TIME_ROUND_OFF) {
         const Floating host = floating_enter();
         send_cycle(sender, time);
         floating_leave(&host);
@@ -99,15 +111,17 @@ static void tick(void *of, size_t port, double time) {
 }
 
 /* A result: which cycle it answers. */
-static void take_answer(Sender *sender, const Heard *heard, double time) {
-    const SenderSetup *e = sender->setup;
-    State *s = &sender->state;
+static void take_answer(Node *sender, const Heard *heard, double time) {
+    const SenderSetup *e = setup_of(sender);
+    const SbSignal *answer = sender->table[ANSWER];
+    const int n_answer = (int)sender->setup->table[ANSWER].count;
+    State *s = sender->state;
     int64_t raw[3] = {0, 0, 0};
     if (!heard->is_frame || heard->key != e->answer_key || heard->n != (size_t)e->answer_length) {
         return;
     }
-    sb_raw(sender->answer, e->n_answer, heard->data, raw);
-    if ((e->n_answer > 2 && raw[2] == sender->answer[2].none) || s->cycle <= (uint64_t)raw[0]) {
+    sb_raw(answer, n_answer, heard->data, raw);
+    if ((n_answer > 2 && raw[2] == answer[2].none) || s->cycle <= (uint64_t)raw[0]) {
         return;
     }
     s->heard_counter = (double)raw[1];
@@ -116,98 +130,45 @@ static void take_answer(Sender *sender, const Heard *heard, double time) {
     s->link.counter[PORT_USED]++;
 }
 
-static void update(void *of, double time) {
-    Sender *sender = of;
+static void update(Node *sender, double time) {
+    State *s = sender->state;
     Heard heard;
-    link_end_tick(&sender->state.link);
-    for (size_t at = 0; link_next(&sender->state.link, &at, &heard);) {
+    link_end_tick(&s->link);
+    for (size_t at = 0; link_next(&s->link, &at, &heard);) {
         take_answer(sender, &heard, time);
     }
 }
 
-static double due(const void *of, size_t port) {
-    const State *s = &((const Sender *)of)->state;
+static double due(const Node *sender, size_t port) {
     (void)port;
-    return s->link.has_begun && s->link.n_reply == 0 ? s->next : -INFINITY;
+    return ((const State *)sender->state)->next;
 }
 
-static Link *link_of(const void *of, size_t port) {
-    return port == 0 ? &((Sender *)(uintptr_t)of)->state.link : NULL;
+static size_t prepare(Node *sender) {
+    const NodeSetup *e = sender->setup;
+    const int good = e->table[SETUP].count == 1 && e->table[SENT].count == e->table[SOURCE].count
+                  && e->table[ANSWER].count <= 3;
+    return good ? sizeof(State) : 0;
 }
 
-static int is_triggered(const void *node) {
-    return ((const Sender *)node)->setup->is_triggered;
-}
-
-static void begin(void *of, double time) {
-    State *s = &((Sender *)of)->state;
-    memset(s, 0, sizeof *s);
+static void begin(Node *sender, double time) {
+    State *s = sender->state;
     s->begin = s->next = time;
     s->heard_at = NAN;
 }
 
-static void destroy(void *of) {
-    free(((Sender *)of)->bytes);
-    free(of);
-}
-
-static int read_setup(Sender *sender, size_t length) {
-    const unsigned char *b = sender->bytes;
-    const SenderSetup *e = (const SenderSetup *)(const void *)(b + HEADER_OF_RESOURCE);
-    sender->setup = e;
-    return length >= HEADER_OF_RESOURCE + sizeof *e
-        && array_of(b, length, e->frame, e->n_frames, sizeof(SentFrame), (const void **)&sender->frame)
-        && array_of(b, length, e->sent, e->n_sent, sizeof(SbSignal), (const void **)&sender->sent)
-        && array_of(b, length, e->source, e->n_sent, sizeof(SenderSource), (const void **)&sender->source)
-        && array_of(b, length, e->answer, e->n_answer, sizeof(SbSignal), (const void **)&sender->answer)
-        && memchr(e->guid, 0, sizeof e->guid) != NULL && strcmp(e->guid, sender->model->guid) == 0;
-}
-
-static void *create(Model *model, unsigned char *bytes, size_t length, char text[MODEL_TEXT_SIZE]) {
-    Sender *sender = resource_check(bytes, length, "SFMUSEN", SENDER_VERSION, "sender", text) ? calloc(1, sizeof *sender) : NULL;
-    if (sender == NULL) {
-        free(bytes);
-        return NULL;
-    }
-    sender->model = model;
-    sender->bytes = bytes;
-    if (!read_setup(sender, length)) {
-        snprintf(text, MODEL_TEXT_SIZE, "is not the sender of this FMU");
-        destroy(sender);
-        return NULL;
-    }
-    return sender;
-}
-
-static void *state(const void *of, size_t *size) {
-    *size = sizeof(State);
-    return &((Sender *)(uintptr_t)of)->state;
-}
-
-static int check_state(const void *of, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
-    State s;
-    (void)of;
-    memcpy(&s, bytes, sizeof s);
-    if (!link_check(&s.link)) {
-        snprintf(text, MODEL_TEXT_SIZE, "holds frames that cannot be");
-        return 0;
-    }
-    return 1;
-}
-
-const Ports SENDER = {
+const NodeKind SENDER = {
     .resource = "sender.bin",
     .steps_model = 1,
-    .create = create,
-    .destroy = destroy,
+    .most_ports = 1,
+    .node_size = sizeof(Node),
+    .port_size = sizeof(Link),
+    .row_size = {sizeof(SenderSetup), sizeof(SentFrame), sizeof(SbSignal), sizeof(SenderSource), sizeof(SbSignal)},
+    .prepare = prepare,
     .begin = begin,
-    .is_triggered = is_triggered,
-    .link = link_of,
     .due = due,
     .tick = tick,
     .update = update,
-    .state = state,
-    .check_state = check_state,
 };
 
-const Ports *const PORTS[] = {&SENDER, &CAN_BUS, NULL};
+const NodeKind *const NODE_KINDS[] = {&SENDER, &CAN_BUS, NULL};

@@ -5,9 +5,14 @@ Source: FMI-LS-BUS 1.0.0, sections 2 (manifest), 5.3 (variables) and 5.4 (termin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+
+from strainfmu.fmu.plant_resource import resource_file
 
 FIRST_PORT = 2_000_000
 """Value reference of the data that the first port receives, as ``fmus/native/fmi3/fmi3.h`` has it."""
@@ -56,6 +61,17 @@ class Port:
     tx_clock: str
 
 
+_HEADER = 32
+_SETUP = np.dtype(
+    [
+        ("guid", "S96"),
+        *((name, "i4") for name in ("n_ports", "is_triggered", "can_rate", "fd_rate")),
+        ("tables", [("place", "i8"), ("count", "i8")], 13),
+    ]
+)
+"""``NodeSetup`` of ``core/ports.h``."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BusPart:
     """What puts an FMU on a bus.
@@ -63,7 +79,9 @@ class BusPart:
     Attributes
     ----------
     ports : its ports.
-    resource, content : name of a file of ``resources/``, and what returns it for a guid.
+    resource : name of a file of ``resources/``.
+    tables : what that file holds, in the order of the kind of node in ``fmus/native``.
+    can_rate, fd_rate : bit rates [bit/s], 0 for none.
     dbc : DBC file of the frames, None for none.
     lines : what its page states of the bus, as HTML.
     is_bus : it is the bus itself.
@@ -71,10 +89,43 @@ class BusPart:
 
     ports: tuple[Port, ...]
     resource: str
-    content: Callable[[str], bytes]
+    tables: tuple[np.ndarray[Any, Any], ...] = ()
+    can_rate: int = 0
+    fd_rate: int = 0
     dbc: bytes | None = None
-    lines: tuple[str, ...] = field(default_factory=tuple)
+    lines: tuple[str, ...] = ()
     is_bus: bool = False
+
+    def content(self, guid: str) -> bytes:
+        """Return the file for the FMU with ``guid``."""
+        setup, parts = np.zeros((), dtype=_SETUP), list[bytes]()
+        setup["guid"], setup["n_ports"] = guid.encode(), len(self.ports)
+        setup["is_triggered"] = self.ports[0].tx_clock == "triggered"
+        setup["can_rate"], setup["fd_rate"] = self.can_rate, self.fd_rate
+        for place, table in zip(setup["tables"], self.tables, strict=False):
+            place["place"], place["count"] = _HEADER + _SETUP.itemsize + sum(map(len, parts)), len(table)
+            parts += [table.tobytes(), bytes(-table.nbytes % 8)]
+        return resource_file(b"SFMUNOD", 1, setup.tobytes() + b"".join(parts))
+
+    def files(self, guid: str) -> Mapping[str, bytes]:
+        """Return content by name: the file of the node with ``guid``, terminal, manifest, DBC file."""
+        root = Element(
+            "fmiLayeredStandardManifest",
+            {
+                "xmlns:fmi-ls": _MANIFEST_NAMESPACE,
+                "fmi-ls:fmi-ls-name": _NAME,
+                "fmi-ls:fmi-ls-version": "1.0.0",
+                "fmi-ls:fmi-ls-description": _DESCRIPTION,
+                "isBusSimulationFMU": str(self.is_bus).lower(),
+            },
+        )
+        folder = f"extra/{_NAME}"
+        return {
+            f"resources/{self.resource}": self.content(guid),
+            "terminalsAndIcons/terminalsAndIcons.xml": _terminals(self.ports),
+            f"{folder}/fmi-ls-manifest.xml": tostring(root, encoding="UTF-8", xml_declaration=True),
+            **({} if self.dbc is None else {f"{folder}/{self.ports[0].network}.dbc": self.dbc}),
+        }
 
 
 def add_port(variables: Element, structure: Element, port: Port, number: int) -> None:
@@ -113,27 +164,6 @@ def add_port(variables: Element, structure: Element, port: Port, number: int) ->
         structure.insert(place + offset, output)
     for reference in counters:
         SubElement(structure, "InitialUnknown", {"valueReference": str(reference), "dependencies": ""})
-
-
-def port_files(part: BusPart) -> Mapping[str, bytes]:
-    """Return content by name: terminal, manifest and DBC file."""
-    root = Element(
-        "fmiLayeredStandardManifest",
-        {
-            "xmlns:fmi-ls": _MANIFEST_NAMESPACE,
-            "fmi-ls:fmi-ls-name": _NAME,
-            "fmi-ls:fmi-ls-version": "1.0.0",
-            "fmi-ls:fmi-ls-description": _DESCRIPTION,
-            "isBusSimulationFMU": str(part.is_bus).lower(),
-        },
-    )
-    folder = f"extra/{_NAME}"
-    dbc = {} if part.dbc is None else {f"{folder}/{part.ports[0].network}.dbc": part.dbc}
-    return {
-        "terminalsAndIcons/terminalsAndIcons.xml": _terminals(part.ports),
-        f"{folder}/fmi-ls-manifest.xml": tostring(root, encoding="UTF-8", xml_declaration=True),
-        **dbc,
-    }
 
 
 def _terminals(ports: Sequence[Port]) -> bytes:

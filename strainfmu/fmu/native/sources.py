@@ -30,7 +30,7 @@ _CORE = "core"
 _INCLUDE = re.compile(rb'^#include "([^"]+)"', re.MULTILINE)
 
 
-_NO_PORTS = b'#include "core/ports.h"\n\nconst Ports *const PORTS[] = {0};\n'
+_NO_PORTS = b'#include "core/ports.h"\n\nconst NodeKind *const NODE_KINDS[] = {0};\n'
 """A source for FMUs of FMI 3.0 that are on no bus."""
 
 

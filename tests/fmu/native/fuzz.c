@@ -451,8 +451,8 @@ static void fuzz_state(Input *input, int is_changed) {
     instance->model->mode = STEP;
     if (is_changed) {
         bytes = calloc(1, size);
-        if (bytes == NULL || state_get(instance, &state) != STATUS_OK
-            || state_serialize(instance, state, bytes, size) != STATUS_OK) {
+        if (bytes == NULL || state_get(instance, "fuzz", &state) != STATUS_OK
+            || state_serialize(instance, "fuzz", state, bytes, size) != STATUS_OK) {
             abort();
         }
         while (input->left > 0) {
@@ -462,7 +462,7 @@ static void fuzz_state(Input *input, int is_changed) {
     } else {
         bytes = copy_of(input->data, size);
     }
-    if (state_deserialize(instance, bytes, size, &state) == STATUS_OK) {
+    if (state_deserialize(instance, "fuzz", bytes, size, &state) == STATUS_OK) {
         if (state_set(instance, state) != STATUS_OK) {
             abort(); /* what was taken once must be taken again */
         }
@@ -471,7 +471,7 @@ static void fuzz_state(Input *input, int is_changed) {
         if (!model_get_reals(instance->model, &outputs, value, text)) {
             abort();
         }
-        if (state_get(instance, &again) != STATUS_OK || state_serialize(instance, again, bytes, size) != STATUS_OK) {
+        if (state_get(instance, "fuzz", &again) != STATUS_OK || state_serialize(instance, "fuzz", again, bytes, size) != STATUS_OK) {
             abort();
         }
         instance->model->mode = STEP;
@@ -481,8 +481,8 @@ static void fuzz_state(Input *input, int is_changed) {
             abort();
         }
     }
-    state_free(&state);
-    state_free(&again);
+    state_free(instance, &state);
+    state_free(instance, &again);
     free(bytes);
     instance_free(instance);
 }
