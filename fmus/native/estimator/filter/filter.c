@@ -37,7 +37,9 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     if (!map_has(file, "filter")) {
         return file->good;
     }
-    if (!filter_map_parse(file, &filter->map)) {
+    MAP_READ(file, "filter", FILTER, FilterMap, &filter->map);
+    if (!map_require(file, filter->map.largest_time > filter->map.smallest_time, "filter.largest_time",
+                     "a number above the smallest time")) {
         return 0;
     }
     filter->channels = filter->windows.channels = channels;

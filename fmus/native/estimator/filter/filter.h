@@ -5,7 +5,7 @@
 #ifndef FILTER_H
 #define FILTER_H
 
-#include "../map/filter_map.h"
+#include "../map/flight_map.h"
 #include "../sample/inputs.h"
 #include "windows.h"
 
@@ -22,6 +22,13 @@ typedef struct {
     double now;      /* of the sample that follows [s] */
     double has_last; /* whether there is a filtered sample, 0 or 1 */
 } FilterTrack;
+
+/* Part "filter" of map.bin: bounds of the time constant [s], the part of the variance of air data that averages out,
+   the variance nu_g of each gauge's noise, standard deviations of the rates of (M, u, w, ln p_inf) [1/s] while no
+   strain comes. docs/explanation/filter.md, "Model" and "What does not fit". */
+typedef struct {
+    MAP_MEMBERS(FILTER)
+} FilterMap;
 
 typedef struct {
     int present; /* whether the map has one; if not, nothing else is set */

@@ -189,7 +189,7 @@ double windows_look(Windows *windows, double time, double longest, const double 
     choose(windows, time, longest, value, noise, chosen, of_fit);
     const int fit = of_fit[LINE] < of_fit[MEAN] ? LINE : MEAN;
     /* Rates come from the window of the line, at least from the sample and the youngest span, by mean or by line: a
-       step without strain goes on with them (policies/coast.c). */
+       step without strain goes on with them (policies/filtered_outputs.c). */
     set_window(windows, time, chosen[LINE] > one ? chosen[LINE] : one, value, noise);
     set_rates(windows, rate);
     memcpy(mean, value, size);

@@ -13,7 +13,7 @@
 #include "../estimator_derivative.h"
 #include "../policies/health.h"
 #include "../sample/inertia.h"
-#include "../sample/pressure_source.h"
+#include "../sample/air_data.h"
 #include "../sample/readings.h"
 #include "estimator_model.h"
 #include "estimator_state.h"

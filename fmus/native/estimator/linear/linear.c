@@ -2,7 +2,7 @@
    conditioned loads.
 
    Strain gives loads only with a dynamic pressure q and its standard deviation: stated, the map's, or, where q is
-   computed from M and a pressure, by its sources (sample/pressure_source.c). Then scaled_form.c conditions the loads
+   computed from M and a pressure, by its sources (sample/air_data.c). Then scaled_form.c conditions the loads
    (linear_outputs.c).
 
    Measured angles may contradict the lateral coefficients. Lateral force rises by at most 1 / incidence_per_force
@@ -20,8 +20,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "../sample/measured_angles.h"
-#include "../sample/pressure_source.h"
+#include "../sample/air_data.h"
 #include "../update/scaled_form.h"
 #include "linear_outputs.h"
 

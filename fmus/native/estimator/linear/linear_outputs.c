@@ -16,8 +16,111 @@
 #include <math.h>
 #include <string.h>
 
+#include "../numerics/dense.h"
+#include "../numerics/wide.h"
 #include "../update/scaled_form.h"
-#include "suspects.h"
+#include "linear_state.h"
+
+/* The gauge that does not fit the others: the largest leave-one-out residual z_i = (P r)_i / sqrt(P_ii).
+
+   All z cost a product of n^2. A screen in float shows first, with a bound of its own error, that no |z| can be
+   above the threshold, as in nearly every step; only where it leaves that open are they computed in double. So the
+   screen decides about time, never about a result.
+
+       z_i^2 = (V_i' x)^2 / P_ii,    x = u w,    y_i = V_i' x / |V_i| in float,
+       z_i^2 <= (|y_i| + error margin_i)^2 bound_i,    bound_i >= |V_i|^2 / P_ii,    margin_i >= sqrt(P_ii) / |V_i|.
+
+   bound and margin belong to the interval of the pressure ratio (update/current_errors.c). Gauges whose residuals
+   always move together cannot be distinguished and are named together: groups of update/masked_map.c.
+   docs/explanation/theory.md, "Missing and suspect gauges"; docs/explanation/alarm_levels.md has the thresholds. */
+
+/* |w|^2 up to which float holds w and the products with it. */
+#define LARGEST_SCREENED 0x1p40
+
+/* Whether some |z| may be above the limit. z^2 = (V_i' x)^2 / P_ii, where y = V_i' x / |V_i| was found in float and is wrong
+   by no more than error * margin; bound is no less than |V_i|^2 / P_ii. A number that is not finite counts as above. */
+EVERYWHERE int any_above(size_t n, const float *restrict y, const double *restrict margin, const double *restrict bound,
+                         double error, double square) {
+    int below = 1;
+    for (size_t i = 0; i < n; i++) {
+        const double largest = fabs((double)y[i]) + error * margin[i] + 1e-30;
+        below &= largest * largest * bound[i] <= square;
+    }
+    return !below;
+}
+
+/* 0 only if no |z| is above the threshold, found in float in a fraction of the time that z takes.
+
+   Let u = 2^-24. Rounding V_i and x to float, multiplying and adding n terms in any order is wrong by at most (n + 2) u
+   |V_i|' |x| to first order (Higham, Accuracy and Stability of Numerical Algorithms, section 3.1). Twice that covers the
+   second order (n <= 4096). With x = D (D w) it is at most (n + 4) 2^-23 sum_a |V_ai| u_a |w_a|, which by Cauchy and
+   Schwarz is at most the root of chi-square times the root of P_ii with all gauges. 1e-5 of the limit covers all rounding in
+   double. By the same inequality no z^2 is above chi-square: a small chi-square needs no products. Where chi-square
+   shows a fault, some |z| is above as a rule: nothing would be gained. */
+EVERYWHERE int may_exceed(Linear *linear, double threshold) {
+    const size_t n = linear->map->n_gauges;
+    ScaledStep *step = &linear->scaled.step;
+    const double chi_square = step->chi_square, limit = threshold * threshold * (1.0 - 1e-5);
+    if (chi_square <= limit) {
+        return 0;
+    }
+    if (!(chi_square <= LARGEST_SCREENED) || chi_square > linear->output[CHI_SQUARE_LIMIT]) {
+        return 1;
+    }
+    const Interval *interval = step->interval;
+    if (!(step->n_lost == 0 ? interval->bounded : step->bounded)) {
+        return 1;
+    }
+    const double *bound = step->n_lost == 0 ? interval->bound : step->bound;
+    for (size_t a = 0; a < n; a++) {
+        step->narrow[a] = (float)step->x[a];
+    }
+    narrow_times(linear->wide, n, n, linear->scaled.screen, step->narrow, step->narrow_z);
+    const double error = (double)(n + 4) * 0x1p-23 * sqrt(chi_square);
+    return any_above(n, step->narrow_z, interval->margin, bound, error, limit);
+}
+
+#if HAS_AVX2
+AVX2 static int may_exceed_avx2(Linear *linear, double threshold) {
+    return may_exceed(linear, threshold);
+}
+#endif
+
+/* Set the outputs for the gauge in use of that index. */
+static void name_suspects(Linear *linear, size_t worst) {
+    const MaskedMap *m = linear->prepared.masked;
+    size_t suspects = 0;
+    for (size_t k = 0; k < m->n_used; k++) {
+        suspects += m->group[k] == m->group[worst];
+    }
+    linear->output[SUSPECT_GAUGE] = (double)(m->used[m->group[worst]] + 1);
+    linear->output[SUSPECTS] = (double)suspects;
+}
+
+/* If some |z| is above the threshold, set the outputs SUSPECT_GAUGE and SUSPECTS: the gauge of the
+   largest |z|, and the number of those from which it cannot be distinguished. The step, CHI_SQUARE
+   and its limit must be set. */
+static void set_suspects(Linear *linear, double threshold) {
+    const MaskedMap *m = linear->prepared.masked;
+    if (!CHOSEN(linear->wide, may_exceed)(linear, threshold)) {
+        return;
+    }
+    double *z = linear->scaled.step.z;
+    size_t worst = 0;
+    double largest = 0.0;
+    scaled_standardised_residuals(&linear->scaled, z);
+    for (size_t k = 0; k < m->n_used; k++) {
+        const double size = fabs(z[m->used[k]]);
+        if (size > largest) {
+            largest = size;
+            worst = k;
+        }
+    }
+    if (largest > threshold) {
+        masked_map_groups(linear->map, linear->prepared.masked, &linear->prepared.work);
+        name_suspects(linear, worst);
+    }
+}
 
 /* (scale df/dq - C / q) s_q of each coefficient. */
 static void of_pressure(const Flow *flow, const double *scale, const double *coefficients, const double *per_pressure,
@@ -101,5 +204,32 @@ void linear_outputs(Linear *linear) {
         set_coefficients(linear, per_pressure, variance);
     } else {
         set_unknown_from(linear->output, COEFFICIENTS, LOADS);
+    }
+}
+
+/* Loads in addition to the five by the linear estimator, computed when they are read.
+
+   Value f_j, variance and df_j/dq come from the last conditioned step (scaled_form.c, scaled_other_load). The error
+   of q adds to both as for the five, sigma^2 = var f + (df/dq s_q)^2 for the load and scale^2 var f + (scale df/dq
+   s_q - C s_q / q)^2 for the coefficient (linear_outputs.c). NaN without identified state or q.
+   docs/explanation/dynamic_pressure.md, "Weights at any dynamic pressure". */
+
+void linear_other_loads_update(Linear *linear) {
+    OtherLoads *other_loads = linear->other_loads;
+    const double *scalar = linear->inputs->value + linear->map->n_gauges;
+    const int known = linear->prepared.masked->identified && linear->flow.known;
+    for (size_t j = 0; j < other_loads->map.n_loads; j++) {
+        double value = NAN, variance = NAN, per_pressure = NAN, scale = NAN;
+        if (known) {
+            const double length = other_loads->map.is_moment[j] > 0.0 ? scalar[REFERENCE_LENGTH] : 1.0;
+            scaled_other_load(&linear->scaled, j, &value, &variance, &per_pressure);
+            scale = 1.0 / (linear->flow.pressure * (scalar[REFERENCE_AREA] * length));
+        }
+        const double of_pressure = per_pressure * linear->flow.deviation, coefficient = scale * value;
+        const double of_both = scale * of_pressure - coefficient * (linear->flow.deviation / linear->flow.pressure);
+        other_loads->value[OTHER_LOADS][j] = value;
+        other_loads->value[OTHER_LOADS_STD][j] = sqrt(variance + of_pressure * of_pressure);
+        other_loads->value[OTHER_COEFFICIENTS][j] = coefficient;
+        other_loads->value[OTHER_COEFFICIENTS_STD][j] = sqrt(scale * scale * variance + of_both * of_both);
     }
 }

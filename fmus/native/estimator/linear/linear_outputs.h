@@ -9,4 +9,7 @@
    identify the state; of form "dynamic_pressure" where q_inf is known. */
 void linear_outputs(Linear *linear);
 
+/* Set linear->other_loads->value for the last step. */
+void linear_other_loads_update(Linear *linear);
+
 #endif

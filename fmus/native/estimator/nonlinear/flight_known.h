@@ -6,11 +6,26 @@
 #ifndef FLIGHT_KNOWN_H
 #define FLIGHT_KNOWN_H
 
-#include "../map/flight_known_map.h"
 #include "../sample/inputs.h"
 #include "flight_other_loads.h"
 #include "solver_state.h"
 
+/* Part "parameter_tables" of map.bin: tables and errors that follow known flow parameters, as sums over powers of
+   each parameter.
+
+   Powers are listed by ascending parameter, exponents 1 to 3. Tables of a power are sums over n_basis tables of
+   incidence and harmonic, weighted by Mach knot and row. Products of errors, per p_inf^2, come in the order: of what
+   no parameter makes; of each pair of powers a <= b of one parameter; of the spread of each parameter. Each product
+   is a run of
+
+       n n + 5 n + 25 + m n + m      strain; loads with strain; loads; m other loads with strain; variances of these
+
+   numbers. Arrays point into the bytes of the file. */
+typedef struct {
+    size_t n_rows, n_other; /* of strains, loads and other loads; of these the last */
+    MAP_MEMBERS(PARAMETER_TABLES)
+    MAP_MEMBERS(PRODUCTS)
+} KnownMap;
 
 /* Tables, and products of their errors per p_inf^2. */
 typedef struct {
@@ -39,6 +54,9 @@ typedef struct {
     double *weight, *shift, *along; /* (n_parameters), (n_powers), (n_powers) scratch */
     double *products;               /* (known_product_size) of `own` */
 } Known;
+
+/* Read the part in addition to the tables of strain. 1; 0 with a text. */
+int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_other, KnownMap *map);
 
 /* Lay out tables about the mean's, with other loads or without; number of doubles that all arrays take, and handing
    them out, filled in; after the tables of solver and other loads. */

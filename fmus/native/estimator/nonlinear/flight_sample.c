@@ -20,7 +20,7 @@
 #include <math.h>
 
 #include "../../core/elementary.h"
-#include "../sample/pressure_source.h"
+#include "../sample/air_data.h"
 #include "../sample/readings.h"
 
 /* Smallest standard deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */

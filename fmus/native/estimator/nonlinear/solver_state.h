@@ -6,7 +6,7 @@
 #define SOLVER_STATE_H
 
 #include "../map/map_resource.h"
-#include "../sample/measured_angles.h"
+#include "../sample/air_data.h"
 #include "flight_tables.h"
 
 #define N_RIGHT (1 + N_STATES) /* residual, then the columns of its Jacobian */

@@ -1,13 +1,22 @@
-/* Blocks of a product of matrices by rows, whose sums stay in registers; for products.c and what needs a product of its
+/* Blocks of a product of matrices by rows, whose sums stay in registers; for cholesky.c and what needs a product of its
    own. Every sum runs over its terms in order. */
 
 #ifndef BLOCKS_H
 #define BLOCKS_H
 
 #include "lanes.h"
-#include "strided.h"
 #include "wide.h"
 
+/* A matrix by rows, by columns, or a part of either: its element (i, k) is value[i * row + k * column]. */
+typedef struct {
+    const double *value;
+    size_t row, column;
+} Strided;
+
+/* One whose rows are `row` apart. */
+static inline Strided by_rows(const double *value, size_t row) {
+    return (Strided){value, row, 1};
+}
 #define MOST_ROWS 5
 #define BLOCK_COLUMNS 8
 #define WIDE_COLUMNS 24 /* with AVX-512, for which loading a number of the left factor into all lanes takes longest */

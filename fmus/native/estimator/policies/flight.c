@@ -2,7 +2,7 @@
    from step to step.
 
    An update goes: readings in use (flight_sample.c), air data and angles, tables about known flow parameters
-   (flight_known.c), then the solution and what is made of it (flight_track.c). It starts from track `base` and
+   (flight_known.c), then the solution and what is made of it (below). It starts from track `base` and
    writes track `next`, without changing base: outputs may be computed any number of times for different inputs until
    a step makes next the base (flight_take_next). The most iterations of a step follow from the numbers in the map:
    docs/reference/step_time.md, "Iterations". docs/explanation/nonlinear_estimator.md, "What comes out". */
@@ -12,11 +12,213 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "../linear/linear_other_loads.h"
+#include "../linear/linear.h"
+#include "../linear/linear_outputs.h"
 #include "../nonlinear/flight_sample.h"
+#include "../nonlinear/flight_search.h"
+#include "../nonlinear/flight_solve.h"
 #include "../nonlinear/flight_solver.h"
+#include "air_data_faults.h"
+#include "ambiguity.h"
 #include "flight_outputs.h"
-#include "flight_track.h"
+#include "flight_state.h"
+#include "other_solutions.h"
+
+/* Loads of the linear map where the tables' loads do not count.
+
+   Three cases: strain does not fit the tables; it has not fitted for return_after steps in a row since then, so that
+   one step that fits by chance does not switch the loads back and forth; fewer gauges are in use than the flight
+   state has quantities, of which solutions are too many to find them all. The linear map needs q_inf, measured or
+   computed. Without it the tables' loads stay, flagged by health; with too few gauges nothing is known.
+   docs/explanation/nonlinear_estimator.md, "What comes out" and "Lost gauges". */
+
+/* Steps that still must fit after one more that does. */
+static inline double flight_waiting(const Flight *flight) {
+    return flight->base.to_return > 1.0 ? flight->base.to_return - 1.0 : 0.0;
+}
+
+/* Loads of the linear map instead of the tables' loads, where it has some. */
+static void fall_back(Flight *flight) {
+    const double pressure = flight->navigation.of_loads[0], deviation = flight->navigation.of_loads[1];
+    if (isfinite(pressure) && linear_loads_at(flight->linear, pressure, deviation)) {
+        flight->flag[LINEAR_LOADS] = 1;
+    }
+}
+
+/* Whether gauges are lost and fewer are in use than the flight state has quantities: solutions of the tables' problem are too
+   many then, and too close together, to find them all. */
+static int too_few(const Flight *flight, size_t used) {
+    return used < N_STATES && used < flight->solver.n_gauges;
+}
+
+/* Loads of the linear map instead of the tables' loads, where it has some, and where these do not fit or have not for
+   long enough, or where fewer gauges are left than the flight state has quantities; UNIDENTIFIED where it has none
+   then. */
+static void flight_fall_back(Flight *flight, size_t used, int fits, double to_return) {
+    const int few = too_few(flight, used);
+    if (!fits || to_return > 0.0 || few) {
+        fall_back(flight);
+    }
+    if (few && !flight->flag[LINEAR_LOADS]) {
+        flight_set_nothing_known(flight, NOT_IDENTIFIED);
+        flight->fits = 0;
+    }
+    flight->conditions |= flight->flag[LINEAR_LOADS] ? LOADS_OF_LINEAR_MAP : 0;
+}
+
+/* Steps since the last search of the tables, as the step leaves them. */
+static double flight_since_search(const Flight *flight, int searched) {
+    const double since = flight->base.since_search + 1.0, most = flight->map.search_every;
+    return searched ? 0.0 : since < most ? since : most;
+}
+
+/* One sample after another: from the last flight state, or from a search of the tables, and which of the two is
+   better.
+
+   A step solves from the last state. Where the solution does not fit, it searches the tables in the same step and
+   takes the better of both; where it fits but drops air data with an alarm, a search comes at most every
+   search_every steps, so that a lasting fault costs a bounded time. The order of qualities is FITS > ALARMS >
+   FITS_NOT. An attempt that loses is not kept whole: its state, the state of its S and its precisions suffice to
+   compute it again, to the bit.
+
+   Then: other states that fit where no pressure is given (ambiguity.c), other solutions where gauges are lost
+   (other_solutions.c), residuals of the gauges, outputs (flight_outputs.c), loads of the linear map where the
+   tables' do not count, and the track for the next step. Strain that fits nowhere does not move the
+   state. docs/explanation/nonlinear_estimator.md, "What comes out", "Step by step". */
+
+/* How good a solution is: strain does not fit, navigation is dropped with an alarm, neither. */
+typedef enum { FITS_NOT, ALARMS, FITS } Quality;
+
+/* What it takes to have a solution again: its state and S's, what counts of navigation, and its residuals with all. */
+typedef struct {
+    double state[N_STATES], weighted_at[N_STATES];
+    double precision[N_NAVIGATION], residual[N_NAVIGATION];
+} Attempt;
+
+static void solve(Flight *flight, int search) {
+    if (search) {
+        flight_solve_cold(&flight->solver);
+    } else {
+        flight_solve_warm(&flight->solver, flight->base.state);
+    }
+}
+
+/* Solve from the last state or from a search, a second time without air data that are inconsistent, unless the
+   solution cannot become better than `quality`. */
+static Quality attempt(Flight *flight, size_t used, int search, Quality quality) {
+    double residual[N_NAVIGATION];
+    flight_set_measurement(&flight->solver, flight->navigation.value, flight->navigation.std);
+    solve(flight, search);
+    memcpy(residual, flight->solver.solution.navigation_residual, sizeof residual);
+    if (flight_drop_inconsistent(flight)) {
+        if (quality == ALARMS && flight_navigation_alarms(flight)) {
+            return ALARMS;
+        }
+        solve(flight, search);
+        memcpy(flight->solver.solution.navigation_residual, residual, sizeof residual);
+    }
+    return !flight_solution_fits(flight, used) ? FITS_NOT : flight_navigation_alarms(flight) ? ALARMS : FITS;
+}
+
+static Attempt kept_attempt(const FlightSolver *solver) {
+    Attempt kept;
+    memcpy(kept.state, solver->state, sizeof kept.state);
+    memcpy(kept.weighted_at, solver->factor_state, sizeof kept.weighted_at);
+    memcpy(kept.precision, solver->sample.precision, sizeof kept.precision);
+    memcpy(kept.residual, solver->solution.navigation_residual, sizeof kept.residual);
+    return kept;
+}
+
+static void take_again(FlightSolver *solver, const Attempt *kept) {
+    memcpy(solver->sample.precision, kept->precision, sizeof kept->precision);
+    flight_solve_again(solver, kept->weighted_at, kept->state);
+    memcpy(solver->solution.navigation_residual, kept->residual, sizeof kept->residual);
+}
+
+/* Residuals of air data are of the solution with all of them, and stay. */
+static void widen_by(FlightSolver *solver, void (*look)(FlightSolver *)) {
+    double residual[N_NAVIGATION];
+    memcpy(residual, solver->solution.navigation_residual, sizeof residual);
+    look(solver);
+    memcpy(solver->solution.navigation_residual, residual, sizeof residual);
+}
+
+/* Solve from the last state and, where that does not fit, from a search in the same step; the better. Where it fits but
+   drops navigation with an alarm, the search comes once in a while. Whether the tables were searched, and whether the
+   solution comes from there. */
+static Quality solve_best(Flight *flight, size_t used, int *searched, int *by_search) {
+    FlightSolver *solver = &flight->solver;
+    const Track *base = &flight->base;
+    const int first = base->has_state == 0.0;
+    const Quality quality = attempt(flight, used, first, FITS_NOT);
+    *searched = *by_search = first;
+    if (first || quality == FITS || (quality == ALARMS && base->since_search < flight->map.search_every)) {
+        return quality;
+    }
+    const Attempt kept = kept_attempt(solver);
+    const Quality other = attempt(flight, used, 1, quality);
+    *searched = 1;
+    *by_search = other > quality;
+    if (*by_search) {
+        return other;
+    }
+    take_again(solver, &kept);
+    return quality;
+}
+
+/* Whether loads of the tables count: the linear map's stand in where strain does not fit and there are some. */
+static int tables_count(const Flight *flight, Quality quality) {
+    return quality != FITS_NOT || !isfinite(flight->navigation.of_loads[0]);
+}
+
+/* Where air data give no pressure, widen the solution by what else fits: of a search, of another search where it is
+   due, or by the factors of the last one. Where loads of the linear map stand in, nothing is looked for. */
+static void widen(Flight *flight, Quality quality, int *searched, int by_search) {
+    FlightSolver *solver = &flight->solver;
+    const Track *base = &flight->base;
+    const int known = base->widening[0] != 0.0, due = !known || base->since_search >= flight->map.search_every;
+    if (!flight_pressure_unknown(solver)) {
+        memcpy(flight->next.widening, by_search ? solver->solution.widening : base->widening, sizeof base->widening);
+        return;
+    }
+    if (by_search) {
+        widen_by(solver, flight_widen_searched);
+    } else if (due && tables_count(flight, quality)) {
+        widen_by(solver, flight_search_more);
+        *searched = 1;
+    } else if (known) {
+        flight_widen(solver, base->widening);
+    }
+    memcpy(flight->next.widening, solver->solution.widening, sizeof flight->next.widening);
+}
+
+/* What the step leaves to the next one. */
+static void set_next(Flight *flight, int searched, int fits, double to_return) {
+    Track *next = &flight->next;
+    /* What fits nowhere does not move the state. */
+    const int moves = fits || !searched || flight->base.has_state == 0.0;
+    next->has_state = 1.0;
+    memcpy(next->state, moves ? flight->solver.solution.state : flight->base.state, sizeof next->state);
+    next->since_search = flight_since_search(flight, searched);
+    next->to_return = to_return;
+    next->stepped = 0.0;
+}
+
+/* Set all outputs by the tables, for so many gauges in use, which is not 0. */
+static void flight_track_update(Flight *flight, size_t used) {
+    int searched, by_search;
+    const Quality quality = solve_best(flight, used, &searched, &by_search);
+    widen(flight, quality, &searched, by_search);
+    const int is_ambiguous = flight->inputs->n_inertial > 0 || flight_gauges_are_lost(&flight->solver);
+    if (is_ambiguous && tables_count(flight, quality)) {
+        flight_look_for_others(&flight->solver);
+    }
+    flight_set_gauge_residuals(&flight->solver);
+    const int fits = flight_conclude(flight, used);
+    const double to_return = fits ? flight_waiting(flight) : flight->map.return_after;
+    flight_fall_back(flight, used, fits, to_return);
+    set_next(flight, searched, fits, to_return);
+}
 
 /* Tables first: the other parts are on their knots. */
 static int parse(Flight *flight, MapFile *file) {
@@ -107,7 +309,7 @@ void flight_other_loads_update(Flight *flight) {
     }
 }
 
-/* flight_track.c solves from the last state and by a search, each with all of navigation and without what is inconsistent.
+/* A step solves from the last state and by a search, each with all of navigation and without what is inconsistent.
    Then it may go over to another end of the searches, looks to both sides of what it has found, and for other solutions
    where gauges are lost. */
 size_t flight_most_iterations(const Flight *flight) {

@@ -27,7 +27,7 @@
     X(TOTAL_TEMPERATURE, "total_temperature")         \
     X(TOTAL_TEMPERATURE_STD, "total_temperature_std")
 
-/* Of every map, behind all of these: what the dynamic pressure is computed from, pressure_source.h; angles [rad]. */
+/* Of every map, behind all of these: what the dynamic pressure is computed from, air_data.h; angles [rad]. */
 #define LAST_INPUTS(X)                                            \
     X(Q_SOURCE, "q_source")                                       \
     X(MEASURED_ATTACK, "measured_angle_of_attack")                \

@@ -18,6 +18,36 @@ const char *const SCALAR_NAMES[N_SCALAR_INPUTS] = {
     FLOW_INPUTS(AIR_INPUT_NAME) "sensor_range", "alarm_scale", "reference_area", "reference_length", "moment_station",
 };
 
+int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows) {
+    if (map_has(file, "sensors")) {
+        MAP_READ(file, "sensors", SENSORS, SensorRows, rows);
+    }
+    for (size_t k = 0; file->good && k < rows->count; k++) {
+        rows->has_thrust |= rows->thrust_response[k] != 0.0;
+    }
+    rows->n_strains = file->length[SYM_STRAINS] = n_gauges - rows->count;
+    return file->good;
+}
+
+int flow_parameters_parse(MapFile *file, FlowParameters *parameters) {
+    if (!map_has(file, "parameters")) {
+        return file->good;
+    }
+    MAP_READ(file, "parameters", PARAMETERS, FlowParameters, parameters);
+    for (size_t i = 0; file->good && i < parameters->count; i++) {
+        map_require(file, parameters->maximum[i] >= parameters->minimum[i], "parameters.maximum",
+                    "no number below the minimum");
+    }
+    return file->good;
+}
+
+double parameter_score(const FlowParameters *parameters, size_t which, double value) {
+    const double low = parameters->minimum[which], high = parameters->maximum[which];
+    const double excess = value < low ? low - value : value > high ? value - high : 0.0;
+    const double score = excess / parameters->span[which];
+    return score < parameters->largest_score ? score : parameters->largest_score;
+}
+
 size_t first_temperature(const Inputs *in) {
     return in->map->n_gauges + N_ALL_SCALARS + number_of_zeros(in->sensors->n_strains);
 }
@@ -60,7 +90,14 @@ size_t inputs_count(const Inputs *in) {
 }
 
 size_t parameter_beyond(const Inputs *in) {
-    return parameter_outside(in->parameters, in->value + first_parameter(in), in->map->not_known);
+    const FlowParameters *parameters = in->parameters;
+    const double *value = in->value + first_parameter(in);
+    for (size_t i = 0; i < parameters->count; i++) {
+        if (value[i] != in->map->not_known && parameter_score(parameters, i, value[i]) > parameters->tolerance) {
+            return i;
+        }
+    }
+    return SIZE_MAX;
 }
 
 int inputs_parse(MapFile *file, Inputs *in) {

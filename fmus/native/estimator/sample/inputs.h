@@ -6,11 +6,42 @@
 #include <math.h>
 #include <stdint.h>
 
-#include "../map/flow_parameters.h"
 #include "../map/map_resource.h"
-#include "../map/sensor_rows.h"
 #include "air_inputs.h"
 
+/* Part "sensors" of map.bin: sensors that are no strain gauges are the last rows of a map, with units and ranges of their
+   own. Row = (reading - thrust_response thrust) / scale, so that a row is a strain to all equations; a |reading| above
+   the largest is not used. strainfmu/estimator/map/sensors.py. */
+typedef struct {
+    size_t n_strains;      /* strain gauges: all rows of a map without the part */
+    int has_thrust;        /* whether thrust moves a reading */
+    MAP_MEMBERS(SENSORS)
+} SensorRows;
+
+/* Read the part of a map of n_gauges rows, if there is one. 1; 0 after a message. */
+int sensor_rows_parse(MapFile *file, size_t n_gauges, SensorRows *rows);
+
+/* What a sensor reads [unit], less what thrust [N] makes of it. */
+static inline double without_thrust(const SensorRows *rows, size_t which, double reading, double thrust) {
+    const double response = rows->thrust_response[which];
+    return response == 0.0 ? reading : reading - thrust * response;
+}
+
+/* Part "parameters" of map.bin: ranges of flow parameters. The score of a value is its distance from the range over
+   the span, 0 inside, for NaN and for a value that is not known; a score above the tolerance puts health to OUTSIDE.
+   The linear estimate itself does not use the values. docs/howto/settings_and_health.md;
+   strainfmu/estimator/map/flow_parameters.py. */
+#define PARAMETER_NAME_SIZE 48 /* bytes of a name in the file, with its final zero */
+
+typedef struct {
+    MAP_MEMBERS(PARAMETERS) /* count: 0 in maps without */
+} FlowParameters;
+
+/* Read the part, if there is one. 1; 0 after a message. */
+int flow_parameters_parse(MapFile *file, FlowParameters *parameters);
+
+/* Part of its range by which parameter `which` leaves it at a value, 0 inside and for NaN. */
+double parameter_score(const FlowParameters *parameters, size_t which, double value);
 /* Indices of the real inputs after the readings: strains, then other sensors; the last five are settings. */
 enum {
     FLOW_INPUTS(AIR_INPUT_NUMBER)

@@ -165,7 +165,7 @@ void add_products(const double *first, const double *second, double products[N_V
 
 /* Joseph's form of the covariance, docs/explanation/theory.md, "What a sigma is made of": it holds for any gain. The
    gain k_a of direction a changes by -(B Q_head')_a D_aa^-1/2, which is `taken_off` here; the noise leaves k_a -
-   b_a, the prior G_a - k_a S_a (fixed_loads.c). */
+   b_a, the prior G_a - k_a S_a (added_noise.c). */
 void lost_rows_products(Scaled *scaled, double products[N_VALUES]) {
     const size_t n = scaled->map->n_gauges;
     const ScaledForm *form = &scaled->map->form;

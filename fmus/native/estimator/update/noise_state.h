@@ -28,7 +28,7 @@ typedef struct {
     double *large;   /* scratch: see added_noise.c */
     double *head;
     double *square;    /* (n_gauges, n_gauges) */
-    double *rows;      /* of fixed_loads.c */
+    double *rows;      /* of gain and loads of form "absolute" */
 } AddedNoise;
 
 /* The covariance of the gauges' own errors in entry k. */

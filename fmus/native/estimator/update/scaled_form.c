@@ -16,7 +16,7 @@
        df/dq_inf = (f_mean - F W V m) / q_nominal    at fixed weights: the mean alone follows q_inf
 
    In form "absolute" s is 1, F is the gain of each direction itself (W = 1), and its covariance is Joseph's form,
-   sum of (k - b)(k - b)' + (G - k S)(G - k S)': fixed_loads.c. Errors at the current strain add s^2 G D G' to cov f
+   sum of (k - b)(k - b)' + (G - k S)(G - k S)': added_noise.c. Errors at the current strain add s^2 G D G' to cov f
    and s^2 tr(P D) to the expected chi-square: current_errors.c. Lost gauges: lost_rows.c.
 
    What depends on s and the gauges in use alone stays in the step and is made again where either changes.
@@ -119,7 +119,7 @@ void scaled_prepare(Scaled *scaled) {
     dense_panels(N_LOADS, n, form->load, 1, N_LOADS, scaled->loads);
     for (size_t i = 0; i < n; i++) {
         const double *column = form->whitening + i * n;
-        /* Columns of unit length keep the screen of residuals in float within its range: suspects.c. */
+        /* Columns of unit length keep the screen of residuals in float within its range: linear_outputs.c. */
         scaled->size[i] = sqrt(dot(n, column, column));
         scale[i] = 1.0 / scaled->size[i];
     }

@@ -1,7 +1,8 @@
-/* What a dynamic pressure is computed from, and its standard deviation then: strainfmu/estimator/reference/air.py in C. */
+/* Air data of a sample: what a dynamic pressure is computed from, and its standard deviation then; measured angles as
+   components of the flow direction. strainfmu/estimator/reference/air.py in C. */
 
-#ifndef PRESSURE_SOURCE_H
-#define PRESSURE_SOURCE_H
+#ifndef AIR_DATA_H
+#define AIR_DATA_H
 
 #include "inputs.h"
 
@@ -28,5 +29,14 @@ double computed_pressure_error(double mach, double mach_std, double pressure_std
 /* The standard deviation [Pa] of a dynamic pressure that is computed: the stated one, which has to be larger than `own`,
    of its sources, where the inputs do not state the source. NaN for none stated. */
 double computed_pressure_std(const Inputs *inputs, double stated, double own);
+
+/* u and w [rad], with precisions, 0 where not known. */
+typedef struct {
+    size_t count; /* of the angles that are known */
+    double value[2], precision[2];
+} MeasuredAngles;
+
+/* Those of the inputs. An angle that is not known is 0 for the other one. */
+void measured_angles(const Inputs *inputs, MeasuredAngles *angles);
 
 #endif
