@@ -66,29 +66,18 @@ int model_event(Model *model, char text[MODEL_TEXT_SIZE]) {
     COMPUTE_AS(int, MODEL.event(model, text));
 }
 
-int model_get_reals(Model *model, const Selection *which, double *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.get_reals(model, which, value, text));
-}
+/* Reading and setting of variables. */
+#define VALUES(name, type)                                                                            \
+    int model_##name(Model *model, const Selection *which, type *value, char text[MODEL_TEXT_SIZE]) { \
+        COMPUTE_AS(int, MODEL.name(model, which, value, text));                                       \
+    }
 
-int model_get_integers(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.get_integers(model, which, value, text));
-}
-
-int model_get_booleans(Model *model, const Selection *which, int *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.get_booleans(model, which, value, text));
-}
-
-int model_set_reals(Model *model, const Selection *which, const double *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.set_reals(model, which, value, text));
-}
-
-int model_set_integers(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.set_integers(model, which, value, text));
-}
-
-int model_set_booleans(Model *model, const Selection *which, const int *value, char text[MODEL_TEXT_SIZE]) {
-    COMPUTE_AS(int, MODEL.set_booleans(model, which, value, text));
-}
+VALUES(get_reals, double)
+VALUES(get_integers, int)
+VALUES(get_booleans, int)
+VALUES(set_reals, const double)
+VALUES(set_integers, const int)
+VALUES(set_booleans, const int)
 
 int model_check_state(const Model *model, const unsigned char *bytes, char text[MODEL_TEXT_SIZE]) {
     COMPUTE_AS(int, MODEL.check_state(model, bytes, text));

@@ -41,27 +41,13 @@ fmi2Status fmi2SetTime(fmi2Component c, fmi2Real time) {
     return (fmi2Status)instance_set_time(c, "fmi2SetTime", EVENT | CONTINUOUS_TIME, time);
 }
 
-fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t nx) {
-    (void)x;
-    return (fmi2Status)instance_empty_list(c, "fmi2SetContinuousStates", CONTINUOUS_TIME, nx);
-}
-
-fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx) {
-    (void)derivatives;
-    return (fmi2Status)instance_empty_list(c, "fmi2GetDerivatives", FMI2_READABLE, nx);
-}
-
-fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni) {
-    (void)eventIndicators;
-    return (fmi2Status)instance_empty_list(c, "fmi2GetEventIndicators", FMI2_READABLE, ni);
-}
-
-fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx) {
-    (void)x;
-    return (fmi2Status)instance_empty_list(c, "fmi2GetContinuousStates", FMI2_READABLE, nx);
-}
-
-fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real x_nominal[], size_t nx) {
-    (void)x_nominal;
-    return (fmi2Status)instance_empty_list(c, "fmi2GetNominalsOfContinuousStates", FMI2_READABLE, nx);
-}
+#define EMPTY_LIST(function, modes, Type)                               \
+    fmi2Status function(fmi2Component c, Type values[], size_t n) {     \
+        (void)values;                                                   \
+        return (fmi2Status)instance_empty_list(c, #function, modes, n); \
+    }
+EMPTY_LIST(fmi2SetContinuousStates, CONTINUOUS_TIME, const fmi2Real)
+EMPTY_LIST(fmi2GetDerivatives, FMI2_READABLE, fmi2Real)
+EMPTY_LIST(fmi2GetEventIndicators, FMI2_READABLE, fmi2Real)
+EMPTY_LIST(fmi2GetContinuousStates, FMI2_READABLE, fmi2Real)
+EMPTY_LIST(fmi2GetNominalsOfContinuousStates, FMI2_READABLE, fmi2Real)

@@ -27,34 +27,16 @@ fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
     return (fmi3Status)instance_set_time(instance, "fmi3SetTime", EVENT | CONTINUOUS_TIME, time);
 }
 
-fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 continuousStates[],
-                                   size_t nContinuousStates) {
-    (void)continuousStates;
-    return (fmi3Status)instance_empty_list(instance, "fmi3SetContinuousStates", CONTINUOUS_TIME, nContinuousStates);
-}
-
-fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[],
-                                             size_t nContinuousStates) {
-    (void)derivatives;
-    return (fmi3Status)instance_empty_list(instance, "fmi3GetContinuousStateDerivatives", FMI3_READABLE,
-                                           nContinuousStates);
-}
-
-fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators) {
-    (void)eventIndicators;
-    return (fmi3Status)instance_empty_list(instance, "fmi3GetEventIndicators", FMI3_READABLE, nEventIndicators);
-}
-
-fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates) {
-    (void)continuousStates;
-    return (fmi3Status)instance_empty_list(instance, "fmi3GetContinuousStates", FMI3_READABLE, nContinuousStates);
-}
-
-fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates) {
-    (void)nominals;
-    return (fmi3Status)instance_empty_list(instance, "fmi3GetNominalsOfContinuousStates", FMI3_READABLE,
-                                           nContinuousStates);
-}
+#define EMPTY_LIST(function, modes, Type)                                      \
+    fmi3Status function(fmi3Instance instance, Type values[], size_t n) {      \
+        (void)values;                                                          \
+        return (fmi3Status)instance_empty_list(instance, #function, modes, n); \
+    }
+EMPTY_LIST(fmi3SetContinuousStates, CONTINUOUS_TIME, const fmi3Float64)
+EMPTY_LIST(fmi3GetContinuousStateDerivatives, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetEventIndicators, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetContinuousStates, FMI3_READABLE, fmi3Float64)
+EMPTY_LIST(fmi3GetNominalsOfContinuousStates, FMI3_READABLE, fmi3Float64)
 
 static fmi3Status none(Instance *s, const char *function, size_t *number) {
     if (s == NULL || !instance_given(s, function, number)) {

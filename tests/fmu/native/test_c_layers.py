@@ -44,7 +44,7 @@ INTERFACES = {"core/model"}
 _INCLUDE = re.compile(r'^#include "([^"]+)"', re.MULTILINE)
 _COMMENT = re.compile(r"/\*.*?\*/|^[ \t]*#(?:[^\n]*\\\n)*[^\n]*", re.DOTALL | re.MULTILINE)
 _FUNCTION = re.compile(
-    r"^(?!static|EVERYWHERE|AVX|typedef|else|return)\w[\w \*]*?\b(\w+)\([^;{}]*\)\s*([;{])", re.MULTILINE
+    r"^(?!static|EVERYWHERE|AVX|FOR_AVX|typedef|else|return)\w[\w \*]*?\b(\w+)\([^;{}]*\)\s*([;{])", re.MULTILINE
 )
 
 

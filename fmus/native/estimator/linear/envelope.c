@@ -85,11 +85,7 @@ EVERYWHERE int beyond(const Envelope *envelope, const double *coefficients) {
     return above;
 }
 
-#if HAS_AVX2
-AVX2 static int beyond_avx2(const Envelope *envelope, const double *coefficients) {
-    return beyond(envelope, coefficients);
-}
-#endif
+FOR_AVX2_AS(int, beyond, (const Envelope *envelope, const double *coefficients), (envelope, coefficients))
 
 /* Squares of (n'C - limit) / sigma instead of the variances, 0 for half-spaces that C does not leave. */
 EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficients, double *restrict variance) {
@@ -99,11 +95,8 @@ EVERYWHERE void square_scores(const Envelope *envelope, const double *coefficien
     }
 }
 
-#if HAS_AVX2
-AVX2 static void square_scores_avx2(const Envelope *envelope, const double *coefficients, double *variance) {
-    square_scores(envelope, coefficients, variance);
-}
-#endif
+FOR_AVX2(square_scores, (const Envelope *envelope, const double *coefficients, double *variance),
+         (envelope, coefficients, variance))
 
 double envelope_score(const Envelope *envelope, const HalfSpaces *spaces, int wide, const double *coefficients,
                       const double *covariance) {

@@ -138,12 +138,9 @@ EVERYWHERE void compare(size_t n, const double *restrict weighted, const double 
     *size = (s[0] + s[1]) + (s[2] + s[3]);
 }
 
-#if HAS_AVX2
-AVX2 static void compare_avx2(size_t n, const double *weighted, const double *square, const double *strain,
-                              double *dot, double *size) {
-    compare(n, weighted, square, strain, dot, size);
-}
-#endif
+FOR_AVX2(compare, (size_t n, const double *weighted, const double *square, const double *strain, double *dot,
+          double *size),
+         (n, weighted, square, strain, dot, size))
 
 /* What is known of ln p_inf at a Mach number without strain: three targets with their precisions, from p_inf, q_inf
    and the prior. */

@@ -92,13 +92,9 @@ EVERYWHERE void add_covariance(size_t n, size_t n_columns, double square, double
     }
 }
 
-#if HAS_AVX2
-AVX2 static void add_covariance_avx2(size_t n, size_t n_columns, double square, double considered_square,
-                                     const double *fixed, const double *scaled, const double *considered,
-                                     const double *columns, double *out) {
-    add_covariance(n, n_columns, square, considered_square, fixed, scaled, considered, columns, out);
-}
-#endif
+FOR_AVX2(add_covariance, (size_t n, size_t n_columns, double square, double considered_square, const double *fixed,
+          const double *scaled, const double *considered, const double *columns, double *out),
+         (n, n_columns, square, considered_square, fixed, scaled, considered, columns, out))
 
 /* S, or S_full; solver->squares and solver->columns are scratch. */
 static void set_covariance(FlightSolver *solver, int with_considered, double *out) {

@@ -284,27 +284,12 @@ EVERYWHERE void all_products(size_t n, const double *x, double products[N_TURNED
     products_of(4, n, x, products);
 }
 
-#if HAS_AVX2
-AVX2 static void all_products_avx2(size_t n, const double *x, double products[N_TURNED][N_TURNED]) {
-    all_products(n, x, products);
-}
-
-AVX2 static void decompose_avx2(size_t n, size_t k, double *matrix) {
-    decompose(n, k, matrix);
-}
-
-AVX2 static void forward_avx2(size_t n, const double *lower, size_t count, double *x) {
-    forward(n, lower, count, x);
-}
-
-AVX2 static void backward_avx2(size_t n, const double *lower, size_t count, double *x) {
-    backward(n, lower, count, x);
-}
-
-AVX2 static void back_avx2(size_t n, const double *inverse, const double *x, double *y, double *squares) {
-    back(n, inverse, x, y, squares);
-}
-#endif
+FOR_AVX2(all_products, (size_t n, const double *x, double products[N_TURNED][N_TURNED]), (n, x, products))
+FOR_AVX2(decompose, (size_t n, size_t k, double *matrix), (n, k, matrix))
+FOR_AVX2(forward, (size_t n, const double *lower, size_t count, double *x), (n, lower, count, x))
+FOR_AVX2(backward, (size_t n, const double *lower, size_t count, double *x), (n, lower, count, x))
+FOR_AVX2(back, (size_t n, const double *inverse, const double *x, double *y, double *squares),
+         (n, inverse, x, y, squares))
 
 void cholesky(int wide, size_t n, double *matrix) {
     for (size_t k = 0; k < n; k += LANES) {

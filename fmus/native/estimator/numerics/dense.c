@@ -68,15 +68,10 @@ EVERYWHERE void narrow_product(size_t rows, size_t columns, const float *restric
     }
 }
 
-#if HAS_AVX2
-AVX2 static void product_avx2(size_t rows, size_t columns, const double *panels, const double *x, double *y) {
-    product(rows, columns, panels, x, y);
-}
-
-AVX2 static void narrow_product_avx2(size_t rows, size_t columns, const float *panels, const float *x, float *y) {
-    narrow_product(rows, columns, panels, x, y);
-}
-#endif
+FOR_AVX2(product, (size_t rows, size_t columns, const double *panels, const double *x, double *y),
+         (rows, columns, panels, x, y))
+FOR_AVX2(narrow_product, (size_t rows, size_t columns, const float *panels, const float *x, float *y),
+         (rows, columns, panels, x, y))
 
 void dense_times(int wide, size_t rows, size_t columns, const double *panels, const double *x, double *y) {
     CHOSEN(wide, product)(rows, columns, panels, x, y);

@@ -267,11 +267,9 @@ EVERYWHERE int turn(size_t count, size_t n, size_t width, double *rows, double *
     return turned->stage == ORTHOGONAL_ROWS;
 }
 
-#if HAS_AVX2
-AVX2 static int turn_avx2(size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned, size_t work) {
-    return turn(count, n, width, rows, scratch, turned, work);
-}
-#endif
+FOR_AVX2_AS(int, turn, (size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
+             size_t work),
+            (count, n, width, rows, scratch, turned, work))
 
 int orthogonal_rows(int wide, size_t count, size_t n, size_t width, double *rows, double *scratch, Turned *turned,
                     size_t work) {

@@ -36,4 +36,7 @@ void solve_transposed(size_t rows, size_t n, const double *a, double *x);
    small singular values to full relative accuracy: Demmel & Veselic, SIAM J. Matrix Anal. Appl. 13 (1992). */
 double smallest_singular_value(size_t n, double *a);
 
+/* L and L^-1 of a covariance (n, n) = L L'. 0 if it is none. */
+int lower_root(size_t n, const double *covariance, double *root, double *inverse);
+
 #endif

@@ -9,14 +9,25 @@
 #define AVX2 __attribute__((target("avx2")))
 #define EVERYWHERE static inline __attribute__((always_inline))
 #define AVX512 __attribute__((target("avx512f,avx512dq,avx512bw,avx512vl")))
-/* The function of that name, or the one for AVX2, or for the most that there is. */
+/* The function of that name, or the one for AVX2, or for the most that there is; the one for AVX2 of a function of EVERYWHERE
+   that returns a type, or nothing. */
 #define CHOSEN(wide, name) ((wide) ? name##_avx2 : (name))
 #define WIDEST(wide, name) ((wide) > 1 ? name##_avx512 : (wide) ? name##_avx2 : (name))
+#define FOR_AVX2_AS(type, name, parameters, arguments) \
+    AVX2 static type name##_avx2 parameters { \
+        return name arguments; \
+    }
+#define FOR_AVX2(name, parameters, arguments) \
+    AVX2 static void name##_avx2 parameters { \
+        name arguments; \
+    }
 #else
 #define HAS_AVX2 0
 #define EVERYWHERE static inline
 #define CHOSEN(wide, name) ((void)(wide), (name))
 #define WIDEST(wide, name) CHOSEN(wide, name)
+#define FOR_AVX2_AS(type, name, parameters, arguments)
+#define FOR_AVX2(name, parameters, arguments)
 #endif
 
 /* Whether the processor and the system have AVX2: 1, or 2 with AVX-512, too. */

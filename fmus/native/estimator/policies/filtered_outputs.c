@@ -17,7 +17,7 @@
 #include <math.h>
 
 #include "../filter/filter.h"
-#include "../linear/linear_noise.h"
+#include "../linear/linear_outputs.h"
 #include "../nonlinear/flight_noise.h"
 #include "../nonlinear/flight_solve.h"
 #include "../numerics/cholesky.h"

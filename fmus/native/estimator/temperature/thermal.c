@@ -29,7 +29,6 @@
 #include <stdlib.h>
 
 #include "../numerics/dense.h"
-#include "../numerics/lower_triangles.h"
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
 
@@ -284,12 +283,9 @@ EVERYWHERE void set_factors(size_t n, size_t n_powers, const double *restrict po
     }
 }
 
-#if HAS_AVX2
-AVX2 static void set_factors_avx2(size_t n, size_t n_powers, const double *powers, double gauge_factor, double modulus,
-                                  const double *strain, const double *rise, double *factor, double *offset) {
-    set_factors(n, n_powers, powers, gauge_factor, modulus, strain, rise, factor, offset);
-}
-#endif
+FOR_AVX2(set_factors, (size_t n, size_t n_powers, const double *powers, double gauge_factor, double modulus,
+          const double *strain, const double *rise, double *factor, double *offset),
+         (n, n_powers, powers, gauge_factor, modulus, strain, rise, factor, offset))
 
 static void follow(Thermal *thermal) {
     const ThermalMap *map = &thermal->map;

@@ -27,7 +27,6 @@
 #include <string.h>
 
 #include "../numerics/arrays.h"
-#include "../numerics/lower_triangles.h"
 #include "../numerics/triangles.h"
 #include "noise_state.h"
 #include "pressure_directions.h"

@@ -27,7 +27,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/lower_triangles.h"
 #include "../numerics/orthogonal_rows.h"
 #include "../numerics/triangles.h"
 

@@ -326,11 +326,7 @@ EVERYWHERE void condition(Scaled *scaled, const MaskedMap *masked, const double 
     add_errors(scaled, step);
 }
 
-#if HAS_AVX2
-AVX2 static void condition_avx2(Scaled *scaled, const MaskedMap *masked, const double *strain) {
-    condition(scaled, masked, strain);
-}
-#endif
+FOR_AVX2(condition, (Scaled *scaled, const MaskedMap *masked, const double *strain), (scaled, masked, strain))
 
 void scaled_condition(Scaled *scaled, const MaskedMap *masked, double pressure, const double *strain) {
     scaled->step.pressure = pressure;
@@ -396,7 +392,6 @@ void scaled_other_load(const Scaled *scaled, size_t j, double *value, double *va
     }
     *variance = *variance > 0.0 ? *variance : 0.0;
 }
-
 
 /* The gain of one load by strain, F_i W V - B_i Y'. Loads of neighbouring directions lie `apart` in memory. */
 static void set_gain(const Scaled *scaled, const double *load, size_t apart, const double *growth, double *gain) {
