@@ -23,7 +23,6 @@
 #include <string.h>
 
 #include "linear/linear.h"
-#include "numerics/arrays.h"
 #include "numerics/wide.h"
 #include "policies/filtered_outputs.h"
 #include "policies/health.h"
@@ -52,30 +51,28 @@ static void connect(Estimator *e) {
     e->flight.loads = &e->other_loads;
 }
 
-/* One block for all arrays: doubles, then indices and bytes. */
+static void lay_out(Estimator *e, Room *room) {
+    const size_t n = e->map.n_gauges, n_inputs = inputs_count(&e->inputs);
+    linear_arrays(&e->map, e->sensors.n_strains, &e->linear, room);
+    renewal_arrays(e->sensors.n_strains, &e->renewal, room);
+    e->inputs.value = taken(room, n_inputs);
+    e->inputs.strain = taken(room, n);
+    e->direction = taken(room, n_inputs);
+    e->derivative = taken(room, estimator_derivatives(e));
+    e->derivative_work = taken(room, n_inputs + 2 * estimator_derivatives(e));
+    e->inputs.valid = piece(room, n, 1);
+    e->inputs.given = piece(room, n, 1);
+}
+
+/* One block for all arrays. */
 static int allocate(Estimator *e, MapFile *file) {
-    const Map *map = &e->map;
-    const size_t n = map->n_gauges, n_inputs = inputs_count(&e->inputs);
-    const size_t n_doubles =
-        linear_doubles(&e->linear, e->sensors.n_strains) + renewal_doubles(e->sensors.n_strains) + 3 * n_inputs + n
-        + 3 * estimator_derivatives(e);
-    const size_t n_indices = linear_indices(map);
-    double *doubles =
-        map_take(file, n_doubles * sizeof(double) + n_indices * sizeof(size_t) + prepared_bytes(map) + 2 * n);
-    if (doubles == NULL) {
+    Room room = {NULL, 0};
+    lay_out(e, &room);
+    room.next = map_take(file, room.size);
+    if (room.next == NULL) {
         return 0;
     }
-    size_t *indices = (size_t *)(void *)(doubles + n_doubles);
-    unsigned char *bytes = (unsigned char *)(indices + n_indices);
-    linear_arrays(&e->map, e->sensors.n_strains, &e->linear, &doubles, &indices, &bytes);
-    renewal_arrays(e->sensors.n_strains, &e->renewal, &doubles);
-    e->inputs.value = taken(&doubles, n_inputs);
-    e->inputs.strain = taken(&doubles, n);
-    e->inputs.valid = bytes;
-    e->inputs.given = bytes + n;
-    e->direction = taken(&doubles, n_inputs);
-    e->derivative = taken(&doubles, estimator_derivatives(e));
-    e->derivative_work = taken(&doubles, n_inputs + 2 * estimator_derivatives(e));
+    lay_out(e, &room);
     return 1;
 }
 

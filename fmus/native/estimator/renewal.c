@@ -22,20 +22,15 @@
 #include <string.h>
 
 #include "linear/linear.h"
-#include "numerics/arrays.h"
 
 #define WORK 250000       /* multiplications of a part */
 #define MOST_WAITED 4.0   /* steps in a row without a part */
 #define MOST_PARTS 1e6    /* of a state that may be read */
 
-size_t renewal_doubles(size_t n_strains) {
-    return 2 * number_of_zeros(n_strains);
-}
-
-void renewal_arrays(size_t n_strains, Renewal *renewal, double **doubles) {
+void renewal_arrays(size_t n_strains, Renewal *renewal, Room *room) {
     renewal->n_strains = n_strains;
-    renewal->held = taken(doubles, number_of_zeros(n_strains));
-    renewal->target = taken(doubles, number_of_zeros(n_strains));
+    renewal->held = taken(room, number_of_zeros(n_strains));
+    renewal->target = taken(room, number_of_zeros(n_strains));
 }
 
 static void forget_parts(Renewal *renewal) {

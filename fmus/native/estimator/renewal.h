@@ -24,9 +24,8 @@ typedef struct {
     double *target;   /* (number_of_zeros) those that matrices are made for */
 } Renewal;
 
-/* Number of doubles that its arrays take, and handing them out. */
-size_t renewal_doubles(size_t n_strains);
-void renewal_arrays(size_t n_strains, Renewal *renewal, double **doubles);
+/* Hand out the arrays. */
+void renewal_arrays(size_t n_strains, Renewal *renewal, Room *room);
 
 /* No step has been taken. */
 void renewal_reset(Renewal *renewal);

@@ -22,8 +22,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../numerics/arrays.h"
-
 #define LARGEST_VALUE 1e60      /* of a channel, */
 #define LARGEST_VARIANCE 1e120  /* and of its variance: none of what follows from them overflows, */
 #define LARGEST 1e140           /* or is larger */
@@ -33,7 +31,27 @@ static const size_t OF_SETTINGS[] = {REFERENCE_AREA, REFERENCE_LENGTH, MOMENT_ST
 #define N_SETTINGS (sizeof OF_SETTINGS / sizeof *OF_SETTINGS)
 #define N_SPAN (sizeof(Span) / sizeof(double))
 
+/* What is serialised is in one piece: held, last values, variances and rates, then the spans. */
+static void lay_out(Filter *filter, size_t scratch, Room *room) {
+    const size_t channels = filter->channels;
+    filter->row = taken(room, scratch);
+    filter->kept = filter->held = taken(room, filter->n_held);
+    filter->last_value = taken(room, channels);
+    filter->last_variance = taken(room, channels);
+    filter->last_rate = taken(room, channels);
+    windows_arrays(&filter->windows, room);
+    filter->value = taken(room, channels);
+    filter->variance = taken(room, channels);
+    filter->noise = taken(room, channels);
+    filter->mean = taken(room, channels);
+    filter->left = taken(room, channels);
+    filter->factor = taken(room, channels);
+    filter->rate = taken(room, channels);
+    filter->latest = taken(room, filter->n_held);
+}
+
 int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t scratch, Filter *filter) {
+    Room room = {NULL, 0};
     if (!map_has(file, "filter")) {
         return file->good;
     }
@@ -46,28 +64,12 @@ int filter_create(MapFile *file, const Inputs *inputs, size_t channels, size_t s
     filter->n_zeros = number_of_zeros(inputs->sensors->n_strains);
     filter->n_held = filter->n_zeros + N_SETTINGS;
     filter->n_kept = filter->n_held + 3 * channels + 3 * MOST_SPANS * channels;
-    /* What is serialised comes first and in one piece: held, last values, variances and rates, then the spans. */
-    const size_t count = filter->n_kept + (windows_doubles(&filter->windows) - 3 * MOST_SPANS * channels) + 7 * channels
-                       + filter->n_held + scratch;
-    double *doubles = map_take(file, count * sizeof(double));
-    if (doubles == NULL) {
+    lay_out(filter, scratch, &room);
+    room.next = map_take(file, room.size);
+    if (room.next == NULL) {
         return 0;
     }
-    filter->row = taken(&doubles, scratch);
-    filter->kept = doubles;
-    filter->held = taken(&doubles, filter->n_held);
-    filter->last_value = taken(&doubles, channels);
-    filter->last_variance = taken(&doubles, channels);
-    filter->last_rate = taken(&doubles, channels);
-    windows_arrays(&filter->windows, &doubles);
-    filter->value = taken(&doubles, channels);
-    filter->variance = taken(&doubles, channels);
-    filter->noise = taken(&doubles, channels);
-    filter->mean = taken(&doubles, channels);
-    filter->left = taken(&doubles, channels);
-    filter->factor = taken(&doubles, channels);
-    filter->rate = taken(&doubles, channels);
-    filter->latest = taken(&doubles, filter->n_held);
+    lay_out(filter, scratch, &room);
     filter->present = 1;
     return 1;
 }

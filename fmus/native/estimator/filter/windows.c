@@ -32,8 +32,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/arrays.h"
-
 #define SAME_COUNT 2          /* spans of one number of samples */
 #define WIDTH 2.0             /* half of an interval, in standard deviations of its noise */
 #define PART 0.5              /* of the longest window that agrees: one just as long may be off by its own interval */
@@ -41,21 +39,17 @@
 
 enum { MEAN, LINE, N_FITS };
 
-size_t windows_doubles(const Windows *windows) {
-    return (3 * MOST_SPANS + 3 + 2 * N_FITS) * windows->channels;
-}
-
-void windows_arrays(Windows *windows, double **doubles) {
+void windows_arrays(Windows *windows, Room *room) {
     const size_t channels = windows->channels;
-    windows->value = taken(doubles, MOST_SPANS * channels);
-    windows->product = taken(doubles, MOST_SPANS * channels);
-    windows->noise = taken(doubles, MOST_SPANS * channels);
-    windows->sums.value = taken(doubles, channels);
-    windows->sums.product = taken(doubles, channels);
-    windows->sums.noise = taken(doubles, channels);
+    windows->value = taken(room, MOST_SPANS * channels);
+    windows->product = taken(room, MOST_SPANS * channels);
+    windows->noise = taken(room, MOST_SPANS * channels);
+    windows->sums.value = taken(room, channels);
+    windows->sums.product = taken(room, channels);
+    windows->sums.noise = taken(room, channels);
     for (int fit = 0; fit < N_FITS; fit++) {
-        windows->low[fit] = taken(doubles, channels);
-        windows->high[fit] = taken(doubles, channels);
+        windows->low[fit] = taken(room, channels);
+        windows->high[fit] = taken(room, channels);
     }
 }
 

@@ -7,7 +7,7 @@
 #ifndef WINDOWS_H
 #define WINDOWS_H
 
-#include <stddef.h>
+#include "../numerics/memory.h"
 
 #define MOST_SPANS 40 /* up to 2^20 samples in one */
 
@@ -31,9 +31,8 @@ typedef struct {
     double *low[2], *high[2]; /* (channels) what is common to the intervals of means, of lines */
 } Windows;
 
-/* Number of doubles that the arrays take, and handing them out: first the three that are kept; channels is set. */
-size_t windows_doubles(const Windows *windows);
-void windows_arrays(Windows *windows, double **doubles);
+/* Hand out the arrays: first the three that are kept; channels is set. */
+void windows_arrays(Windows *windows, Room *room);
 
 /* Where a sample of values and variances of their noise (channels) at a time [s] stands, by windows of at most `longest`
    [s]: its mean, the variance of the noise in it, and the rates [1/s]. The part of the noise's variance that is left; 1, and

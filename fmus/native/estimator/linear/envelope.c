@@ -23,16 +23,11 @@
 #define N_ENTRIES 15 /* of a symmetric (5, 5) matrix */
 #define RANGE_DEVIATIONS 3.0 /* of a stated Mach number by which it may leave its range, and of q_inf */
 
-size_t half_space_doubles(const Envelope *envelope) {
-    return dense_rows(envelope->n_half_spaces) * (dense_columns(N_ENTRIES) + 1);
-}
-
-void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles) {
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room) {
     const size_t m = envelope->n_half_spaces, rows = dense_rows(m), columns = dense_columns(N_ENTRIES);
-    spaces->products = *doubles;
-    spaces->variance = spaces->products + rows * columns;
-    *doubles += half_space_doubles(envelope);
-    for (size_t j = 0; j < m; j++) {
+    spaces->products = taken(room, rows * columns);
+    spaces->variance = taken(room, rows);
+    for (size_t j = 0; spaces->products != NULL && j < m; j++) {
         double *panel = spaces->products + j / ROWS * ROWS * columns + j % ROWS;
         size_t at = 0;
         for (size_t i = 0; i < N_LOADS; i++) {

@@ -25,9 +25,8 @@ typedef struct {
     double *variance; /* (dense_rows(n_half_spaces)) scratch */
 } HalfSpaces;
 
-/* Number of doubles that its arrays take, and handing them out, filled in. */
-size_t half_space_doubles(const Envelope *envelope);
-void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, double **doubles);
+/* Hand out the arrays, filled in. */
+void half_space_arrays(const Envelope *envelope, HalfSpaces *spaces, Room *room);
 
 /* The largest (n'C - limit) / sigma over the half-spaces, 0 where C is inside all. Coefficients (5) and their covariance
    (5, 5) are those at the references of the map. wide as for wide.h. */

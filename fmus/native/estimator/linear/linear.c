@@ -24,27 +24,16 @@
 #include "../update/scaled_form.h"
 #include "linear_outputs.h"
 
-size_t linear_doubles(const Linear *linear, size_t n_strains) {
-    const Map *map = linear->map;
-    const size_t n_other = linear->other_loads->present ? linear->other_loads->map.n_loads : 0;
-    return prepared_doubles(map, n_strains, n_other) + half_space_doubles(&map->envelope) + scaled_doubles(map, n_other);
-}
-
-size_t linear_indices(const Map *map) {
-    return prepared_indices(map) + scaled_indices(map);
-}
-
 /* Arrays of every step come first: they are aligned as the block is. */
-void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices,
-                   unsigned char **bytes) {
+void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room) {
     linear->prepared.noise.wide = linear->prepared.work.wide = linear->wide;
     linear->prepared.noise.other_loads = linear->other_loads->present ? linear->other_loads : NULL;
     linear->scaled.map = map;
     linear->scaled.other_loads = linear->prepared.noise.other_loads;
     linear->scaled.wide = linear->wide;
-    scaled_arrays(&linear->scaled, doubles, indices);
-    half_space_arrays(&map->envelope, &linear->half_spaces, doubles);
-    prepared_arrays(map, n_strains, &linear->prepared, doubles, indices, bytes);
+    scaled_arrays(&linear->scaled, room);
+    half_space_arrays(&map->envelope, &linear->half_spaces, room);
+    prepared_arrays(map, n_strains, &linear->prepared, room);
 }
 
 int linear_begin(Linear *linear) {

@@ -5,12 +5,8 @@
 
 #include "linear_state.h"
 
-/* Number of doubles and of indices that its arrays take, and handing them out, with prepared_bytes; map,
-   inputs, output, other and wide are set. */
-size_t linear_doubles(const Linear *linear, size_t n_strains);
-size_t linear_indices(const Map *map);
-void linear_arrays(Map *map, size_t n_strains, Linear *linear, double **doubles, size_t **indices,
-                   unsigned char **bytes);
+/* Hand out the arrays; map, other_loads and wide are set. */
+void linear_arrays(Map *map, size_t n_strains, Linear *linear, Room *room);
 
 /* Give the map its matrices. 0 if the covariance of its gauges is none. */
 int linear_begin(Linear *linear);

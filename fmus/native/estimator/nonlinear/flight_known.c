@@ -31,8 +31,6 @@
 
 #include <math.h>
 
-#include "../numerics/arrays.h"
-
 #define LARGEST_POWER 3
 
 /* Products of strain, of loads with strain, of loads, of other loads with strain; variances of other loads. */
@@ -95,28 +93,12 @@ void known_lay_out(const TableMap *mean, const TableMap *other_loads, Known *kno
     lay_out(other_loads, &known->other_loads);
 }
 
-/* Doubles of tables, of the terms and factors that a map of the file holds elsewhere, of the parts, and of the
-   rounds of cells. */
-static size_t made_doubles(const MadeTables *made, size_t n_powers) {
-    const TableMap *map = &made->map;
-    return map->n_rows == 0 ? 0
-                            : flight_tables_doubles(map) + map->n_terms * (2 + 2 * map->n_harmonics)
-                                  + (1 + n_powers) * flight_cell_doubles(map) + cells_of(map);
-}
-
-size_t known_doubles(const Known *known, size_t n_gauges) {
-    const KnownMap *map = &known->map;
-    const size_t n = in_lanes(n_gauges);
-    return made_doubles(&known->tables, map->n_powers) + made_doubles(&known->other_loads, map->n_powers) + n * n
-         + 3 * in_lanes(map->n_parameters) + 2 * in_lanes(map->n_powers) + known_product_size(map, n_gauges);
-}
-
 /* Term 2 r adds cos m phi of row r, term 2 r + 1 its sin m phi. */
-static void set_terms(TableMap *map, double **doubles) {
+static void set_terms(TableMap *map, Room *room) {
     const size_t terms = map->n_terms, m = map->n_harmonics;
-    double *row = taken(doubles, terms), *channel = taken(doubles, terms);
-    double *cosine = taken(doubles, terms * m), *sine = taken(doubles, terms * m);
-    for (size_t t = 0; t < terms; t++) {
+    double *row = taken(room, terms), *channel = taken(room, terms);
+    double *cosine = taken(room, terms * m), *sine = taken(room, terms * m);
+    for (size_t t = 0; room->next != NULL && t < terms; t++) {
         row[t] = (double)(t / 2);
         channel[t] = (double)t;
         for (size_t k = 0; k < m; k++) {
@@ -167,21 +149,23 @@ static void set_power(const KnownMap *map, const TableMap *tables, size_t first,
 
 /* Tables about the tables of the mean, whose rows are the section's from `first` on. */
 static void made_arrays(const KnownMap *map, const TableMap *mean, size_t first, double *shift, MadeTables *made,
-                        FlightTables *tables, double **doubles) {
+                        FlightTables *tables, Room *room) {
     const size_t size = flight_cell_doubles(&made->map);
-    set_terms(&made->map, doubles);
-    flight_tables_arrays(&made->map, tables, doubles);
-    double *part = taken(doubles, (1 + map->n_powers) * size);
-    set_mean(mean, tables->harmonics, tables->width, part);
-    for (size_t j = 0; j < map->n_powers; j++) {
+    set_terms(&made->map, room);
+    flight_tables_arrays(&made->map, tables, room);
+    double *part = taken(room, (1 + map->n_powers) * size);
+    made->parts = (CellParts){.n_weights = map->n_powers, .n_cells = cells_of(mean), .part = part, .weight = shift};
+    made->parts.made = taken(room, made->parts.n_cells);
+    tables->parts = &made->parts;
+    if (room->next != NULL) {
+        set_mean(mean, tables->harmonics, tables->width, part);
+    }
+    for (size_t j = 0; room->next != NULL && j < map->n_powers; j++) {
         set_power(map, &made->map, first, j, tables->harmonics, part + (1 + j) * size);
     }
-    made->parts = (CellParts){.n_weights = map->n_powers, .n_cells = cells_of(mean), .part = part, .weight = shift};
-    made->parts.made = taken(doubles, made->parts.n_cells);
-    tables->parts = &made->parts;
 }
 
-void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles) {
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, Room *room) {
     const KnownMap *map = &known->map;
     const size_t n = solver->n, n_gauges = solver->n_gauges, loads = N_LOADS, m = map->n_other;
     known->flight = flight;
@@ -195,18 +179,21 @@ void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *oth
                            .other_strain_covariance = others->map.strain_covariance,
                            .other_variance = others->map.variance};
     Errors *own = &known->own;
-    known->shift = taken(doubles, in_lanes(map->n_powers));
-    made_arrays(map, &flight->tables, 0, known->shift, &known->tables, &own->tables, doubles);
+    known->shift = taken(room, in_lanes(map->n_powers));
+    made_arrays(map, &flight->tables, 0, known->shift, &known->tables, &own->tables, room);
     if (m > 0) {
         const TableMap *other_loads = &others->map.tables;
-        made_arrays(map, other_loads, n_gauges + loads, known->shift, &known->other_loads, &own->other_loads, doubles);
+        made_arrays(map, other_loads, n_gauges + loads, known->shift, &known->other_loads, &own->other_loads, room);
     }
-    own->scaled_covariance = taken(doubles, n * n);
-    known->value = taken(doubles, in_lanes(map->n_parameters));
-    known->std = taken(doubles, in_lanes(map->n_parameters));
-    known->weight = taken(doubles, in_lanes(map->n_parameters));
-    known->along = taken(doubles, in_lanes(map->n_powers));
-    known->products = taken(doubles, known_product_size(map, n_gauges));
+    own->scaled_covariance = taken(room, n * n);
+    known->value = taken(room, in_lanes(map->n_parameters));
+    known->std = taken(room, in_lanes(map->n_parameters));
+    known->weight = taken(room, in_lanes(map->n_parameters));
+    known->along = taken(room, in_lanes(map->n_powers));
+    known->products = taken(room, known_product_size(map, n_gauges));
+    if (room->next == NULL) {
+        return;
+    }
     own->load_strain_covariance = known->products + n_gauges * n_gauges;
     own->load_covariance = own->load_strain_covariance + loads * n_gauges;
     own->other_strain_covariance = own->load_covariance + loads * loads;

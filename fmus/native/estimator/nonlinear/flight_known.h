@@ -58,11 +58,10 @@ typedef struct {
 /* Read the part in addition to the tables of strain. 1; 0 with a text. */
 int known_map_parse(MapFile *file, const FlightMap *flight, size_t n_gauges, size_t n_other, KnownMap *map);
 
-/* Lay out tables about the mean's, with other loads or without; number of doubles that all arrays take, and handing
-   them out, filled in; after the tables of solver and other loads. */
+/* Lay out tables about the mean's, with other loads or without; hand out the arrays, filled in, after the tables of solver
+   and other loads. */
 void known_lay_out(const TableMap *mean, const TableMap *others, Known *known);
-size_t known_doubles(const Known *known, size_t n_gauges);
-void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, double **doubles);
+void known_arrays(FlightMap *flight, FlightSolver *solver, FlightOtherLoads *others, Known *known, Room *room);
 
 /* Set the solver's tables to the ones about what the inputs know, or to the mean's where they know nothing. */
 void known_follow(Known *known, const Inputs *inputs);

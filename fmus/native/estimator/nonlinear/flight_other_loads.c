@@ -31,22 +31,14 @@ int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_lo
     return file->good;
 }
 
-size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges) {
-    const size_t m = map->tables.n_rows;
-    return m == 0 ? 0 : flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + m * (2 * in_lanes(n_gauges) + MOST_OTHERS);
-}
-
-void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, double **doubles) {
+void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, Room *room) {
     const TableMap *map = &other_loads->map.tables;
     if (map->n_rows > 0) {
-        flight_tables_arrays(map, &other_loads->tables, doubles);
-        response_arrays(map, &other_loads->response, doubles);
-        other_loads->turned = *doubles;
-        *doubles += map->n_rows * in_lanes(n_gauges);
-        other_loads->full_turned = *doubles;
-        *doubles += map->n_rows * in_lanes(n_gauges);
-        other_loads->others = *doubles;
-        *doubles += map->n_rows * MOST_OTHERS;
+        flight_tables_arrays(map, &other_loads->tables, room);
+        response_arrays(map, &other_loads->response, room);
+        other_loads->turned = taken(room, map->n_rows * in_lanes(n_gauges));
+        other_loads->full_turned = taken(room, map->n_rows * in_lanes(n_gauges));
+        other_loads->others = taken(room, map->n_rows * MOST_OTHERS);
     }
 }
 

@@ -28,9 +28,8 @@ typedef struct {
 /* Read the part of n_loads loads in addition to the tables of `flight`. 1; 0 with a text. */
 int flight_other_loads_parse(MapFile *file, const FlightMap *flight, size_t n_loads, FlightOtherLoadsMap *map);
 
-/* Number of doubles that the arrays take, and handing them out, filled in. */
-size_t flight_other_loads_doubles(const FlightOtherLoadsMap *map, size_t n_gauges);
-void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, double **doubles);
+/* Hand out the arrays, filled in. */
+void flight_other_loads_arrays(FlightOtherLoads *other_loads, size_t n_gauges, Room *room);
 
 /* Set out->value for the solution, at the references of the settings. */
 void flight_other_loads_at(FlightOtherLoads *other_loads, const FlightSolver *solver, const Inputs *inputs, OtherLoads *out);

@@ -12,17 +12,7 @@
 
 #include "flight_solver.h"
 
-#include "../numerics/arrays.h"
 #include "flight_search.h"
-
-size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges) {
-    const size_t n = in_lanes(n_gauges);
-    const size_t of_tables =
-        map->considered.n_rows == 0 ? 0 : flight_tables_doubles(&map->considered) + response_doubles(&map->considered);
-    return of_tables + flight_tables_doubles(&map->tables) + response_doubles(&map->tables) + 7 * n * n
-         + 2 * SEARCH_STARTS * SEARCH_STATES * n
-         + (6 + 3 * N_RIGHT + N_LOADS + map->n_common + map->n_considered_common + 2 + map->n_shapes) * n;
-}
 
 /* A (n_gauges, n_gauges) matrix in one of order n, with zeros beyond. */
 static void widen(size_t n_gauges, size_t n, const double *source, double *matrix) {
@@ -31,42 +21,43 @@ static void widen(size_t n_gauges, size_t n, const double *source, double *matri
     }
 }
 
-void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
-                          unsigned char **bytes) {
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, Room *room) {
     const size_t n = in_lanes(n_gauges);
     solver->map = map;
     solver->n_gauges = n_gauges;
     solver->n = n;
     solver->wide = wide;
-    flight_tables_arrays(&map->tables, &solver->tables, doubles);
-    response_arrays(&map->tables, &solver->response, doubles);
-    solver->gauge_covariance = taken(doubles, n * n);
-    solver->scaled_covariance = taken(doubles, n * n);
-    solver->considered_covariance = taken(doubles, n * n);
-    solver->factor = taken(doubles, n * n);
-    solver->full.factor = taken(doubles, n * n);
-    solver->inverse = taken(doubles, n * n);
-    solver->search_strain = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
-    solver->search_whitened = taken(doubles, SEARCH_STARTS * SEARCH_STATES * n);
-    solver->search_factor = taken(doubles, n * n);
-    solver->search_weight = taken(doubles, n);
-    solver->search_slope[0] = taken(doubles, n);
-    solver->search_slope[1] = taken(doubles, n);
-    solver->sample.strain = taken(doubles, n);
-    solver->solution.standardised_residual = taken(doubles, n);
-    solver->squares = taken(doubles, n);
-    solver->right = taken(doubles, N_RIGHT * n);
-    solver->turned = taken(doubles, N_RIGHT * n);
-    solver->full.right = taken(doubles, N_RIGHT * n);
-    solver->full.turned = taken(doubles, N_LOADS * n);
-    solver->columns = taken(doubles, (map->n_common + map->n_considered_common + 2) * n);
-    solver->shapes = taken(doubles, map->n_shapes * n);
+    flight_tables_arrays(&map->tables, &solver->tables, room);
+    response_arrays(&map->tables, &solver->response, room);
+    solver->gauge_covariance = taken(room, n * n);
+    solver->scaled_covariance = taken(room, n * n);
+    solver->considered_covariance = taken(room, n * n);
+    solver->factor = taken(room, n * n);
+    solver->full.factor = taken(room, n * n);
+    solver->inverse = taken(room, n * n);
+    solver->search_strain = taken(room, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_whitened = taken(room, SEARCH_STARTS * SEARCH_STATES * n);
+    solver->search_factor = taken(room, n * n);
+    solver->search_weight = taken(room, n);
+    solver->search_slope[0] = taken(room, n);
+    solver->search_slope[1] = taken(room, n);
+    solver->sample.strain = taken(room, n);
+    solver->solution.standardised_residual = taken(room, n);
+    solver->squares = taken(room, n);
+    solver->right = taken(room, N_RIGHT * n);
+    solver->turned = taken(room, N_RIGHT * n);
+    solver->full.right = taken(room, N_RIGHT * n);
+    solver->full.turned = taken(room, N_LOADS * n);
+    solver->columns = taken(room, (map->n_common + map->n_considered_common + 2) * n);
+    solver->shapes = taken(room, map->n_shapes * n);
     if (map->considered.n_rows > 0) {
-        flight_tables_arrays(&map->considered, &solver->full.tables, doubles);
-        response_arrays(&map->considered, &solver->full.response, doubles);
+        flight_tables_arrays(&map->considered, &solver->full.tables, room);
+        response_arrays(&map->considered, &solver->full.response, room);
     }
-    solver->sample.used = *bytes;
-    *bytes += n_gauges;
+    solver->sample.used = piece(room, n_gauges, 1);
+    if (room->next == NULL) {
+        return;
+    }
     widen(n_gauges, n, map->gauge_covariance, solver->gauge_covariance);
     widen(n_gauges, n, map->scaled_covariance, solver->scaled_covariance);
     widen(n_gauges, n, map->considered_covariance, solver->considered_covariance);

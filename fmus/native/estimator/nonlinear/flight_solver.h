@@ -5,10 +5,8 @@
 
 #include "solver_state.h"
 
-/* Number of doubles that its arrays take, and handing them out, filled in; *bytes gives n_gauges flags. */
-size_t flight_solver_doubles(const FlightMap *map, size_t n_gauges);
-void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, double **doubles,
-                          unsigned char **bytes);
+/* Hand out the arrays, filled in. */
+void flight_solver_arrays(const FlightMap *map, size_t n_gauges, int wide, FlightSolver *solver, Room *room);
 
 /* Give the gauges errors of the covariance `own` (n_gauges, n_gauges), NULL for the map's, and of `added`. */
 void flight_solver_add_noise(FlightSolver *solver, const double *own, const double *added);

@@ -26,7 +26,6 @@
 
 #include "../../core/elementary.h"
 #include "../map/map_resource.h"
-#include "../numerics/arrays.h"
 #include "../numerics/wide.h"
 
 #define MOST_COMBINED (2 * LANES) /* with AVX-512 */
@@ -39,42 +38,36 @@ size_t flight_cell_doubles(const TableMap *map) {
     return cells_of(map) * map->n_channels * in_lanes(map->n_harmonics);
 }
 
-size_t flight_tables_doubles(const TableMap *map) {
-    const size_t harmonics = in_lanes(map->n_harmonics), width = map->n_channels * harmonics;
-    return (cells_of(map) + 3) * width + (2 * map->n_terms + 6) * harmonics;
-}
-
-void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles) {
+void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room) {
     const size_t m = map->n_harmonics, harmonics = in_lanes(m);
     tables->map = map;
     tables->harmonics = harmonics;
     tables->width = map->n_channels * harmonics;
-    tables->cells = taken(doubles, cells_of(map) * tables->width);
+    tables->cells = taken(room, cells_of(map) * tables->width);
+    tables->cosine = taken(room, map->n_terms * harmonics);
+    tables->sine = taken(room, map->n_terms * harmonics);
+    for (int k = 0; k < 3; k++) {
+        tables->amplitude[k] = taken(room, tables->width);
+    }
+    for (int k = 0; k < 6; k++) {
+        tables->wind[k] = taken(room, harmonics);
+    }
+    if (room->next == NULL) {
+        return;
+    }
     for (size_t k = 0; map->table != NULL && k < cells_of(map) * map->n_channels; k++) {
         memcpy(tables->cells + k * harmonics, map->table + k * m, m * sizeof(double));
     }
-    tables->cosine = taken(doubles, map->n_terms * harmonics);
-    tables->sine = taken(doubles, map->n_terms * harmonics);
     for (size_t t = 0; t < map->n_terms; t++) {
         memcpy(tables->cosine + t * harmonics, map->cosine + t * m, m * sizeof(double));
         memcpy(tables->sine + t * harmonics, map->sine + t * m, m * sizeof(double));
     }
-    for (int k = 0; k < 3; k++) {
-        tables->amplitude[k] = taken(doubles, tables->width);
-    }
-    for (int k = 0; k < 6; k++) {
-        tables->wind[k] = taken(doubles, harmonics);
-    }
 }
 
-size_t response_doubles(const TableMap *map) {
-    return (1 + N_STATES) * in_lanes(map->n_rows);
-}
-
-void response_arrays(const TableMap *map, Response *response, double **doubles) {
-    response->value = taken(doubles, in_lanes(map->n_rows));
+void response_arrays(const TableMap *map, Response *response, Room *room) {
+    response->value = taken(room, in_lanes(map->n_rows));
     for (size_t k = 0; k < N_STATES; k++) {
-        response->jacobian[k] = taken(doubles, in_lanes(map->n_rows));
+        response->jacobian[k] = taken(room, in_lanes(map->n_rows));
     }
 }
 

@@ -50,13 +50,12 @@ typedef struct {
     double *jacobian[N_STATES]; /* (rows) */
 } Response;
 
-/* Number of doubles of the coefficients at all pairs of knots, of tables, and of a response; handing the last two out,
-   tables filled in, cells where the map has some. */
+/* Number of doubles of the coefficients at all pairs of knots. */
 size_t flight_cell_doubles(const TableMap *map);
-size_t flight_tables_doubles(const TableMap *map);
-void flight_tables_arrays(const TableMap *map, FlightTables *tables, double **doubles);
-size_t response_doubles(const TableMap *map);
-void response_arrays(const TableMap *map, Response *response, double **doubles);
+
+/* Hand out the arrays of tables, filled in, and of a response. */
+void flight_tables_arrays(const TableMap *map, FlightTables *tables, Room *room);
+void response_arrays(const TableMap *map, Response *response, Room *room);
 
 /* Make the cells that are read from the pairs of knots `mach` and `incidence` on. */
 void flight_make_cells(const FlightTables *tables, size_t mach, size_t incidence);

@@ -24,4 +24,25 @@ void *memory_take(Memory *memory, size_t size);
 /* Free all blocks; a buffer stays the caller's. */
 void memory_free(const Memory *memory);
 
+/* A block in pieces: one list of them, gone through twice, counts what they take and hands them out. */
+typedef struct {
+    unsigned char *next; /* NULL while pieces are counted alone: they are NULL then */
+    size_t size;         /* bytes of all pieces so far */
+} Room;
+
+/* The next piece, of `count` elements of a size; in multiples of 8 bytes, so that any type follows. */
+static inline void *piece(Room *room, size_t count, size_t size) {
+    const size_t bytes = (count * size + 7) / 8 * 8;
+    void *start = room->next;
+    room->size += bytes;
+    if (room->next != NULL) {
+        room->next += bytes;
+    }
+    return start;
+}
+
+static inline double *taken(Room *room, size_t count) {
+    return piece(room, count, sizeof(double));
+}
+
 #endif

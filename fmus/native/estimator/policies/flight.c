@@ -241,26 +241,24 @@ static int parse(Flight *flight, MapFile *file) {
     return file->good;
 }
 
+static void lay_out(Flight *flight, Room *room) {
+    const size_t n = flight->inputs->map->n_gauges;
+    flight_solver_arrays(&flight->map, n, flight->linear->wide, &flight->solver, room);
+    flight_other_loads_arrays(&flight->other_loads, n, room);
+    if (flight->known.present) {
+        known_arrays(&flight->map, &flight->solver, &flight->other_loads, &flight->known, room);
+    }
+}
+
 /* One block for all arrays. */
 static int allocate(Flight *flight, MapFile *file) {
-    const size_t n = flight->inputs->map->n_gauges;
-    FlightSolver *solver = &flight->solver;
-    FlightOtherLoads *other_loads = &flight->other_loads;
-    Known *known = &flight->known;
-    solver->map = &flight->map;
-    solver->n = in_lanes(n);
-    const size_t count = flight_solver_doubles(&flight->map, n) + flight_other_loads_doubles(&other_loads->map, n)
-                       + (known->present ? known_doubles(known, n) : 0);
-    double *doubles = map_take(file, count * sizeof(double) + n);
-    if (doubles == NULL) {
+    Room room = {NULL, 0};
+    lay_out(flight, &room);
+    room.next = map_take(file, room.size);
+    if (room.next == NULL) {
         return 0;
     }
-    unsigned char *bytes = (unsigned char *)(doubles + count);
-    flight_solver_arrays(&flight->map, n, flight->linear->wide, solver, &doubles, &bytes);
-    flight_other_loads_arrays(other_loads, n, &doubles);
-    if (known->present) {
-        known_arrays(&flight->map, solver, other_loads, known, &doubles);
-    }
+    lay_out(flight, &room);
     return 1;
 }
 

@@ -52,44 +52,43 @@ static int parse(MapFile *file, ThermalMap *map) {
     return file->good;
 }
 
-/* Scratch of thermal_renew: A, left, L and its inverse, strain by whitened amplitudes, then gains before they are
-   laid out in panels. */
-static size_t scratch_doubles(const ThermalMap *map, size_t n) {
-    const size_t k = map->n_modes;
-    return map->n_sensors * k + k * k + k * (k + 1) + n * k + 2 * n * map->n_sensors
-         + dense_columns(map->n_sensors) + ROWS;
+static void lay_out(Thermal *thermal, Room *room) {
+    const size_t n = thermal->n_gauges, k = thermal->map.n_modes, m = thermal->map.n_sensors;
+    const size_t rows = dense_rows(2 * n), columns = dense_columns(m);
+    /* A, left, L and its inverse, strain by whitened amplitudes, then gains before they are laid out in panels. */
+    const size_t scratch = m * k + k * k + k * (k + 1) + n * k + 2 * n * m + columns + ROWS;
+    thermal->gain = taken(room, rows * columns);
+    thermal->own = taken(room, n * n);
+    thermal->noise = taken(room, n * n);
+    thermal->rise = taken(room, columns);
+    thermal->of_gauge = taken(room, rows);
+    thermal->factor = taken(room, n);
+    thermal->offset = taken(room, n);
+    thermal->information = taken(room, k * k);
+    thermal->amplitude = taken(room, k * m);
+    thermal->scratch = taken(room, scratch);
+    thermal->known = piece(room, m, 1);
 }
 
 int thermal_create(MapFile *file, size_t n_gauges, int wide, Thermal *thermal) {
     ThermalMap *map = &thermal->map;
+    Room room = {NULL, 0};
     if (!map_has(file, "thermal")) {
         return file->good;
     }
     if (!parse(file, map)) {
         return 0;
     }
-    const size_t rows = dense_rows(2 * n_gauges), columns = dense_columns(map->n_sensors), square = n_gauges * n_gauges;
-    const size_t k = map->n_modes, of_amplitudes = 2 * k * k + k * map->n_sensors;
-    const size_t count = rows * columns + 2 * square + columns + rows + 2 * n_gauges + of_amplitudes
-                       + scratch_doubles(map, n_gauges);
-    thermal->gain = map_take(file, count * sizeof(double) + map->n_sensors);
-    if (thermal->gain == NULL) {
+    thermal->n_gauges = n_gauges;
+    lay_out(thermal, &room);
+    room.next = map_take(file, room.size);
+    if (room.next == NULL) {
         return 0;
     }
-    thermal->own = thermal->gain + rows * columns;
-    thermal->noise = thermal->own + square;
-    thermal->rise = thermal->noise + square;
-    thermal->of_gauge = thermal->rise + columns;
-    thermal->factor = thermal->of_gauge + rows;
-    thermal->offset = thermal->factor + n_gauges;
-    thermal->information = thermal->offset + n_gauges;
-    thermal->amplitude = thermal->information + k * k;
-    thermal->scratch = thermal->amplitude + k * map->n_sensors;
-    thermal->known = (unsigned char *)(thermal->gain + count);
+    lay_out(thermal, &room);
     thermal->present = 1;
     thermal->vibration = 1.0;
     thermal->wide = wide;
-    thermal->n_gauges = n_gauges;
     thermal_renew(thermal);
     return 1;
 }

@@ -26,7 +26,6 @@
 
 #include <string.h>
 
-#include "../numerics/arrays.h"
 #include "../numerics/triangles.h"
 #include "noise_state.h"
 #include "pressure_directions.h"
@@ -155,46 +154,34 @@ static size_t n_other(const AddedNoise *noise) {
     return noise->other_loads == NULL ? 0 : noise->other_loads->map.n_loads;
 }
 
-/* Of a set of the matrices. */
-static size_t matrices_doubles(const Map *map, size_t others) {
+static void matrices_arrays(const Map *map, size_t others, NoiseMatrices *set, Room *room) {
     const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
-    return 2 * triangle + n * n + 3 * n + 3 * N_LOADS * n + N_LOADS * N_LOADS + n * others + others;
+    set->residual_triangle = taken(room, triangle);
+    set->noise_whitening = taken(room, triangle);
+    set->min_precision = taken(room, n);
+    set->whitening = taken(room, n * n);
+    set->singular = taken(room, n);
+    set->form_min_precision = taken(room, n);
+    set->load = taken(room, N_LOADS * n);
+    set->noise_left = taken(room, N_LOADS * n);
+    set->prior_left = taken(room, N_LOADS * n);
+    set->unseen = taken(room, N_LOADS * N_LOADS);
+    set->other_load = taken(room, n * others);
+    set->other_unseen = taken(room, others);
 }
 
-size_t added_noise_doubles(const Map *map, size_t others) {
-    const size_t n = map->n_gauges;
-    return 2 * matrices_doubles(map, others) + n * n + large_doubles(map) + 2 * (map->n_states + n) + n * n
-         + fixed_loads_doubles(map);
-}
-
-static void matrices_arrays(const Map *map, size_t others, NoiseMatrices *set, double **doubles) {
-    const size_t n = map->n_gauges, triangle = n * (n + 1) / 2;
-    set->residual_triangle = taken(doubles, triangle);
-    set->noise_whitening = taken(doubles, triangle);
-    set->min_precision = taken(doubles, n);
-    set->whitening = taken(doubles, n * n);
-    set->singular = taken(doubles, n);
-    set->form_min_precision = taken(doubles, n);
-    set->load = taken(doubles, N_LOADS * n);
-    set->noise_left = taken(doubles, N_LOADS * n);
-    set->prior_left = taken(doubles, N_LOADS * n);
-    set->unseen = taken(doubles, N_LOADS * N_LOADS);
-    set->other_load = taken(doubles, n * others);
-    set->other_unseen = taken(doubles, others);
-}
-
-void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles) {
+void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room) {
     const size_t n = map->n_gauges;
     noise->file = *map;
     noise->made = noise->set;
     for (size_t k = 0; k < 2; k++) {
-        matrices_arrays(map, n_other(noise), &noise->set[k], doubles);
+        matrices_arrays(map, n_other(noise), &noise->set[k], room);
     }
-    noise->added = taken(doubles, n * n);
-    noise->large = taken(doubles, large_doubles(map));
-    noise->head = taken(doubles, 2 * (map->n_states + n));
-    noise->square = taken(doubles, n * n);
-    noise->rows = taken(doubles, fixed_loads_doubles(map));
+    noise->added = taken(room, n * n);
+    noise->large = taken(room, large_doubles(map));
+    noise->head = taken(room, 2 * (map->n_states + n));
+    noise->square = taken(room, n * n);
+    noise->rows = taken(room, fixed_loads_doubles(map));
 }
 
 /* Householder reflections of [I; L^-1 A], or of [0; L^-1 A] where no state has a prior, applied to [0; L^-1]. The

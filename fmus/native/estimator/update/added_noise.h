@@ -9,10 +9,8 @@
 
 #include "noise_state.h"
 
-/* Number of doubles that its arrays take, with so many other loads, and handing them out for the map of a file;
-   noise->other_loads is set. */
-size_t added_noise_doubles(const Map *map, size_t n_other);
-void added_noise_arrays(const Map *map, AddedNoise *noise, double **doubles);
+/* Hand out the arrays for the map of a file; other_loads is set. */
+void added_noise_arrays(const Map *map, AddedNoise *noise, Room *room);
 
 /* Make the matrices for the errors noise->own, instead of the file's if set, and noise->added besides, part by part; those
    that the map has stay until they are handed out. A part takes about as many multiplications as the first one, or `work`

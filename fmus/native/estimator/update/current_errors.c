@@ -34,7 +34,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../sample/outputs.h"
@@ -78,54 +77,41 @@ static size_t n_values(const CurrentErrors *errors) {
     return FIVE_VALUES + errors->n_other;
 }
 
-size_t current_errors_doubles(const Map *map, size_t n_other) {
-    const size_t n = map->n_gauges, whole = dense_rows(n), values = FIVE_VALUES + n_other;
-    const size_t interval = dense_rows(values) * dense_columns(N_FACTORS) + 3 * n;
-    const size_t common = 6 * map->form.n_terms;
-    const size_t tables = dense_rows(N_PAIRS) * dense_columns(n) + common * whole + dense_rows(common) * dense_columns(n)
-                        + whole * dense_columns(common);
-    const size_t scratch = (2 * (N_LOADS + n_other) + 3) * whole + values * N_FACTORS + 6 * (N_LOADS + n_other)
-                         + N_PAIRS * values + dense_rows(N_PAIRS);
-    const size_t step = dense_columns(N_FACTORS) + dense_rows(FIVE_VALUES) + 2 * n * whole + n * n + N_LOADS * n + whole
-                      + 2 * dense_rows(common);
-    return CACHED_INTERVALS * interval + tables + scratch + step;
-}
-
-void current_errors_arrays(Scaled *scaled, double **doubles) {
+void current_errors_arrays(Scaled *scaled, Room *room) {
     CurrentErrors *errors = &scaled->errors;
     errors->n_other = scaled->other_loads != NULL ? scaled->other_loads->map.n_loads : 0;
     const size_t n = scaled->map->n_gauges, whole = dense_rows(n), values = n_values(errors);
     const size_t loads = N_LOADS + errors->n_other, common = 6 * scaled->map->form.n_terms;
-    errors->of_gauge = taken(doubles, dense_rows(N_PAIRS) * dense_columns(n));
-    errors->rows = taken(doubles, dense_rows(common) * dense_columns(n));
-    errors->columns = taken(doubles, whole * dense_columns(common));
-    errors->along = taken(doubles, dense_rows(common));
-    errors->sized = taken(doubles, dense_rows(common));
-    errors->common = taken(doubles, common * whole);
-    errors->weighted = taken(doubles, loads * whole);
-    errors->gain = taken(doubles, loads * whole);
-    errors->unresolved = taken(doubles, whole);
-    errors->precision = taken(doubles, whole);
-    errors->product = taken(doubles, whole);
-    errors->powers = taken(doubles, dense_columns(N_FACTORS));
-    errors->value = taken(doubles, dense_rows(FIVE_VALUES));
-    errors->error_of_y = taken(doubles, n * whole);
-    errors->weighted_error = taken(doubles, n * whole);
-    errors->own = taken(doubles, whole);
+    errors->of_gauge = taken(room, dense_rows(N_PAIRS) * dense_columns(n));
+    errors->rows = taken(room, dense_rows(common) * dense_columns(n));
+    errors->columns = taken(room, whole * dense_columns(common));
+    errors->along = taken(room, dense_rows(common));
+    errors->sized = taken(room, dense_rows(common));
+    errors->common = taken(room, common * whole);
+    errors->weighted = taken(room, loads * whole);
+    errors->gain = taken(room, loads * whole);
+    errors->unresolved = taken(room, whole);
+    errors->precision = taken(room, whole);
+    errors->product = taken(room, whole);
+    errors->powers = taken(room, dense_columns(N_FACTORS));
+    errors->value = taken(room, dense_rows(FIVE_VALUES));
+    errors->error_of_y = taken(room, n * whole);
+    errors->weighted_error = taken(room, n * whole);
+    errors->own = taken(room, whole);
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
-        errors->interval[k].factor = taken(doubles, dense_rows(values) * dense_columns(N_FACTORS));
+        errors->interval[k].factor = taken(room, dense_rows(values) * dense_columns(N_FACTORS));
     }
     for (size_t k = 0; k < CACHED_INTERVALS; k++) {
-        errors->interval[k].least_precision = taken(doubles, n);
-        errors->interval[k].margin = taken(doubles, n);
-        errors->interval[k].bound = taken(doubles, n);
+        errors->interval[k].least_precision = taken(room, n);
+        errors->interval[k].margin = taken(room, n);
+        errors->interval[k].bound = taken(room, n);
     }
-    errors->polynomial = taken(doubles, values * N_FACTORS);
-    errors->common_load = taken(doubles, 6 * loads);
-    errors->node = taken(doubles, N_PAIRS * values);
-    errors->sum = taken(doubles, dense_rows(N_PAIRS));
-    errors->square = taken(doubles, n * n);
-    errors->load_error = taken(doubles, N_LOADS * n);
+    errors->polynomial = taken(room, values * N_FACTORS);
+    errors->common_load = taken(room, 6 * loads);
+    errors->node = taken(room, N_PAIRS * values);
+    errors->sum = taken(room, dense_rows(N_PAIRS));
+    errors->square = taken(room, n * n);
+    errors->load_error = taken(room, N_LOADS * n);
 }
 
 void current_errors_prepare(Scaled *scaled) {

@@ -11,9 +11,8 @@
 
 #include "scaled_state.h"
 
-/* Number of doubles that the arrays take with so many other loads, and handing them out. */
-size_t current_errors_doubles(const Map *map, size_t n_other);
-void current_errors_arrays(Scaled *scaled, double **doubles);
+/* Hand out the arrays. */
+void current_errors_arrays(Scaled *scaled, Room *room);
 
 /* Fill in the tables of a map, and forget all intervals. */
 void current_errors_prepare(Scaled *scaled);

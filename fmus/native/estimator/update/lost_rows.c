@@ -34,18 +34,13 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 
-size_t lost_rows_doubles(size_t n) {
-    return dense_rows(n) + n * (n + 1) + 2 * n;
-}
-
-void lost_rows_arrays(size_t n, LostRows *rows, double **doubles) {
-    rows->root = taken(doubles, dense_rows(n));
-    rows->matrix = taken(doubles, n * (n + 1));
-    rows->head = taken(doubles, 2 * n);
+void lost_rows_arrays(size_t n, LostRows *rows, Room *room) {
+    rows->root = taken(room, dense_rows(n));
+    rows->matrix = taken(room, n * (n + 1));
+    rows->head = taken(room, 2 * n);
 }
 
 /* Q and R of D^-1/2 V_L for these u. One more column, D^-1/2 V (m - d_0), is rotated along with them: the mean strain

@@ -5,9 +5,8 @@
 
 #include "scaled_state.h"
 
-/* Number of doubles that the arrays of LostRows take for n gauges, and handing them out. */
-size_t lost_rows_doubles(size_t n);
-void lost_rows_arrays(size_t n, LostRows *rows, double **doubles);
+/* Hand out the arrays for n gauges. */
+void lost_rows_arrays(size_t n, LostRows *rows, Room *room);
 
 /* Of step->lost at step->unresolved, and at the u of the gain: step->qr_of_truth, step->qr_of_gain, Y and growth; of_mean is
    predicted. */

@@ -23,36 +23,21 @@
 
 #include "../numerics/triangles.h"
 
-size_t masked_map_doubles(const Map *map) {
-    return triangle_column(map->n_gauges) + map->n_gauges;
-}
-
-size_t masked_map_indices(const Map *map) {
-    return 2 * map->n_gauges;
-}
-
-size_t workspace_doubles(const Map *map) {
-    return 3 * map->n_gauges * map->n_gauges;
-}
-
-void masked_map_arrays(const Map *map, MaskedMap *masked, double **doubles, size_t **indices) {
+void masked_map_arrays(const Map *map, MaskedMap *masked, Room *room) {
     const size_t n = map->n_gauges;
-    masked->triangle = *doubles;
-    masked->z_scale = masked->triangle + triangle_column(n);
-    masked->used = *indices;
-    masked->group = masked->used + n;
-    *doubles += masked_map_doubles(map);
-    *indices += masked_map_indices(map);
+    masked->triangle = taken(room, triangle_column(n));
+    masked->z_scale = taken(room, n);
+    masked->used = piece(room, n, sizeof *masked->used);
+    masked->group = piece(room, n, sizeof *masked->group);
+    masked->mask = piece(room, n, 1);
 }
 
-void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t **indices) {
+void workspace_arrays(const Map *map, Workspace *work, Room *room) {
     const size_t n = map->n_gauges;
-    work->first = *doubles;
-    work->second = work->first + n * n;
-    work->third = work->second + n * n;
-    work->order = *indices;
-    *doubles += workspace_doubles(map);
-    *indices += n;
+    work->first = taken(room, n * n);
+    work->second = taken(room, n * n);
+    work->third = taken(room, n * n);
+    work->order = piece(room, n, sizeof *work->order);
 }
 
 /* The missing gauges, then those in use, both ascending: the order of the columns. The result is the number of the

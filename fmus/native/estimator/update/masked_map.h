@@ -28,14 +28,9 @@ typedef struct {
     size_t *order;                  /* (n_gauges) gauges, the missing first */
 } Workspace;
 
-/* Number of doubles and of indices that the arrays of one MaskedMap or Workspace take. */
-size_t masked_map_doubles(const Map *map);
-size_t masked_map_indices(const Map *map);
-size_t workspace_doubles(const Map *map);
-
-/* Hand out arrays from *doubles and *indices, which move on; mask is set by the caller. */
-void masked_map_arrays(const Map *map, MaskedMap *masked, double **doubles, size_t **indices);
-void workspace_arrays(const Map *map, Workspace *work, double **doubles, size_t **indices);
+/* Hand out the arrays. */
+void masked_map_arrays(const Map *map, MaskedMap *masked, Room *room);
+void workspace_arrays(const Map *map, Workspace *work, Room *room);
 
 /* Fill masked for the gauges of masked->mask. */
 void masked_map_prepare(const Map *map, MaskedMap *masked, Workspace *work);

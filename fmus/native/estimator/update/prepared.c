@@ -15,37 +15,19 @@
 
 #include <string.h>
 
-#include "../numerics/arrays.h"
 #include "../sample/readings.h"
 
-size_t prepared_doubles(const Map *map, size_t n_strains, size_t n_other) {
-    return CACHED_MASKS * masked_map_doubles(map) + workspace_doubles(map) + added_noise_doubles(map, n_other)
-         + 2 * (n_strains + 1);
-}
-
-size_t prepared_indices(const Map *map) {
-    return CACHED_MASKS * masked_map_indices(map) + map->n_gauges;
-}
-
-size_t prepared_bytes(const Map *map) {
-    return (CACHED_MASKS + 1) * map->n_gauges;
-}
-
-void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, double **doubles, size_t **indices,
-                     unsigned char **bytes) {
-    const size_t n = map->n_gauges;
+void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room) {
     prepared->map = map;
     for (int k = 0; k < CACHED_MASKS; k++) {
-        prepared->cache[k].mask = *bytes + (size_t)k * n;
-        masked_map_arrays(map, &prepared->cache[k], doubles, indices);
+        masked_map_arrays(map, &prepared->cache[k], room);
     }
-    prepared->mask = *bytes + CACHED_MASKS * n;
-    *bytes += prepared_bytes(map);
-    workspace_arrays(map, &prepared->work, doubles, indices);
-    added_noise_arrays(map, &prepared->noise, doubles);
+    prepared->mask = piece(room, map->n_gauges, 1);
+    workspace_arrays(map, &prepared->work, room);
+    added_noise_arrays(map, &prepared->noise, room);
     prepared->n_strains = n_strains;
-    prepared->noise_std = taken(doubles, n_strains + 1);
-    prepared->next_std = taken(doubles, n_strains + 1);
+    prepared->noise_std = taken(room, n_strains + 1);
+    prepared->next_std = taken(room, n_strains + 1);
 }
 
 int prepared_begin(Prepared *prepared) {

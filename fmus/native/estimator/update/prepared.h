@@ -23,13 +23,8 @@ typedef struct {
     unsigned char *mask; /* (n_gauges) gauges in use in this step */
 } Prepared;
 
-/* Number of doubles, of indices and of bytes that the arrays take of a map with n_strains strain gauges and so many other
-   loads, and handing them out; noise.other_loads is set. */
-size_t prepared_doubles(const Map *map, size_t n_strains, size_t n_other);
-size_t prepared_indices(const Map *map);
-size_t prepared_bytes(const Map *map);
-void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, double **doubles, size_t **indices,
-                     unsigned char **bytes);
+/* Hand out the arrays of a map with n_strains strain gauges; noise.other_loads is set. */
+void prepared_arrays(Map *map, size_t n_strains, Prepared *prepared, Room *room);
 
 /* Give the map its matrices, for the errors of its file. 0 if those are no covariance. */
 int prepared_begin(Prepared *prepared);

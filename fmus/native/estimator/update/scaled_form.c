@@ -28,7 +28,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "../numerics/arrays.h"
 #include "../numerics/dense.h"
 #include "../numerics/triangles.h"
 #include "../numerics/wide.h"
@@ -41,56 +40,43 @@ static int gain_differs(const Map *map) {
     return !map->form.follows_pressure && map->known_prior && map->regularisation != 1.0;
 }
 
-size_t scaled_doubles(const Map *map, size_t n_other) {
-    const size_t n = map->n_gauges, whole = dense_rows(n), narrow = narrow_rows(n);
-    const size_t columns = dense_columns(n);
-    const size_t tables = (3 * whole + N_VALUES + ROWS + narrow / 2) * columns + n + 3 * whole;
-    const size_t step = (8 + n) * whole + 2 * narrow + 2 * lost_rows_doubles(n) + 2 * N_LOADS * n + 2 * n;
-    return tables + step + current_errors_doubles(map, n_other);
-}
-
-size_t scaled_indices(const Map *map) {
-    return map->n_gauges;
-}
-
-void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices) {
+void scaled_arrays(Scaled *scaled, Room *room) {
     const size_t n = scaled->map->n_gauges, columns = dense_columns(n), whole = dense_rows(n), narrow = narrow_rows(n);
     ScaledStep *step = &scaled->step;
-    scaled->rows = taken(doubles, whole * columns);
-    scaled->columns = taken(doubles, whole * columns);
-    scaled->square = taken(doubles, whole * columns);
-    scaled->squares = taken(doubles, N_VALUES * columns);
-    scaled->loads = taken(doubles, ROWS * columns);
-    scaled->screen = (float *)(void *)taken(doubles, narrow * columns / 2);
-    scaled->mean = taken(doubles, whole);
-    step->unresolved = taken(doubles, whole);
-    step->weight = taken(doubles, whole);
-    step->spread = taken(doubles, whole);
-    step->w = taken(doubles, whole);
-    scaled->mean_left = taken(doubles, whole);
-    step->x = taken(doubles, whole);
-    step->scratch[0] = taken(doubles, whole);
-    step->scratch[1] = taken(doubles, whole);
-    step->bound = taken(doubles, narrow);
-    step->narrow = (float *)(void *)taken(doubles, narrow / 2);
-    step->narrow_z = (float *)(void *)taken(doubles, narrow / 2);
-    step->z = taken(doubles, n);
-    scaled->size = taken(doubles, n);
-    scaled->own_mean = taken(doubles, whole);
-    scaled->residual = taken(doubles, whole);
-    step->y = taken(doubles, n * whole);
-    lost_rows_arrays(n, &step->qr_of_truth, doubles);
-    lost_rows_arrays(n, &step->qr_of_gain, doubles);
-    step->growth = taken(doubles, N_LOADS * n);
-    scaled->shift = taken(doubles, N_LOADS * n);
-    scaled->of_gain = taken(doubles, n);
+    scaled->rows = taken(room, whole * columns);
+    scaled->columns = taken(room, whole * columns);
+    scaled->square = taken(room, whole * columns);
+    scaled->squares = taken(room, N_VALUES * columns);
+    scaled->loads = taken(room, ROWS * columns);
+    scaled->screen = piece(room, narrow * columns, sizeof *scaled->screen);
+    scaled->mean = taken(room, whole);
+    step->unresolved = taken(room, whole);
+    step->weight = taken(room, whole);
+    step->spread = taken(room, whole);
+    step->w = taken(room, whole);
+    scaled->mean_left = taken(room, whole);
+    step->x = taken(room, whole);
+    step->scratch[0] = taken(room, whole);
+    step->scratch[1] = taken(room, whole);
+    step->bound = taken(room, narrow);
+    step->narrow = piece(room, narrow, sizeof *step->narrow);
+    step->narrow_z = piece(room, narrow, sizeof *step->narrow_z);
+    step->z = taken(room, n);
+    scaled->size = taken(room, n);
+    scaled->own_mean = taken(room, whole);
+    scaled->residual = taken(room, whole);
+    step->y = taken(room, n * whole);
+    lost_rows_arrays(n, &step->qr_of_truth, room);
+    lost_rows_arrays(n, &step->qr_of_gain, room);
+    step->growth = taken(room, N_LOADS * n);
+    scaled->shift = taken(room, N_LOADS * n);
+    scaled->of_gain = taken(room, n);
     if (!gain_differs(scaled->map)) {
         scaled->of_gain = NULL;
         step->qr_of_gain = step->qr_of_truth;
     }
-    current_errors_arrays(scaled, doubles);
-    step->lost = *indices;
-    *indices += n;
+    current_errors_arrays(scaled, room);
+    step->lost = piece(room, n, sizeof *step->lost);
 }
 
 /* The 15 entries of F_a F_a', or of (k - b)(k - b)' + (G - k S)(G - k S)' in form "absolute": the covariance is

@@ -8,11 +8,8 @@
 
 #include "scaled_state.h"
 
-/* Number of doubles, with so many other loads, and of indices that the arrays take, and handing them out. map, other
-   and wide are set. */
-size_t scaled_doubles(const Map *map, size_t n_other);
-size_t scaled_indices(const Map *map);
-void scaled_arrays(Scaled *scaled, double **doubles, size_t **indices);
+/* Hand out the arrays. map, other_loads and wide are set. */
+void scaled_arrays(Scaled *scaled, Room *room);
 
 /* Fill in the tables: once, and again where the matrices of the map are others. */
 void scaled_prepare(Scaled *scaled);
