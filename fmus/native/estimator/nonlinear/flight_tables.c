@@ -267,10 +267,11 @@ static void respond_to(const FlightTables *tables, const double *state, Response
     respond(LANES, tables, state, response);
 }
 
+#if HAS_AVX2
 AVX2 static void respond_to_avx2(const FlightTables *tables, const double *state, Response *response) {
     respond(LANES, tables, state, response);
 }
-#if HAS_AVX2
+
 AVX512 static void respond_to_avx512(const FlightTables *tables, const double *state, Response *response) {
     respond(MOST_COMBINED, tables, state, response);
 }
