@@ -85,7 +85,7 @@ _COMMON_SOURCES = (
     "fmu/python/stop_time.py",
     "fmu/python/wrapper_exit.py",
 )
-_ESTIMATOR_ROOMS = ("estimates", "map", "numerics", "reference", "resource", "zeros")
+_ESTIMATOR_ROOMS = ("map", "reference", "resource")
 _ESTIMATOR_SOURCES = (
     *_COMMON_SOURCES,
     "estimator/",
