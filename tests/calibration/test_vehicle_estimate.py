@@ -62,7 +62,7 @@ def test_derivatives_are_those_of_the_readings(model: tuple[ReadingsModel, np.nd
     step = 1e-3
     change = (built.readings(vector + step * direction) - built.readings(vector - step * direction)) / (2.0 * step)
     # The change by pads is that of the drawing: to first order in the load's own error.
-    np.testing.assert_allclose(jacobian @ direction, change, atol=1e-2 * np.abs(change).max())
+    np.testing.assert_allclose(jacobian @ direction, change.ravel(), atol=1e-2 * np.abs(change).max())
 
 
 def test_the_estimate_is_as_good_as_it_says(
@@ -310,7 +310,7 @@ def test_a_pad_at_an_end_of_the_body(as_built: AsBuiltStructure, prior: AsBuilt,
         )
         test = LoadTest(gauge_names=as_built.gauges.names, cases=(case,), errors=ERRORS)
         model = ReadingsModel(as_built, test, prior)
-        return model.at_drawing()[1][0, :, model.names.index("pad place pad force 1 of end")]
+        return model.at_drawing()[1][:, [model.names.index("pad place pad force 1 of end")]].toarray()
 
     inside = columns(end + 2.0 * inboard)
     assert np.abs(inside).max() > 0.0

@@ -19,7 +19,7 @@ from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel
+from builder.calibration.estimate.readings_model import DRIFT, ReadingsModel, scaled_columns
 from builder.calibration.ground_test.load_changes import cell_force, hanging, is_along
 from builder.calibration.ground_test.load_test import LoadCase
 from builder.structure.as_built.as_built_structure import OF_MASS
@@ -117,9 +117,14 @@ class _Screen:
     def __init__(self, model: ReadingsModel, used: BoolArray) -> None:
         self.model, self.used = model, used
         self.predicted, jacobian = model.at_drawing()
-        self.columns = jacobian * model.std
+        self.rows = scaled_columns(jacobian, model.std)
         self.reading = model.test.readings
         self.noise = model.test.reading_stds**2 + (MODEL * self.predicted) ** 2
+
+    def columns(self, case: int) -> FloatArray:
+        """Return the derivatives (n_d, n) of a case by the vector in its standard deviations."""
+        n_d = self.used.shape[1]
+        return np.asarray(self.rows[case * n_d : (case + 1) * n_d].toarray())
 
     def wrong_cases(self) -> set[int]:
         """Return the numbers of the wrong cases: the worst first, then those that are left."""
@@ -149,13 +154,11 @@ class _Screen:
 
     def _linear(self, kept: list[int]) -> GaussianModel:
         """Return the model of the readings of the cases ``kept``, which follow each other."""
-        rows = [(k, np.flatnonzero(self.used[k])) for k in kept]
-        weight = 1.0 / np.sqrt(np.concatenate([self.noise[k, at] for k, at in rows]))
-        columns = np.concatenate([self.columns[k, at] for k, at in rows])
-        left = np.concatenate([(self.reading - self.predicted)[k, at] for k, at in rows])
-        group = np.concatenate([at for _, at in rows])
-        columns *= weight[:, None]
-        return GaussianModel(columns, weight * left, group)
+        some = np.zeros(self.used.shape, dtype=bool)
+        some[kept] = self.used[kept]
+        weight = 1.0 / np.sqrt(self.noise[some])
+        rows = scaled_columns(self.rows[np.flatnonzero(some)], np.ones(self.rows.shape[1]), weight)
+        return GaussianModel(rows, weight * (self.reading - self.predicted)[some], self.model.own)
 
     def named(self, case: int, wrong: set[int]) -> CaseFault:
         """Return what is wrong with a case, by the vehicle that the cases other than ``wrong`` show."""
@@ -191,12 +194,12 @@ class _Screen:
     def _of_load(self, case: int) -> tuple[BoolArray, FloatArray]:
         """Return (n,) whether a column is a zero, and the columns (n_d, n) of ``case`` without those."""
         zeros = np.array([name.startswith(("zero ", f"{DRIFT} ")) for name in self.model.names])
-        return zeros, np.where(zeros, 0.0, self.columns[case])
+        return zeros, np.where(zeros, 0.0, self.columns(case))
 
     def _causes(self, case: int, wrong: set[int]) -> Iterator[_Cause]:
         """Yield what the readings of a case may be of."""
         zeros, of_load = self._of_load(case)
-        own, load = np.where(zeros, self.columns[case], 0.0), self.predicted[case]
+        own, load = np.where(zeros, self.columns(case), 0.0), self.predicted[case]
         weight, of_weight = self._of_weight(case, zeros)
         for factor, text in FACTORS.items():
             kind = {-1.0: "sign", 0.0: "no load"}.get(factor, "unit")
@@ -216,7 +219,7 @@ class _Screen:
     def _of_masses(self, case: int) -> Iterator[_Cause]:
         """Yield what hangs on a load without being stated, and a load of another size to compare it with."""
         stated, structure = self.model.test.cases[case], self.model.structure
-        load, columns = self.predicted[case], self.columns[case]
+        load, columns = self.predicted[case], self.columns(case)
         for known in stated.loads:
             one = known.load
             if not isinstance(one, PadForce | PointForce):
@@ -239,7 +242,7 @@ class _Screen:
         """Return what own weight and inertia of a case strain (n_d,), and its columns (n_d, n)."""
         stated = self.model.test.cases[case]
         loads = tuple(one for one in stated.loads if isinstance(one.load, OF_MASS))
-        none = np.zeros_like(self.columns[case])
+        none = np.zeros((self.used.shape[1], len(zeros)))
         if not loads:
             return np.zeros(len(none)), none
         reading, of_vehicle = self._bare((replace(stated, loads=loads),), zeros)
@@ -250,7 +253,7 @@ class _Screen:
         """Return readings (n, n_d) of other cases, and their columns (n, n_d, n_built), 0 of zeros."""
         model = ReadingsModel(self.model.structure, replace(self.model.test, cases=cases), self.model.prior)
         reading, jacobian = model.at_drawing()
-        of_vehicle = jacobian[..., : model.n_built] * model.std[: model.n_built]
+        of_vehicle = scaled_columns(jacobian, model.std)[:, : model.n_built].toarray().reshape(*reading.shape, -1)
         of_vehicle[..., zeros[: model.n_built]] = 0.0
         return reading, of_vehicle
 
@@ -267,8 +270,8 @@ class _Screen:
                 kind, text = "duplicate", f"its readings repeat case '{names[other]}'"
             elif other in wrong:
                 kind, text = "interchanged", f"its readings are interchanged with case '{names[other]}'"
-            columns, more = self.columns[other].copy(), None
-            columns[:, self.model.drift_entries] = self.columns[case][:, self.model.drift_entries]
+            columns, more = self.columns(other), None
+            columns[:, self.model.drift_entries] = self.columns(case)[:, self.model.drift_entries]
             if kind == "mislabelled":  # the loads were applied once more, with errors of their own
                 own = self.model.load_entries
                 more, columns[:, own] = columns[:, own].copy(), 0.0
@@ -302,7 +305,7 @@ class _Screen:
         zeros, of_load = self._of_load(case)
         at = np.flatnonzero(self.used[case])
         load = (self.predicted[case] + of_load @ mean)[at]
-        left = (self.reading[case] - np.where(zeros, self.columns[case], 0.0) @ mean)[at]
+        left = (self.reading[case] - np.where(zeros, self.columns(case), 0.0) @ mean)[at]
         factor = float(load @ left) / max(float(load @ load), 1e-300)
         rest = float(np.linalg.norm(left - factor * load) / max(float(np.linalg.norm(left)), 1e-300))
         if rest > 0.5:

@@ -19,10 +19,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from builder.calibration.estimate.cause import Cause, Where
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel
+from builder.calibration.estimate.readings_model import PAD_STEPS, ReadingsModel, scaled_columns
 from builder.calibration.ground_test.load_changes import change_by, hanging
 from builder.structure.as_built.as_built_vehicle import slices
 from builder.structure.as_built_kinds import KINDS
@@ -178,9 +179,10 @@ class Evidence:
         self._noise = np.hypot(model.test.reading_stds, model_error * predicted)[used]
         self._predicted = predicted[used]
         free = model.std > 0.0
-        self._slope = model.slopes(used, jacobian, self._noise)
-        left = model.left(used, vector, predicted, self._noise) + self._slope @ vector
-        self._linear = GaussianModel(self._slope[:, free] * model.std[free], left, model.gauge_of_rows(used))
+        slope = model.slopes(used, jacobian, self._noise)
+        left = model.left(used, vector, predicted, self._noise) + slope @ vector
+        rows = scaled_columns(slope, model.std)[:, np.flatnonzero(free)]
+        self._linear, self._slope = GaussianModel(rows, left, model.own[free]), slope.tocsc()
 
     def ranking(self) -> list[tuple[Cause, float]]:
         """Return every cause, the best first, with the logarithm of how much more probable it makes the readings
@@ -203,7 +205,7 @@ class Evidence:
         """Return what ``cause`` of a gauge changes of its readings, over the changes from case to case [1]."""
         rows = np.argwhere(self.used)[:, 1] == cause.number
         if len(cause.entries):
-            change = (self._slope[np.ix_(rows, cause.entries)] @ self.sizes(cause)) * self._noise[rows]
+            change = (self._slope[:, cause.entries] @ self.sizes(cause))[: len(rows)][rows] * self._noise[rows]
         else:
             change = cause.factor * self._noise[rows]
         strain = float(np.std(self._predicted[rows]))
@@ -216,10 +218,11 @@ class Evidence:
     def _terms(self, cause: Cause) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return b and A of the module's formula, and the standard deviations that the columns are scaled by."""
         if cause.together:
-            own, columns = np.ones(1), self._slope[:, cause.entries] @ cause.wide[:, None]
+            own = np.ones(1)
+            columns = csr_array((self._slope[:, cause.entries] @ cause.wide)[:, None])
         else:
             own = np.sqrt(np.maximum(cause.wide**2 - self.model.std[cause.entries] ** 2, 0.0))
-            columns = self._slope[:, cause.entries] * own
+            columns = scaled_columns(self._slope[:, cause.entries].tocsr(), own)
         b, a = self._linear.terms(columns)
         return b, np.eye(len(a)) + a, own
 
@@ -228,13 +231,13 @@ class Evidence:
         best, factor = -np.inf, 1.0
         for one in (1.0, *NOISES):
             if not np.isclose(one, before):
-                density = self._linear.solved(one / before)[2]
+                density = self._linear.density(one / before)
                 if density < best:
                     break  # it has one maximum
                 best, factor = density, one / before
         none = np.zeros(0)
         cause = Cause(where="noise", kind="noise", entries=none.astype(np.int64), wide=none, factor=factor)
-        return cause, best - self._linear.density
+        return cause, best - self._linear.density()
 
     def _of_scatter(self) -> Iterator[tuple[Cause, float]]:
         """Yield gauges and cases whose readings are not what the others predict of them, of no known cause."""

@@ -65,14 +65,14 @@ def check_loads(
     readings, jacobian = model.jacobian(found.vector)
     strain = (1.0 + model.errors(found.vector).scale)[:, None] * model.load_strains(found.parameters)
     loads = applied_loads(model, moment_station, float(found.parameters.mass[0]))
-    good = found.used.any(axis=0)
+    good = np.asarray(found.used.any(axis=0))
     return [
         _check_load(
             found,
             k,
             use=good & np.isfinite(model.test.readings[k]),
             left=model.test.readings[k] - readings[k],
-            jacobian=jacobian[k],
+            jacobian=jacobian[k * good.size : (k + 1) * good.size].toarray(),
             strain=strain,
             equations=equations,
             loads=loads[k],

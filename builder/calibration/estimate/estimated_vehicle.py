@@ -75,8 +75,9 @@ class Estimate:
         at_break = self.model.structure.at_break
         if not at_break.any():
             return self.n_readings - float(np.trace(self._learned))
-        rows = self.linear.rows[: self.n_readings][~at_break[np.argwhere(self.used)[:, 1]]]
-        return len(rows) - float(np.sum((rows @ self.linear.covariance) * rows))
+        counted = np.flatnonzero(~at_break[np.argwhere(self.used)[:, 1]])
+        rows = self.linear.rows[counted]
+        return len(counted) - float((rows.T @ rows).multiply(self.linear.covariance).sum())
 
     @property
     def per_reading(self) -> float:
@@ -214,13 +215,13 @@ def estimate(model: ReadingsModel, used: BoolArray, start: FloatArray | None = N
     if not used.any():
         raise InputError("load test: no reading is left to calibrate with")
     end = minimum(model, used, start)
-    vector, covariance = end.vector, end.covariance
+    vector = end.vector
     test, free = model.test, model.std > 0.0
     reading, noise = test.readings[used], test.reading_stds[used]
     after = model.readings(vector)
     left = (reading - after[used]) / noise
     full = np.zeros((len(vector), len(vector)))
-    full[np.ix_(free, free)] = model.std[free][:, None] * covariance * model.std[free]
+    full[np.ix_(free, free)] = model.std[free][:, None] * end.linear.covariance * model.std[free]
     return Estimate(
         model=model,
         vector=vector,

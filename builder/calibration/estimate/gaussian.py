@@ -2,24 +2,22 @@
 
     left = rows theta + noise,  S = 1 + rows rows',  C = (1 + rows' rows)^-1,  S^-1 = 1 - rows C rows'.
 
-All follows from the precision of the parameters: its size is the number of parameters and not of readings. It is
-scaled to a diagonal of 1, as zeros of a recorder are known a thousand times less exactly than gains.
+All follows from the precision 1 + rows' rows of the parameters, an arrow where readings of a gauge depend on few
+of them: :mod:`builder.calibration.estimate.arrow_matrix`.
 
 Source: Rasmussen & Williams, Gaussian Processes for Machine Learning, sections 2.1 and 5.4.2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array
 
+from builder.calibration.estimate.arrow_matrix import Arrow
 from strainfmu.arrays import FloatArray, IntArray
-
-JITTER = 1e-9
-"""Added to the diagonal of 1 where rounding makes the precision indefinite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,61 +28,51 @@ class GaussianModel:
     ----------
     rows : (n, k) readings per parameter.
     left : (n,) readings less what they are at theta = 0.
-    group : (n,) rows of one group depend on few of the parameters, as all readings of a gauge do; by default all
-        rows are of one.
+    own : (k,) the gauge whose readings alone depend on a parameter, -1 of others.
     """
 
-    rows: FloatArray
+    rows: csr_array
     left: FloatArray
-    group: IntArray | None = field(default=None)
+    own: IntArray
 
     @cached_property
-    def information(self) -> FloatArray:
+    def information(self) -> Arrow:
         """(k, k) rows' rows."""
-        if self.group is None:
-            return np.asarray(self.rows.T @ self.rows)
-        total = np.zeros((self.rows.shape[1],) * 2)
-        for number in np.unique(self.group):
-            part = self.rows[self.group == number]
-            at = np.flatnonzero(part.any(axis=0))
-            total[np.ix_(at, at)] += part[:, at].T @ part[:, at]
-        return total
+        return Arrow.of_rows(self.rows, self.own)
 
-    def solved(self, noise: float = 1.0) -> tuple[FloatArray, FloatArray, float]:
-        """Return mean (k,) and covariance (k, k) of the parameters where noise has the standard deviation
-        ``noise``, and the logarithm of the density of ``left`` but for a constant."""
-        n, k = self.rows.shape
-        precision = np.eye(k) + self.information / noise**2
-        scale = 1.0 / np.sqrt(np.diag(precision))
-        scaled = scale[:, None] * precision * scale
-        try:
-            factor = cho_factor(scaled, lower=True)
-        except np.linalg.LinAlgError:  # parameters that no reading separates, at readings that no vehicle has
-            factor = cho_factor(scaled + JITTER * np.eye(k), lower=True)
-        covariance = scale[:, None] * cho_solve(factor, np.diag(scale))
-        mean = covariance @ (self.rows.T @ self.left) / noise**2
-        rest = self.left - self.rows @ mean
-        size = float(np.sum(np.log(np.diag(factor[0])) - np.log(scale))) + n * np.log(noise)
-        return mean, covariance, -size - 0.5 * float(rest @ rest / noise**2 + mean @ mean)
+    def precision_at(self, noise: float = 1.0, damping: float = 0.0) -> Arrow:
+        """Return 1 + rows' rows (k, k) where noise has the standard deviation ``noise``, its diagonal larger by
+        the part ``damping``."""
+        diagonal = 1.0 + self.information.diagonal / noise**2
+        return self.information.changed(noise**-2, 1.0 + damping * diagonal)
 
     @cached_property
-    def _solved(self) -> tuple[FloatArray, FloatArray, float]:
-        return self.solved()
+    def precision(self) -> Arrow:
+        """(k, k) 1 + rows' rows."""
+        return self.precision_at()
 
-    @property
+    @cached_property
     def mean(self) -> FloatArray:
         """(k,) of the parameters."""
-        return self._solved[0]
+        return self.precision.solve(self.rows.T @ self.left)
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
         """(k, k) of the parameters."""
-        return self._solved[1]
+        return self.precision.inverse
 
-    @property
-    def density(self) -> float:
-        """Logarithm of the density of ``left`` but for a constant."""
-        return self._solved[2]
+    @cached_property
+    def std(self) -> FloatArray:
+        """(k,) of the parameters."""
+        return np.sqrt(self.precision.inverse_diagonal)
+
+    def density(self, noise: float = 1.0) -> float:
+        """Return the logarithm of the density of ``left`` but for a constant, where noise has the standard
+        deviation ``noise``."""
+        precision = self.precision if noise == 1.0 else self.precision_at(noise)
+        mean = precision.solve(self.rows.T @ self.left) / noise**2
+        rest, size = self.left - self.rows @ mean, 0.5 * precision.log_determinant + len(self.left) * np.log(noise)
+        return float(-size - 0.5 * (rest @ rest / noise**2 + mean @ mean))
 
     @cached_property
     def weighted(self) -> FloatArray:
@@ -93,18 +81,15 @@ class GaussianModel:
 
     def precision_of(self, at: IntArray) -> FloatArray:
         """Return the part of S^-1 of the rows ``at``."""
-        part = self.rows[at]
-        some = np.flatnonzero(part.any(axis=0))
-        return np.asarray(np.eye(len(at)) - part[:, some] @ self.covariance[np.ix_(some, some)] @ part[:, some].T)
+        return np.eye(len(at)) - self.precision.quadratic(self.rows[at])
 
     def without(self, at: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return what the rows ``at`` differ by from the prediction by all others, and the covariance of that."""
         covariance = np.asarray(np.linalg.inv(self.precision_of(at)), dtype=np.float64)
         return covariance @ self.weighted[at], covariance
 
-    def terms(self, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def terms(self, columns: csr_array) -> tuple[FloatArray, FloatArray]:
         """Return C' S^-1 left (m,) and C' S^-1 C (m, m) of further columns C (n, m)."""
-        at = np.flatnonzero(columns.any(axis=1))
-        part = columns[at]
-        cross = self.rows[at].T @ part
-        return part.T @ self.weighted[at], np.asarray(part.T @ part - cross.T @ (self.covariance @ cross))
+        along = (columns.T @ self.rows).tocsr()
+        square = (columns.T @ columns).toarray() - self.precision.quadratic(along)
+        return columns.T @ self.weighted, np.asarray(square)

@@ -15,13 +15,14 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.special import chdtrc
 
 from builder.calibration.estimate.case_faults import MODEL, case_fault_after, case_faults
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.causes import Evidence, freed
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
-from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
 from builder.structure.as_built.as_built_structure import OF_MASS
 from builder.structure.loads.applied import load_kind
 from strainfmu.arrays import BoolArray, FloatArray
@@ -322,7 +323,7 @@ def gauge_faults(model: ReadingsModel, used: BoolArray) -> list[Fault]:
     """Return the gauges whose readings do not fit what they may be before the test."""
     predicted, jacobian = model.at_drawing()
     scatter = _GaugeScatter(model, used, predicted, jacobian)
-    scatter.used = used & ~doubtful_cases(model, scatter, jacobian)[:, None]
+    scatter.used = used & ~doubtful_cases(model, scatter)[:, None]
     names, reading = model.structure.gauges.names, model.test.readings
     chance = np.array([scatter.chance(g, reading[:, g]) for g in range(len(names))])
     bad = np.flatnonzero(chance < GAUGE_ALARM).tolist()
@@ -373,21 +374,22 @@ def load_shifts(found: Estimate) -> tuple[FloatArray, FloatArray]:
     return shift, size
 
 
-def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter, jacobian: FloatArray) -> BoolArray:
+def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter) -> BoolArray:
     """Return (n_cases,) whether half of the gauges say that a load was another one.
 
     A gauge's readings in the other cases show what it should read in a case; the median of all is not moved by
     a few gauges at fault.
     """
     first = model.n_built + (len(model.groups) - 1) * model.structure.n_gauges
-    found = np.zeros(len(model.test.cases), dtype=bool)
+    found, shape = np.zeros(len(model.test.cases), dtype=bool), model.test.readings.shape
+    left_out = [scatter.left_out(gauge) for gauge in range(shape[1])]
+    error, std = (np.array(part).T for part in zip(*left_out, strict=True))
+    columns = model.at_drawing()[1].tocsc()
     for number, (case, one) in enumerate(model.loads):
         if one.std > 0.0:
-            factor = [
-                scatter.load_factor(gauge, case, float(jacobian[case, gauge, first + number]))
-                for gauge in range(model.structure.n_gauges)
-            ]
-            value, weight = np.array([pair for pair in factor if pair is not None]).reshape(-1, 2).T
+            strain = columns[:, [first + number]].toarray().reshape(shape)[case]
+            some = np.isfinite(error[case]) & (strain != 0.0)
+            value, weight = error[case, some] / strain[some], np.abs(strain[some]) / std[case, some]
             if len(value):
                 order = np.argsort(value)
                 middle = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
@@ -396,29 +398,25 @@ def doubtful_cases(model: ReadingsModel, scatter: _GaugeScatter, jacobian: Float
 
 
 class _GaugeScatter:
-    """What each gauge's readings may scatter by before the test."""
+    """What each gauge's readings may scatter by before the test; ``spread`` is their covariance without noise."""
 
-    def __init__(self, model: ReadingsModel, used: BoolArray, predicted: FloatArray, jacobian: FloatArray) -> None:
+    def __init__(self, model: ReadingsModel, used: BoolArray, predicted: FloatArray, jacobian: csr_array) -> None:
         self.used, self.predicted, self.reading = used, predicted, model.test.readings
         self.noise = model.test.reading_stds
-        self.columns = jacobian * model.std
+        columns, (n_c, n_d) = scaled_columns(jacobian, model.std), used.shape
+        each = (columns[gauge + n_d * np.arange(n_c)] for gauge in range(n_d))
+        self.spread = [(one @ one.T).toarray() for one in each]
 
-    def load_factor(self, gauge: int, case: int, strain: float) -> tuple[float, float] | None:
-        """Return the relative error of a load by one gauge, and its weight; None where it does not say.
-
-        ``strain`` is the gauge's under the load as stated [m/m].
-        """
-        rows = self.used[:, gauge].copy()
-        if not rows[case] or strain == 0.0:
-            return None
-        rows[case] = False
-        spread, own = self.columns[rows, gauge], self.columns[case, gauge]
-        covariance = spread @ spread.T + np.diag(self.noise[rows, gauge] ** 2)
-        gain = np.linalg.solve(covariance, spread @ own)
+    def left_out(self, gauge: int) -> tuple[FloatArray, FloatArray]:
+        """Return what the readings (n_cases,) of a gauge differ by from their prediction by its other readings,
+        and standard deviations of that [m/m]; NaN of readings that are not used."""
+        rows, found = self.used[:, gauge], np.full((2, len(self.used)), np.nan)
+        covariance = self.spread[gauge][np.ix_(rows, rows)] + np.diag(self.noise[rows, gauge] ** 2)
+        precision = np.linalg.inv(covariance)
         left = self.reading[rows, gauge] - self.predicted[rows, gauge]
-        variance = own @ own + self.noise[case, gauge] ** 2 - gain @ (spread @ own)
-        error = self.reading[case, gauge] - self.predicted[case, gauge] - gain @ left
-        return float(error / strain), float(abs(strain) / np.sqrt(max(variance, 1e-30)))
+        variance = 1.0 / np.maximum(np.diag(precision), 1e-300)
+        found[:, rows] = variance * (precision @ left), np.sqrt(variance)
+        return found[0], found[1]
 
     def chance(self, gauge: int, reading: FloatArray, of: int | None = None, factor: float = 1.0) -> float:
         """Return the probability that readings (n_cases,) of gauge ``of`` scatter as much as these.
@@ -430,11 +428,10 @@ class _GaugeScatter:
         if not rows.any():
             return 1.0
         at = gauge if of is None else of
-        spread = self.columns[rows, at]
         noise = factor * self.noise[rows, gauge]
         if factor < 1.0:
             noise = np.maximum(noise, np.median(self.noise))
-        covariance = spread @ spread.T + np.diag(noise**2)
+        covariance = self.spread[at][np.ix_(rows, rows)] + np.diag(noise**2)
         left = reading[rows] - self.predicted[rows, at]
         return float(chdtrc(rows.sum(), left @ np.linalg.solve(covariance, left)))
 

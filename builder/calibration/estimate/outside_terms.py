@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array, hstack
 from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
@@ -143,7 +144,8 @@ def outside_model(found: Estimate) -> OutsideModel:
     columns = np.zeros((len(linear.left), len(held)))
     for number, one in enumerate(held.values()):
         columns[: used.sum(), number] = WIDE * one[used] / model.test.reading_stds[used]
-    wide = GaussianModel(np.hstack([linear.rows, columns]), linear.left, linear.group)
+    own_of_wide = np.append(linear.own, np.full(len(held), -1))
+    wide = GaussianModel(hstack([linear.rows, csr_array(columns)]).tocsr(), linear.left, own_of_wide)
     own = slice(linear.rows.shape[1], None)
     size, covariance = WIDE * wide.mean[own], WIDE**2 * wide.covariance[own, own]
     of_noise, factor = _noise(wide)

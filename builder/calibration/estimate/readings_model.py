@@ -22,6 +22,8 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, vstack
 
 from builder.calibration.estimate.cause import Cause
 from builder.calibration.estimate.gaussian import GaussianModel
@@ -29,7 +31,7 @@ from builder.calibration.estimate.load_steps import StepParts, step_parts
 from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.as_built_structure import OF_MASS
-from builder.structure.as_built.as_built_vehicle import HELD_KINDS, AsBuilt, parameter_names, slices
+from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, HELD_KINDS, AsBuilt, parameter_names, slices
 from builder.structure.as_built.derivatives import (
     Key,
     derivative_keys,
@@ -100,7 +102,34 @@ class _Kept(NamedTuple):
 
     vector: FloatArray
     readings: FloatArray
-    jacobian: FloatArray
+    jacobian: csr_array
+
+
+class _Derivatives:
+    """Derivatives (n_cases, n_d, n) by the parts that are not zero."""
+
+    def __init__(self, n_cases: int, n_gauges: int, size: int) -> None:
+        self.rows, self.size = np.arange(n_cases * n_gauges).reshape(n_cases, n_gauges), size
+        self._parts = list[list[FloatArray]]()
+
+    def add(self, rows: IntArray, entries: ArrayLike, value: ArrayLike) -> None:
+        """Add ``value`` to the derivatives of the readings ``rows`` by ``entries``, all broadcast together."""
+        self._parts.append([part.ravel() for part in np.broadcast_arrays(rows, entries, value)])
+
+    def joined(self) -> csr_array:
+        """Return the derivatives (n_cases n_d, n)."""
+        rows, entries, value = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+        some = value != 0.0
+        place = rows[some].astype(np.int64), entries[some].astype(np.int64)
+        return csr_array((value[some], place), shape=(self.rows.size, self.size))
+
+
+def scaled_columns(rows: csr_array, by_column: FloatArray, by_row: FloatArray | None = None) -> csr_array:
+    """Return ``rows`` (m, n) times a factor for each column (n,), and for each row (m,)."""
+    value = rows.data * by_column[rows.indices]
+    if by_row is not None:
+        value *= np.repeat(by_row, np.diff(rows.indptr))
+    return csr_array((value, rows.indices, rows.indptr), shape=rows.shape)
 
 
 class ReadingsModel:
@@ -174,7 +203,7 @@ class ReadingsModel:
         found.causes = (*self.causes, *causes)
         return found
 
-    def at_drawing(self) -> tuple[FloatArray, FloatArray]:
+    def at_drawing(self) -> tuple[FloatArray, csr_array]:
         """Return :meth:`jacobian` of the vehicle and the loads as stated."""
         return self.jacobian(np.zeros(len(self.std)))
 
@@ -191,6 +220,20 @@ class ReadingsModel:
         found[self.n_built : self.n_built + (len(self.groups) - 1) * self.structure.n_gauges] = True
         return found
 
+    @cached_property
+    def own(self) -> IntArray:
+        """(n,) the gauge whose readings alone depend on an entry of the vector, -1 of others."""
+        found, gauge, where = (
+            np.full(len(self.std), -1),
+            np.arange(self.structure.n_gauges),
+            slices(self.structure.counts),
+        )
+        zeros = self.n_built + len(gauge) * np.arange(len(self.groups) - 1)
+        drift = self.drift_entries
+        for first in (*(where[kind].start for kind in GAUGE_KINDS), *zeros, drift.start, drift.stop):
+            found[first + gauge] = gauge
+        return found
+
     def left(
         self, used: BoolArray, vector: FloatArray, predicted: FloatArray, noise: FloatArray | None = None
     ) -> FloatArray:
@@ -202,37 +245,22 @@ class ReadingsModel:
             [left, (steps.value - self._step_slopes(steps) @ vector[self._of_cells]) / steps.std]
         )
 
-    def slopes(
-        self,
-        used: BoolArray,
-        jacobian: FloatArray,
-        noise: FloatArray | None = None,
-        entries: IntArray | None = None,
-    ) -> FloatArray:
-        """Return (n, n_entries) derivatives of what :meth:`left` is of, over the same noise, by ``entries``."""
-        at, steps = np.arange(len(self.std)) if entries is None else entries, self._steps(used)
-        found, count = np.zeros((int(used.sum()) + len(steps.value), len(at))), int(used.sum())
-        case, gauge = np.nonzero(used)
-        found[:count] = jacobian[case[:, None], gauge[:, None], at]
-        found[:count] /= (self.test.reading_stds[used] if noise is None else noise)[:, None]
+    def slopes(self, used: BoolArray, jacobian: csr_array, noise: FloatArray | None = None) -> csr_array:
+        """Return (m, n) derivatives of what :meth:`left` is of, over the same noise."""
+        steps, noise = self._steps(used), self.test.reading_stds[used] if noise is None else noise
+        readings = scaled_columns(jacobian[np.flatnonzero(used)], np.ones(len(self.std)), 1.0 / noise)
         of_steps = np.zeros((len(steps.value), len(self.std)))
         of_steps[:, self._of_cells] = self._step_slopes(steps) / steps.std[:, None]
-        found[count:] = of_steps[:, at]
-        return found
-
-    def gauge_of_rows(self, used: BoolArray) -> IntArray:
-        """Return (n,) the gauge of each row of :meth:`left`, -1 of steps."""
-        return np.append(np.argwhere(used)[:, 1], np.full(len(self._steps(used).value), -1))
+        return vstack([readings, csr_array(of_steps)]).tocsr()
 
     def linear(
-        self, used: BoolArray, vector: FloatArray, predicted: FloatArray, jacobian: FloatArray
+        self, used: BoolArray, vector: FloatArray, predicted: FloatArray, jacobian: csr_array
     ) -> GaussianModel:
         """Return the readings ``used``, linear about ``vector``, by unknowns in their standard deviations."""
         free = np.flatnonzero(self.std > 0.0)
-        rows = self.slopes(used, jacobian, entries=free)
-        rows *= self.std[free]
+        rows = scaled_columns(self.slopes(used, jacobian), self.std)[:, free]
         left = self.left(used, vector, predicted) + rows @ (vector[free] / self.std[free])
-        return GaussianModel(rows, left, self.gauge_of_rows(used))
+        return GaussianModel(rows, left, self.own[free])
 
     def _steps(self, used: BoolArray) -> StepParts:
         return step_parts(self.test, np.asarray(used.any(axis=1)))
@@ -347,8 +375,8 @@ class ReadingsModel:
         rig = self._rig_strains(built, self._weighs_rig(vector))
         return self._joined(self.load_strains(built), self.errors(vector), rig)
 
-    def jacobian(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return readings (n_cases, n_d) and their derivatives (n_cases, n_d, n), 0 for what is known exactly.
+    def jacobian(self, vector: FloatArray) -> tuple[FloatArray, csr_array]:
+        """Return readings (n_cases, n_d) and their derivatives (n_cases n_d, n), 0 for what is known exactly.
 
         The derivatives at the last vector are kept for the next time, and the derivatives at the drawing.
         Measured readings and standard deviations do not change them.
@@ -357,42 +385,42 @@ class ReadingsModel:
         kept = self._kept.get(place)
         if kept is None or not np.array_equal(kept.vector, vector):
             kept = self._kept[place] = _Kept(vector.copy(), *self._slopes(vector))
-        known = set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior))
-        found = kept.jacobian.copy()
-        for key in known:
-            found[:, :, self._entries(key)] = 0.0
-        return kept.readings, found
+        unknown = np.ones(len(self.std))
+        for key in set(derivative_keys(self.structure.counts)) - set(uncertain_keys(self.prior)):
+            unknown[self._entries(key)] = 0.0
+        return kept.readings, scaled_columns(kept.jacobian, unknown)
 
     def _entries(self, key: Key) -> slice:
         """Return where the parameters of a key stand in the vector."""
         at = slices(self.structure.counts)[key[0]]
         return at if of_gauges(key) else slice(at.start + key[1], at.start + key[1] + 1)
 
-    def _slopes(self, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _slopes(self, vector: FloatArray) -> tuple[FloatArray, csr_array]:
         """Return :meth:`jacobian` by all keys that the structure was solved for."""
         built, errors = self.built(vector), self.errors(vector)
-        n_c, n_d = len(self.test.cases), self.structure.n_gauges
-        found = np.zeros((n_c, n_d, len(vector)))
-        gauge, where = np.arange(n_d), slices(self.structure.counts)
+        n_d, where = self.structure.n_gauges, slices(self.structure.counts)
+        found, gauge = _Derivatives(len(self.test.cases), n_d, len(vector)), np.arange(n_d)
         strain, derivatives = self._load_slopes(built)
         for key, value in derivatives.items():
-            rows = self._summed((1.0 + errors.scale)[:, None] * value.T)
-            start = where[key[0]].start
-            if of_gauges(key):
-                found[:, gauge, start + gauge] = rows
-            else:
-                found[:, :, start + key[1]] = rows
-        self._zero_derivatives(found, where[ZERO].start)
+            own = gauge if of_gauges(key) else key[1]
+            found.add(found.rows, where[key[0]].start + own, self._summed((1.0 + errors.scale)[:, None] * value.T))
+        for rows, case in zip(found.rows, self.test.cases, strict=True):
+            group = self.groups.index(case.group)
+            first = where[ZERO].start if group == 0 else self.n_built + (group - 1) * n_d
+            found.add(rows, first + gauge, 1.0)
         pads = [columns.copy() for columns in self._pads]
         for columns, own, tilt in zip(pads, strain, errors.pad[:, -2:], strict=True):
             columns[-2:] -= np.outer(tilt, own)
         self._load_derivatives(found, strain, pads)
         rig = self._rig_strains(built, self._weighs_rig(vector))
         readings = self._joined(strain, errors, rig)
-        found[:, :, self.rig_entry] = rig
-        found[:, :, self.rig_entry + 1] = self._summed(self._sizes)
-        self._common_derivatives(found, readings - self._zeros(errors), pads)
-        return readings, found
+        found.add(found.rows, self.rig_entry, rig)
+        found.add(found.rows, self.rig_entry + 1, self._summed(self._sizes))
+        found.add(found.rows, self.drift_entries.start + gauge, self.time[:, None])
+        before = (readings - self._zeros(errors))[:-1]
+        for entries in (self.drift_entries.stop + gauge, self.common_entries.stop - 1):
+            found.add(found.rows[1:], entries, before)
+        return readings, found.joined()
 
     def held_derivatives(self, vector: FloatArray) -> dict[Key, FloatArray]:
         """Return the derivatives (n_cases, n_d) of the readings by what is taken for zero but need not be."""
@@ -402,8 +430,8 @@ class ReadingsModel:
         std = self.std.copy()
         for key in keys:
             std[self._entries(key)] = 1.0
-        _, found = self.with_std(std).jacobian(vector)
-        return {key: found[:, :, self._entries(key).start] for key in keys}
+        found, shape = self.with_std(std).jacobian(vector)[1].tocsc(), self.test.readings.shape
+        return {key: found[:, [self._entries(key).start]].toarray().reshape(shape) for key in keys}
 
     def _joined(self, strain: FloatArray, errors: StatedErrors, rig: FloatArray) -> FloatArray:
         moved = np.array([pad @ columns for pad, columns in zip(errors.pad, self._pads, strict=True)])
@@ -424,32 +452,15 @@ class ReadingsModel:
         np.add.at(found, self.case_of_load, by_load)
         return found
 
-    def _zero_derivatives(self, found: FloatArray, start: int) -> None:
-        gauge = np.arange(self.structure.n_gauges)
-        for k, case in enumerate(self.test.cases):
-            group = self.groups.index(case.group)
-            first = start if group == 0 else self.n_built + (group - 1) * len(gauge)
-            found[k, gauge, first + gauge] = 1.0
-
-    def _load_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
-        first = self.n_built + (len(self.groups) - 1) * self.structure.n_gauges
-        cells, n_p = self._of_cells, len(PAD_STEPS)
+    def _load_derivatives(self, found: _Derivatives, strain: FloatArray, pads: list[FloatArray]) -> None:
+        """Add the derivatives by the errors of every load, and of their cells and direction in common."""
+        first, turn, n_p = self.cell_entries.start - len(self.loads), self.common_entries.start, len(PAD_STEPS)
         for number, (case, _) in enumerate(self.loads):
-            found[case, :, first + number] += strain[number]
-            found[case][:, cells] += np.outer(strain[number], self._on_cell[number])
-            pad = self.cell_entries.stop + n_p * number
-            found[case, :, pad : pad + n_p] += pads[number].T
-
-    def _common_derivatives(self, found: FloatArray, strain: FloatArray, pads: list[FloatArray]) -> None:
-        """Set the derivatives by direction, drift and hysteresis; ``strain`` (n_cases, n_d) is without zeros."""
-        turn, gauge = self.common_entries.start, np.arange(self.structure.n_gauges)
-        for number, (case, _) in enumerate(self.loads):
-            by_turn = pads[number][-2:].T @ self._turns[number]
-            found[case, :, turn : turn + len(DIRECTIONS)] += by_turn
-        found[:, gauge, self.drift_entries.start + gauge] = self.time[:, None]
-        found[1:, gauge, self.drift_entries.stop + gauge] = found[1:, :, self.common_entries.stop - 1] = strain[
-            :-1
-        ]
+            rows, pad = found.rows[case][:, None], self.cell_entries.stop + n_p * number + np.arange(n_p)
+            found.add(rows, first + number, strain[number][:, None])
+            found.add(rows, self._of_cells, np.outer(strain[number], self._on_cell[number]))
+            found.add(rows, pad, pads[number].T)
+            found.add(rows, turn + np.arange(len(DIRECTIONS)), pads[number][-2:].T @ self._turns[number])
 
     def _load_cells(self) -> FloatArray:
         """Return (n_loads, 4 n_cells) relative change of every load by each error of every cell."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from builder.calibration.estimate.gaussian import GaussianModel
 from builder.calibration.estimate.readings_model import ReadingsModel
 from strainfmu.arrays import BoolArray, FloatArray
 
@@ -40,7 +41,8 @@ class Minimum:
     Attributes
     ----------
     vector : (n,) of the model.
-    covariance : (n_free, n_free) of what is not known exactly, in its standard deviations before the test.
+    linear : readings about the vector before the last step, by what is not known exactly, in its standard
+        deviations before the test.
     steps : number of steps.
     settled : whether the last step was shorter than :data:`SETTLED`, or than :data:`NEAR` where the cost falls no
         more.
@@ -49,7 +51,7 @@ class Minimum:
     """
 
     vector: FloatArray
-    covariance: FloatArray
+    linear: GaussianModel
     steps: int
     settled: bool
     length: float
@@ -77,18 +79,16 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
         linear = model.linear(used, vector, predicted, jacobian)
         before = vector[free] / std
         change = linear.mean - before
-        size = np.abs(change) / np.sqrt(np.diag(linear.covariance))
+        size = np.abs(change) / linear.std
         length, short = float(size.max()), SETTLED
         ended = length < SETTLED
         if ended:
             vector = _moved(vector, free, change * std)
         else:
-            precision = np.eye(len(std)) + linear.information
-            downhill = linear.rows.T @ linear.left - precision @ before
+            downhill = linear.rows.T @ (linear.left - linear.rows @ before) - before
             lower, fall = None, float(downhill @ change)  # what the cost falls by if readings are linear
             for _ in range(TRIALS if fresh else 1):
-                damped = precision + damping * np.diag(np.diag(precision))
-                step = change if damping == 0.0 else np.linalg.solve(damped, downhill)
+                step = change if damping == 0.0 else linear.precision_at(damping=damping).solve(downhill)
                 trial = _moved(vector, free, step * std)
                 of_trial = model.readings(trial)
                 lower = cost(trial, of_trial)
@@ -105,7 +105,7 @@ def minimum(model: ReadingsModel, used: BoolArray, start: FloatArray | None = No
         if ended:
             return Minimum(
                 vector=vector,
-                covariance=linear.covariance,
+                linear=linear,
                 steps=steps,
                 settled=length < short,
                 length=length,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from builder.aero.loads.operator import coefficient_scale
-from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.readings_model import ReadingsModel, scaled_columns
 from builder.calibration.ground_test.candidate_cases import (
     LoadLimits,
     PlannedCase,
@@ -235,7 +235,7 @@ def case_sensitivities(
     prior = as_built.prior(parts.vehicle.calibration)
     model = ReadingsModel(as_built, test, prior)
     _, jacobian = model.jacobian(np.zeros(len(model.std)))
-    jacobian = jacobian * model.std
+    jacobian = scaled_columns(jacobian, model.std).toarray().reshape(*model.test.readings.shape, -1)
     cell = model.names.index("load cell")
     own = np.array([k for k in range(model.n_built, len(model.std)) if k != cell], dtype=np.intp)
     found = []
