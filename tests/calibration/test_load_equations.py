@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fmpy.simulation import simulate_fmu
 
 from builder.calibration.after_test.equations_map import FittedEquations, equations_map, fit_equations
 from builder.calibration.estimate.regression import load_equation
@@ -14,7 +15,8 @@ from builder.pipeline.equations import equations
 from builder.reports.calibration_page.equations_page import redundancy_line, verdict_lines
 from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.estimator.estimator import Estimator
-from strainfmu.estimator.map.inverse_map import load_inverse_map
+from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
+from strainfmu.fmu.export import ExportOptions, export_estimator
 
 LOADS = ("axial_force", "normal_force", "side_force", "rolling_moment", "pitching_moment", "yawing_moment")
 NOISE = 0.3
@@ -88,6 +90,30 @@ def test_the_map_estimates_what_the_equations_say(tmp_path: Path, gauges: int, z
         np.testing.assert_allclose(loads / scale[k], found.predicted[:, k] / scale[k], atol=1e-6)
     off = (found.predicted - found.test.load)[found.test.is_check]
     assert np.all(np.abs(off) < 4.5 * np.sqrt(np.diag(found.load_covariance)))
+
+
+def test_the_fmu_of_the_equations_flies_in_fmpy(tmp_path: Path) -> None:
+    """Six loads of every row of the test, one step each, with rolling moment, and health by redundant gauges."""
+    found = fitted(written(tmp_path, 9))
+    save_inverse_map(equations_map(found), tmp_path / "cell.h5")
+    export_estimator(tmp_path / "cell.h5", tmp_path / "cell.fmu", ExportOptions())
+    strain, step = found.test.strain, 0.01
+    time = step * np.arange(len(strain))
+    names = ["time", *(f"strain[{k + 1}]" for k in range(9)), "dynamic_pressure"]
+    rows = [tuple(row) for row in np.column_stack([time, strain, np.ones(len(strain))])]
+    outputs = ["force.axial", "force.normal", "force.side", "moment.roll", "moment.pitch", "moment.yaw"]
+    flown = simulate_fmu(
+        str(tmp_path / "cell.fmu"),
+        input=np.array(rows, dtype=[(name, float) for name in names]),
+        stop_time=float(time[-1]),
+        step_size=step,
+        output_interval=step,
+        output=[*outputs, "health.state"],
+    )
+    loads, scale = np.column_stack([flown[name] for name in outputs]), np.abs(found.test.load).max(axis=0)
+    # fmpy holds the inputs of the start of a step and writes its end.
+    np.testing.assert_allclose(loads[1:] / scale, found.predicted[:-1] / scale, atol=1e-6)
+    assert np.mean(flown["health.state"][1:] == 0) > 0.9
 
 
 def test_redundant_gauges_detect_a_fault_and_as_many_as_loads_do_not(tmp_path: Path) -> None:
