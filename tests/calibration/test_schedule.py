@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from builder.calibration.ground_test.candidate_cases import PlannedCase
-from builder.calibration.plan.kind_sigmas import established, kind_sigmas, undetermined
+from builder.calibration.plan.kind_sigmas import KindSigmas, established, kind_sigmas, undetermined
 from builder.calibration.plan.load_plan import LoadPlan
 from builder.calibration.plan.schedule import Schedule, run_order, whole_time
 from builder.structure.as_built.as_built_vehicle import Counts, parameter_names
 from builder.structure.loads.applied import PadPressure, Weight
+from strainfmu.estimator.signal_names import ZERO
 
 pytestmark = pytest.mark.fast
 
@@ -65,3 +66,4 @@ def test_kinds_are_established_or_stay_as_they_were() -> None:
     assert established(both) == ""
     assert established(one) == "of the vehicle, 1 sigma (before the test): gauge gain 0.1 % (1 %)"
     assert undetermined(one) == "as uncertain as before the test: mass (1 %)"
+    assert KindSigmas(kind=ZERO, before=2e-3, after=5e-8).size(2e-3) == "2000 um/m"

@@ -41,8 +41,9 @@ class KindSigmas:
         return self.after >= AT_PRIOR * self.before
 
     def size(self, value: float) -> str:
-        """Return a size of this kind with its unit."""
-        return f"{value / KINDS[self.kind].scale:.2g} {KINDS[self.kind].unit}"
+        """Return a size of this kind, to two digits, with its unit."""
+        digits = float(f"{value / KINDS[self.kind].scale:.2g}")
+        return f"{np.format_float_positional(digits, trim='-')} {KINDS[self.kind].unit}"
 
 
 def kind_sigmas(
