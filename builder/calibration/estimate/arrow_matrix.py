@@ -78,7 +78,7 @@ class Arrow:
         of_all = 1.0 / np.sqrt(np.diag(self.common))
         blocks = scale[:, :, None] * self.blocks * scale[:, None, :]
         np.einsum("gii->gi", blocks)[:] = 1.0
-        root = np.linalg.inv(_cholesky(blocks))
+        root = np.asarray(np.linalg.inv(_cholesky(blocks)), dtype=np.float64)
         return scale, of_all, root, root @ (scale[:, :, None] * self.border * of_all)
 
     @cached_property
