@@ -74,13 +74,23 @@ class Cache:
                 return file
         return None
 
-    def add(self, path: Path, inputs: Mapping[str, Any]) -> None:
-        """Add the file at ``path``; it takes no space of its own where the file system links files."""
+    def take(self, name: str, inputs: Mapping[str, Any], path: Path) -> str:
+        """Make ``path`` the file that :meth:`find` returns; return from where, "" where there is none."""
+        file = self.find(name, inputs)
+        if file is None:
+            return ""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _link(file, path)
+        return f"from {file.parent}"
+
+    def add(self, name: str, inputs: Mapping[str, Any], path: Path) -> None:
+        """Add the file at ``path`` as ``name``; it takes no space of its own where the file system links files."""
         if self.folder is None:
             return
         with suppress(OSError):
             self.folder.mkdir(parents=True, exist_ok=True)
-            _link(path, self.folder / f"{path.stem}-{made_from_of(inputs)}-{_sha256(path)}{path.suffix}")
+            stem, suffix = Path(name).stem, Path(name).suffix
+            _link(path, self.folder / f"{stem}-{made_from_of(inputs)}-{_sha256(path)}{suffix}")
             size = 0.0
             for file in sorted(self.folder.iterdir(), key=lambda file: -file.stat().st_mtime):
                 size += file.stat().st_size
@@ -159,11 +169,8 @@ class Workspace:
         if entry.get("made_from") == made_from and path.is_file() and entry.get("sha256") == _sha256(path):
             return "up to date"
         cache = self.cache if shared else None
-        file = cache.find(name, inputs) if cache else None
-        if file is not None:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            _link(file, path)
-        else:
+        source = cache.take(name, inputs, path) if cache else ""
+        if not source:
             make(path)
         entries = self._manifest()
         entries[name] = {"made_from": made_from, "sha256": _sha256(path)}
@@ -171,9 +178,9 @@ class Workspace:
             entries[name]["given"] = dict(given)
         text = json.dumps(entries, indent=1, sort_keys=True)
         write_bytes_atomically(self.path(MANIFEST), text.encode())
-        if cache and file is None:
-            cache.add(path, inputs)
-        return f"from {file.parent}" if file else ""
+        if cache and not source:
+            cache.add(name, inputs, path)
+        return source
 
     def _manifest(self) -> dict[str, dict[str, Any]]:
         """Return the manifest; one that cannot be read counts as empty, so that all is made again."""

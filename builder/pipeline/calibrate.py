@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -34,6 +34,7 @@ from builder.calibration.ground_test.load_test_file import LoadTestFile, read_te
 from builder.campaign.snapshot_fit import as_flown, vehicle_misfits
 from builder.campaign.snapshots import Snapshots, load_snapshots
 from builder.pipeline.calibration_report import PAGE, PDF, calibration_findings, report_files, write_report
+from builder.pipeline.map_files import cached_flows, cached_snapshots, cached_structure
 from builder.pipeline.measured_levels import alarm_levels_wanted, with_measured_levels
 from builder.pipeline.stages import AnyProgress, reporter_of, solved_true_structure
 from builder.pipeline.used_files import FLOWS, SNAPSHOTS, STRUCTURE
@@ -151,8 +152,9 @@ def calibrate(
     test : file of the ground test (loadtest.toml).
     output : the calibrated map.
     vehicle : vehicle file of the map. Default: the one that the test names.
-    snapshots : snapshots of the map. Default: snapshots.h5 next to the map.
-    structure : structure of the map, where it is no semi-analytic one. Default: structure.h5 next to the map.
+    snapshots : snapshots of the map. Default: snapshots.h5 next to the map, else of the vehicle file's cache.
+    structure : structure of the map, where it is no semi-analytic one. Default: structure.h5 next to the map, else
+        of the vehicle file's cache.
     accept : write the map although no known error explains the readings.
     progress : True for progress bars.
 
@@ -168,13 +170,13 @@ def calibrate(
     check_output(output)
     drawn, file = load_inverse_map(map_path), read_test_file(test_path)
     loaded = _vehicle(file, vehicle_path, drawn, map_path)
-    snapshots_path = Path(snapshots or map_path.parent / SNAPSHOTS)
+    snapshots_path = _beside(map_path, SNAPSHOTS, snapshots, cached_snapshots, loaded, reporter)
     pressures = load_snapshots(snapshots_path)
     refuse_misfits(snapshots_path, vehicle_misfits(pressures, loaded))
     readings, notes = read_load_test(file, drawn.gauge_names)
     with reporter.stage("Structure: what may differ as built") as advance:
         if loaded.structure.model == "solid":
-            solid = load_structure(Path(structure or map_path.parent / STRUCTURE))
+            solid = load_structure(_beside(map_path, STRUCTURE, structure, cached_structure, loaded, reporter))
             tested: AnyAsBuilt = displaced_structure(loaded, mapped_structure(solid, pressures))
         else:
             highest, within = harmonics_of_test(readings)
@@ -207,6 +209,22 @@ def calibrate(
         files=(output, *written, zeros),
         notes=(*notes, *missing, start, *said, *made.notes),
     )
+
+
+def _beside(
+    map_path: Path,
+    name: str,
+    given: str | Path | None,
+    cached: Callable[[Vehicle], Path | None],
+    vehicle: Vehicle,
+    reporter: Reporter,
+) -> Path:
+    """Return the file ``given``, or the file ``name`` next to the map, or the one that another command left."""
+    path = Path(given or map_path.parent / name)
+    if given is None and not path.exists() and (file := cached(vehicle)) is not None:
+        reporter.note(f"{name}: from {file.parent}, reused")
+        return file
+    return path
 
 
 def write_calibration(
@@ -369,13 +387,15 @@ def _map(parts: CalibrationParts, found: Estimate) -> InverseMap:
 def _independent_model(
     vehicle: Vehicle, tested: AnyAsBuilt, flows: Path, reporter: Reporter
 ) -> tuple[IndependentModel | None, tuple[str, ...]]:
-    """Return the independent model of ``vehicle`` with the flows of a file, or None and what is to be said."""
+    """Return the independent model of ``vehicle`` with the flows of a file or of the cache, or None and why."""
     if not alarm_levels_wanted(vehicle, reporter):
         return None, ()
     if isinstance(tested, DisplacedStructure):
         return None, ("alarm levels: as of the map as drawn, whose structure is no semi-analytic one",)
     if not flows.exists():
-        return None, (f"alarm levels: as of the map as drawn, {flows.name} is not next to the snapshots",)
+        flows = cached_flows(vehicle) or flows
+    if not flows.exists():
+        return None, (f"alarm levels: as of the map as drawn, {FLOWS} is not next to the snapshots",)
     table = load_truth_flows(flows, vehicle)
     # What a vehicle as built changes of the strain follows from the structure of the test.
     return IndependentModel(structure=solved_true_structure(vehicle, reporter, ()), flows=table), ()

@@ -12,9 +12,12 @@ from builder.campaign.notes import campaign_notes
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import replaced_line
 from builder.campaign.vehicle_campaign import vehicle_campaign
+from builder.pipeline.map_files import snapshot_inputs
 from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.used_files import SNAPSHOTS
 from builder.vehicle.conditions.flight_conditions import condition_set, count_repeated
 from builder.vehicle.file import load_vehicle
+from builder.workspace import Cache
 
 
 def snapshots(
@@ -30,7 +33,8 @@ def snapshots(
 ) -> CampaignResult:
     """Solve the flow at many flight conditions: surface pressure in one HDF5 file.
 
-    Every distinct flow is solved once and kept: an interrupted run continues, a finished file is reused.
+    Every distinct flow is solved once and kept: an interrupted run continues, a finished file is reused, also the
+    one that another command left in the cache next to the vehicle file.
     Conditions outside the reach of the flow model are listed and left out, with exit code 3. Another run tries
     them again.
 
@@ -68,7 +72,12 @@ def snapshots(
     replaced = replaced_line(output, campaign)
     if replaced:
         reporter.note(replaced)
+    cache, inputs = Cache(loaded.beside(".")), snapshot_inputs(loaded, campaign)
+    if not output.exists() and (folder := cache.take(SNAPSHOTS, inputs, output)):
+        reporter.note(f"{output}: {folder}, reused")
     result = run_campaign(campaign, output, scheduling, reporter)
+    if not (result.up_to_date or result.failed):
+        cache.add(SNAPSHOTS, inputs, output)
     for note in campaign_notes(result):
         reporter.note(note)
     return result

@@ -146,16 +146,26 @@ def make_snapshots(pipeline: Pipeline) -> None:
     def write(path: Path) -> None:
         note_campaign(run_campaign(campaign, path, Scheduling(), pipeline.reporter), pipeline.reporter)
 
-    pipeline.make(SNAPSHOTS, holds, _snapshot_inputs(pipeline.vehicle, campaign), write, shared=True)
+    pipeline.make(SNAPSHOTS, holds, snapshot_inputs(pipeline.vehicle, campaign), write, shared=True)
 
 
 def cached_snapshots(vehicle: Vehicle) -> Path | None:
     """Return the snapshots of the vehicle file that another command left, None where there are none."""
     campaign = snapshot_campaign(vehicle, Silent())
-    return Cache(vehicle.beside(".")).find(SNAPSHOTS, _snapshot_inputs(vehicle, campaign))
+    return Cache(vehicle.beside(".")).find(SNAPSHOTS, snapshot_inputs(vehicle, campaign))
 
 
-def _snapshot_inputs(vehicle: Vehicle, campaign: Campaign) -> dict[str, Any]:
+def cached_structure(vehicle: Vehicle) -> Path | None:
+    """Return the three-dimensional structure that another command left, None where there is none."""
+    return Cache(vehicle.beside(".")).find(STRUCTURE, solid_inputs(structure_case(vehicle, used_layouts(vehicle))))
+
+
+def cached_flows(vehicle: Vehicle) -> Path | None:
+    """Return the flows of the independent model that another command left, None where there are none."""
+    return Cache(vehicle.beside(".")).find(FLOWS, _flow_inputs(vehicle))
+
+
+def snapshot_inputs(vehicle: Vehicle, campaign: Campaign) -> dict[str, Any]:
     """Return what the snapshots depend on."""
     surface = campaign.engine.surface
     return {
@@ -202,20 +212,20 @@ def _solid_structure(pipeline: Pipeline) -> None:
         size, solver = used["degrees_of_freedom"], used["solver"]
         pipeline.reporter.note(f"{size} dofs; solver {solver}, licence {used['licence']}")
 
-    pipeline.make(STRUCTURE, holds, _solid_inputs(case), write, shared=True)
+    pipeline.make(STRUCTURE, holds, solid_inputs(case), write, shared=True)
 
 
 def cached_or_solved_structure(vehicle: Vehicle, reporter: Reporter) -> Structure:
     """Return the three-dimensional structure of the map's layouts, as another command left it, or solved."""
-    case = structure_case(vehicle, used_layouts(vehicle))
-    file = Cache(vehicle.beside(".")).find(STRUCTURE, _solid_inputs(case))
+    file = cached_structure(vehicle)
     if file is None:
-        return solve_solid_structure(case, reporter)
+        return solve_solid_structure(structure_case(vehicle, used_layouts(vehicle)), reporter)
     reporter.note(f"{STRUCTURE}: from {file.parent}, reused")
     return load_structure(file)
 
 
-def _solid_inputs(case: SolidCase) -> dict[str, Any]:
+def solid_inputs(case: SolidCase) -> dict[str, Any]:
+    """Return what the structure of a case depends on."""
     return {"schema_version": structure_file.SCHEMA_VERSION, **case.made_from()}
 
 
@@ -314,8 +324,11 @@ def make_independent_flows(pipeline: Pipeline) -> None:
             save_flow_table(independent_flows(vehicle, pipeline.reporter, journal), path)
             journal.remove()
 
-    inputs = {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
-    pipeline.make(FLOWS, holds, inputs, write, shared=True)
+    pipeline.make(FLOWS, holds, _flow_inputs(vehicle), write, shared=True)
+
+
+def _flow_inputs(vehicle: Vehicle) -> dict[str, Any]:
+    return {"schema_version": flow_table_file.SCHEMA_VERSION, **truth_inputs(vehicle)}
 
 
 def true_structure_of(pipeline: Pipeline) -> TrueStructure:

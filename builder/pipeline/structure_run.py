@@ -9,7 +9,9 @@ from typing import Any
 
 from builder.campaign.snapshot_fit import body_misfits
 from builder.campaign.snapshots import load_snapshots
+from builder.pipeline.map_files import solid_inputs
 from builder.pipeline.stages import AnyProgress, reporter_of
+from builder.pipeline.used_files import STRUCTURE
 from builder.structure.external import influence_export, load_export
 from builder.structure.external.external_structure import external_structure
 from builder.structure.external.load_cases import load_cases
@@ -17,11 +19,11 @@ from builder.structure.solid.case import solid_case, structure_case
 from builder.structure.solid.checks import mesh_error_line
 from builder.structure.solid.mesh_checks import report_text
 from builder.structure.solid.mesh_choice import MeshChoice
-from builder.structure.solid.solid_model import update_structure
+from builder.structure.solid.solid_model import holds_structure, update_structure
 from builder.structure.structure_file import Structure, save_structure
 from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map_needs import used_layouts
-from builder.workspace import Workspace, refuse_misfits
+from builder.workspace import Cache, Workspace, refuse_misfits
 from strainfmu.errors import InputError
 
 
@@ -51,7 +53,8 @@ def run_structure(
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
 
     The mesh is checked, described and tested for locking before anything is solved. A file that is up to date
-    is not computed again; after a change of gauges the mesh is not checked again.
+    is not computed again, nor is one that another command left in the cache next to the vehicle file; after a
+    change of gauges the mesh is not checked again.
 
     On the command line::
 
@@ -90,7 +93,12 @@ def run_structure(
     with reporter.stage("Case"):
         choice = _mesh_choice(loaded, resolution, model, mesh_unit=mesh_unit, by_position=by_position)
         case = structure_case(loaded, list(layouts or used_layouts(loaded)), choice, solver, allow_locking)
+    cache, inputs = Cache(loaded.beside(".")), solid_inputs(case)
+    if not holds_structure(output, case) and (source := cache.take(STRUCTURE, inputs, output)):
+        reporter.note(f"{output}: {source}, reused")
     made, up_to_date = update_structure(output, case, reporter)
+    if not up_to_date:
+        cache.add(STRUCTURE, inputs, output)
     return StructureRun(structure=made, lines=tuple(_report(made, loaded)), up_to_date=up_to_date)
 
 

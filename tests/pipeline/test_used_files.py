@@ -13,6 +13,7 @@ import pytest
 from changed_vehicle import write_changed
 from ogive import OGIVE, copied_ogive
 
+import builder
 from builder.campaign.snapshot_fit import as_flown, option_misfits
 from builder.campaign.snapshots import load_snapshots, save_snapshots
 from builder.pipeline.load_test_proposal import flows_for_design
@@ -363,5 +364,23 @@ def test_commands_in_other_folders_find_flows_and_map(tmp_path: Path, monkeypatc
     flows = flows_for_design(load_vehicle(vehicle), None, Said())
     assert made_again[-1] == f"flows: snapshots from {shared}, reused"
     assert np.array_equal(flows.pressure, load_snapshots(tmp_path / "first" / "snapshots.h5").pressure)
+    again = builder.snapshots(vehicle, tmp_path / "third.h5", progress=Said())
+    assert f"{tmp_path / 'third.h5'}: from {shared}, reused" in made_again
+    assert again.up_to_date
+    shutil.copy(tmp_path / "first" / "map.h5", tmp_path / "map.h5")
+    builder.loadtest_template(vehicle, tmp_path / "loadtest.toml")
+    with pytest.raises(InputError) as unread:  # the map alone: its flows are the cache's, readings there are none
+        builder.calibrate(tmp_path / "map.h5", tmp_path / "loadtest.toml", vehicle=vehicle, progress=Said())
+    assert "loadtest" in str(unread.value)
+    assert made_again[-1] == f"snapshots.h5: from {shared}, reused"
+    copied, structures = tmp_path / "third.h5", [tmp_path / "one.h5", tmp_path / "two.h5"]
+    assert builder.snapshots(vehicle, copied, progress=Said()).up_to_date
+    assert f"{copied}: from {shared}, reused" in made_again
+    solved, taken = (
+        builder.run_structure(vehicle, path, resolution="coarse", progress=Said()) for path in structures
+    )
+    assert (solved.up_to_date, taken.up_to_date) == (False, True)
+    assert f"{structures[1]}: from {shared}, reused" in made_again
+    assert structures[0].read_bytes() == structures[1].read_bytes()
     other = load_vehicle(vehicle, {"conditions.mach_number": [4.0, 4.5, 4.9]})
     assert cached_snapshots(other) is None

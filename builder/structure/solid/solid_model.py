@@ -49,6 +49,18 @@ FOURIER_REFERENCE = "the Fourier model"
 NEEDS_BOTH = "the vehicle file must state the body and the wall of the mesh"
 
 
+def holds_structure(path: Path, case: SolidCase) -> bool:
+    """Return whether ``path`` holds the structure of ``case``.
+
+    Raises
+    ------
+    InputError
+        It holds an artefact of another kind.
+    """
+    before = structure_to_reuse(path)
+    return before is not None and before.settings["made_from"] == case.made_from()
+
+
 def update_structure(path: Path, case: SolidCase, reporter: Reporter) -> tuple[Structure, bool]:
     """Make ``structure.h5`` unless it is up to date; return it, and whether it was.
 
