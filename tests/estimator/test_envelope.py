@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy_core import NumpyCore
+from numpy_core import ByNumpy
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.atmosphere import dynamic_pressure
@@ -33,13 +33,6 @@ def enclosed(**changes: Any) -> InverseMap:
         **RANGES,
     }
     return scaled_map(1, seed=3, **(fields | changes))
-
-
-class ByNumpy(Estimator):
-    """An estimator on a oracle of the compiled core."""
-
-    def _new_core(self, resource: bytes) -> NumpyCore:
-        return NumpyCore(self.inverse_map, resource)
 
 
 WIDE = Estimator(enclosed(envelope_limit=np.array([1e6])))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flight_maps import exact_response, whole_map
 from inertia_maps import ERRORS, PRIOR, with_masses
-from numpy_core import NumpyCore
+from numpy_core import ByNumpy
 from raw_fmu import Fmu2, write_resource
 from recorded_case import write_csv
 from scaled_maps import NOMINAL, scaled_map
@@ -50,13 +50,6 @@ def linear() -> InverseMap:
 
 def tables() -> InverseMap:
     return with_masses(whole_map(), size=3e-6)
-
-
-class ByNumpy(Estimator):
-    """An estimator on a machine without a compiled core."""
-
-    def _new_core(self, resource: bytes) -> NumpyCore:
-        return NumpyCore(self.inverse_map, resource)
 
 
 KINDS = pytest.mark.parametrize("held", [linear(), tables()], ids=["linear", "tables"])

@@ -8,22 +8,13 @@ from comparison import differences
 from estimator_carrier import by_estimator, estimator_for
 from inputs import recorded
 from kinds import KINDS, map_of_kind
-from numpy_core import NumpyCore
-
-from strainfmu.estimator.estimator import Estimator
+from numpy_core import ByNumpy
 
 pytestmark = pytest.mark.fast
 
 
 SAMPLES = 120
 """First ones of a stream: the reference estimates one after another."""
-
-
-class ByNumpy(Estimator):
-    """An estimator on a oracle of the compiled core."""
-
-    def _new_core(self, resource: bytes) -> NumpyCore:
-        return NumpyCore(self.inverse_map, resource)
 
 
 @pytest.mark.parametrize("kind", [name for name, kind in KINDS.items() if not kind.is_nonlinear])

@@ -24,6 +24,7 @@ from strainfmu.estimator.air_inputs import (
     VIBRATION,
 )
 from strainfmu.estimator.core import Layout, NoCoreError, Series
+from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import (
     FALSE_ALARM_PROBABILITY,
@@ -493,3 +494,10 @@ def _outside_by_navigation(
         expected = 0.5 * HEAT_CAPACITY_RATIO * mach * mach * static_pressure_at(altitude)
         allowed = PRESSURE_TOLERANCE * expected + RANGE_DEVIATIONS * dynamic_pressure_std
         return np.asarray(outside | (np.abs(q - expected) > allowed))
+
+
+class ByNumpy(Estimator):
+    """An estimator on this oracle of the compiled core."""
+
+    def _new_core(self, resource: bytes) -> NumpyCore:
+        return NumpyCore(self.inverse_map, resource)

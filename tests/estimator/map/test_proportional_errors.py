@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy_core import NumpyCore
+from numpy_core import ByNumpy
 from scaled_maps import NOMINAL, scaled_map
 
 from strainfmu.errors import InputError
@@ -17,13 +17,6 @@ from strainfmu.estimator.map.inverse_map import PAIRS, InverseMap
 pytestmark = pytest.mark.fast
 
 N = 18
-
-
-class ByNumpy(Estimator):
-    """An estimator on a machine without a compiled core."""
-
-    def _new_core(self, resource: bytes) -> NumpyCore:
-        return NumpyCore(self.inverse_map, resource)
 
 
 def random_errors(size: float = 1.0) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
