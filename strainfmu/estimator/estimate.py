@@ -514,61 +514,30 @@ class Estimate(NamedLoads):
 
     def __repr__(self) -> str:
         """Return each load with sigma, of one sample with its coefficient, of k samples its range."""
-        loads = [*zip(self.loads.T, self.loads_std.T, LOAD_UNITS, strict=True)]
-        if self.is_series:
-            count = len(self)
-            lines = [f"Estimate of {count} sample{'' if count == 1 else 's'}"]
-            if count:
-                lines[0] += f": health {self._health_counts()}"
-                lines += [f"  {name} {_range(*each)}" for name, each in zip(LOAD_NAMES, loads, strict=True)]
-            return "\n".join(lines)
-        limit, used = self._limit_and_used()
-        coefficients = zip(self.coefficients, self.coefficients_std, COEFFICIENT_NAMES, strict=True)
-        return "\n".join(
-            [
-                f"Estimate: health {self.health.name}, {limit}, {used}; value +- sigma:",
-                *(
-                    f"  {name} {_value(*load)}, {symbol} {_value(value, std, '')}"
-                    for name, load, (value, std, symbol) in zip(LOAD_NAMES, loads, coefficients, strict=True)
-                ),
-            ]
-        )
+        texts = [" ".join(text) for text in self._texts()]
+        loads, coefficients = texts[: len(LOAD_NAMES)], texts[len(LOAD_NAMES) :]
+        rows = loads if self.is_series else map(", ".join, zip(loads, coefficients, strict=True))
+        return "\n  ".join([self._heading(), *rows])
 
     def _repr_html_(self) -> str:
-        """Return coefficients, and of one sample loads, with 3 sigma."""
-        if self.is_series:
-            rows = list[tuple[str, ...]]()
-            for name, values, std in zip(
-                COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, strict=True
-            ):
-                known, numbers = np.isfinite(values), np.zeros(0)
-                if known.any():
-                    numbers = np.array([values[known].min(), values[known].max(), 3.0 * np.median(std[known])])
-                rows.append((name, *(f"{number:.4g}" for number in numbers)))
-            title = f"{len(self)} load estimates: {self._health_counts()}"
-            return html_table(title, ("", "minimum", "maximum", "median 3 sigma"), rows)
-        limit, used = self._limit_and_used()
-        names = (*COEFFICIENT_NAMES, *(name.replace("_", " ") for name in LOAD_NAMES))
-        values = np.append(self.coefficients, self.loads), np.append(self.coefficients_std, self.loads_std)
-        units = (*["1"] * len(COEFFICIENT_NAMES), *LOAD_UNITS)
-        return html_table(
-            f"Load estimate: {self.health.name}; {limit}; {used}",
-            ("", "value", "3 sigma", "unit"),
-            [
-                (name, f"{value:.5g}", f"{3.0 * std:.2g}", unit)
-                for name, value, std, unit in zip(names, *values, units, strict=True)
-            ],
-        )
+        return html_table(self._heading(), ("", ""), self._texts())
 
-    def _health_counts(self) -> str:
-        """Return how many samples are of each state of health, as text."""
+    def _heading(self) -> str:
+        """Return health in one line: of one sample what it rests on, of k samples how many have each state."""
+        if not self.is_series:
+            limit = f"chi-square {self.chi_square:.4g}, limit {self.chi_square_limit:.4g}"
+            used = f"{int(np.sum(self.valid))} of {len(self.valid)} gauges"
+            return f"Estimate: health {self.health.name}, {limit}, {used}; value +- sigma:"
         counts = zip(*np.unique(self.health, return_counts=True), strict=True)
-        return ", ".join(f"{count} {HealthState(int(state)).name}" for state, count in counts)
+        states = ", ".join(f"{count} {HealthState(int(state)).name}" for state, count in counts)
+        return f"Estimate of {len(self)} sample{'' if len(self) == 1 else 's'}: health {states or 'not known'}"
 
-    def _limit_and_used(self) -> tuple[str, str]:
-        """Return chi-square with its limit, and the gauges in use."""
-        limit = f"chi-square {self.chi_square:.4g}, limit {self.chi_square_limit:.4g}"
-        return limit, f"{int(np.sum(self.valid))} of {len(self.valid)} gauges"
+    def _texts(self) -> list[tuple[str, str]]:
+        """Return name and value of each load, then of each coefficient."""
+        show, no_units = _range if self.is_series else _value, [""] * len(COEFFICIENT_NAMES)
+        loads = zip(LOAD_NAMES, self.loads.T, self.loads_std.T, LOAD_UNITS, strict=True)
+        others = zip(COEFFICIENT_NAMES, self.coefficients.T, self.coefficients_std.T, no_units, strict=True)
+        return [(name, show(*value)) for name, *value in (*loads, *others)]
 
 
 def _value(value: float, std: float, unit: str) -> str:
@@ -580,7 +549,7 @@ def _range(values: FloatArray, std: FloatArray, unit: str) -> str:
     if not known.any():
         return "not known"
     low, high, sigma = values[known].min(), values[known].max(), np.median(std[known])
-    return f"{low:.5g} to {high:.5g} {unit}, median sigma {sigma:.2g} {unit}"
+    return f"{low:.5g} to {high:.5g} {unit}, median sigma {sigma:.2g} {unit}".rstrip()
 
 
 def _tuples(rows: list[tuple[Any, ...]]) -> Any:

@@ -182,8 +182,8 @@ def test_notebooks_show_tables() -> None:
     assert "A &lt;b&gt; &amp; co" in shown
     assert "Case 1" in shown
     one = estimator.estimate(inverse_map.mean_strain, Q)
-    assert f"<td>{one.C_N:.5g}</td>" in one._repr_html_()
-    assert "load estimates" in estimator.estimate(strain, Q)._repr_html_()
+    assert f"<td>{one.C_N:.5g} +- {one.sigma.C_N:.2g}</td>" in one._repr_html_()
+    assert "Estimate of" in estimator.estimate(strain, Q)._repr_html_()
 
 
 def test_estimates_compare_by_identity() -> None:
