@@ -486,7 +486,7 @@ def _computed(air: Air, noise: Noise, of: Column, random: np.random.Generator) -
     altitude = altitude_at(of(AMBIENT_PRESSURE) / air.day) + air.altitude_off
     exact = {MACH_NUMBER: of(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
     known = _with_errors(exact, noise, random)
-    if air.source == "altitude":
+    if air.source == ALTITUDE:
         known = {MACH_NUMBER: known[MACH_NUMBER], ALTITUDE: altitude}
     static = known.get(STATIC_PRESSURE, exact[STATIC_PRESSURE])
     return {**known, DYNAMIC_PRESSURE: 0.5 * HEAT_CAPACITY_RATIO * known[MACH_NUMBER] ** 2 * static}
