@@ -119,7 +119,7 @@ def entry(
     record: type[Any] | None = None,
     **about: Any,
 ) -> Any:
-    """Return the field of an array, number, text or ``record`` of a map; other arguments are those of the entry.
+    """Return the field of an array, number, text or ``record`` of a map; other arguments are fields of its entry.
 
     ``default`` is of a field that a caller may leave out; None also where there is no such array.
     """
