@@ -15,7 +15,6 @@ from strainfmu.can.machine import Result
 from strainfmu.can.quality import Cause
 from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.outer_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.health import HealthState
@@ -23,6 +22,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, l
 from strainfmu.estimator.map.nonlinear_map import FlightField
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
 from strainfmu.estimator.other_loads import LoadGroup, column_of
+from strainfmu.estimator.outer_surface import SurfacePlaces, outermost_places
 from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, TEMPERATURE
 from strainfmu.interface.estimator_variables import LOADS
 from strainfmu.interface.health_names import CHI_SQUARE_LIMIT, SUSPECT_GAUGE, SUSPECTS

@@ -21,12 +21,12 @@ from strainfmu.can.page_message import FIELD_PERIOD, FieldMessages, GaugePositio
 from strainfmu.can.publisher import Publisher
 from strainfmu.can.quality import Cause, FrameAccount, Quality
 from strainfmu.errors import InputError
-from strainfmu.estimator.estimates.outer_surface import outermost_places
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.gauge_zeros import GaugeZeros
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.estimator.map.nonlinear_map import with_known
+from strainfmu.estimator.outer_surface import outermost_places
 from strainfmu.interface.temperature_variables import temperature_names
 from strainfmu.monitor.message import parsed
 from strainfmu.monitor.server import Monitor

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strainfmu.estimator.estimates.outer_surface import outermost_places
+from strainfmu.estimator.outer_surface import outermost_places
 
 pytestmark = pytest.mark.fast
 
