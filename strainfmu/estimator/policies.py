@@ -49,9 +49,6 @@ RANGE_TOLERANCE = 0.01
 MIN_GAIN = 0.5
 """Part of the prior's standard deviation above which strain and navigation have not identified a quantity."""
 
-MIN_INCIDENCE_SCORE = 3.0
-"""Standard deviations of the total incidence above zero from which the wind has a roll angle."""
-
 LARGEST_USED_SCORE = 1.0
 """Part of its range by which a flow parameter may leave it and still be used.
 
@@ -59,10 +56,6 @@ It is ``OUTSIDE`` much earlier; cubes of what is far off are no numbers.
 """
 
 # The filter.
-
-STATE_RATES = (0.2, 0.1, 0.1, 0.1)
-"""Standard deviations of dM/dt [1/s], of du/dt and dw/dt, components of the total incidence [rad/s], and of
-d(ln p_inf)/dt [1/s] without any strain: 60 m/s^2 at 20 km, 6 deg/s, a climb of 640 m/s."""
 
 WHITE_NAVIGATION = 0.2
 """Fraction of the variance of air data that is independent from sample to sample, and is averaged. The rest

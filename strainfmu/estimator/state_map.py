@@ -27,6 +27,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, inverse_root, is_covariance
 from strainfmu.errors import InputError
+from strainfmu.estimator.regularisation import RULES
 from strainfmu.records import brief
 
 MAX_CONDITION_NUMBER = 1e10
@@ -272,7 +273,7 @@ def gaussian_map(
     it is not known already.
     """
     if not 0.0 < regularisation < np.inf:
-        raise InputError(f"gamma: expected a positive number, got {regularisation!r}")
+        raise InputError(f"gamma: expected a positive number or one of {', '.join(RULES)}, got {regularisation!r}")
     if spectrum is None:
         spectrum = whitened_spectrum(state_operator, noise_covariance)
     singular = spectrum.singular_values
