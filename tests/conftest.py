@@ -128,9 +128,9 @@ LEVELS = """
 from builder.reports.findings.envelope_states import envelope
 from builder.trial.levels import level_readings
 envelope.__defaults__ = (5, 4)
-level_readings.__kwdefaults__["vehicles"] = 10
+level_readings.__kwdefaults__["conditions"] = 1000
 """
-"""Alarm levels of maps from 10,000 samples; the 200,000 of the product take longer than all else of a build. And
+"""Alarm levels of maps from 10,000 samples, not from the 40,000 of the product. And
 reports that judge the nonlinear estimator at 5 Mach numbers and 4 incidences, not at 13 and 12.
 
 Tests that take minutes hold the false alarms of the shipped map to the stated rate: nothing is changed for them.

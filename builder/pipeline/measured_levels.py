@@ -28,7 +28,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.flight_condition import FlightCondition
 
-SHAPE_CONDITIONS, SHAPE_VEHICLES = 200, 500
+SHAPE_CONDITIONS, SHAPE_VEHICLES = 200, 200
 """Flights of a shape that is none of revolution, each with a flow of its own, and vehicles that fly at each."""
 
 

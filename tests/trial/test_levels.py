@@ -10,7 +10,7 @@ from scipy.stats import chi2, genpareto
 from trial_cases import case_of, other_world
 
 from builder.inverse.envelope.score_limit import tail_quantile
-from builder.trial import levels, readings
+from builder.trial import readings
 from builder.trial.cases import Plan
 from builder.trial.estimators import of_map
 from builder.trial.levels import (
@@ -116,14 +116,6 @@ def test_blocks_of_flights_set_the_levels_of_all_their_samples(
     at_once, in_turn = with_alarm_levels(linear, [whole]), with_alarm_levels(linear, iter(blocks))
     assert in_turn.provenance == at_once.provenance
     assert in_turn.chi_square_scale == at_once.chi_square_scale
-
-
-def test_fewer_vehicles_fly_with_many_gauges(full_world: World, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(levels, "MOST_READINGS", 800 * full_world.inverse_map.n_gauges)
-    for fewest, of_each in ((200, 8), (1000, 10), (9000, 40)):
-        monkeypatch.setattr(levels, "FEWEST_SAMPLES", fewest)
-        read = joined(list(level_readings(full_world, conditions=100, vehicles=40)))
-        assert len(read.strain) == 100 * of_each
 
 
 def counted(world: World, made: InverseMap, estimator: str, vehicles: int = 50) -> list[Row]:
