@@ -21,7 +21,7 @@ from builder.structure.wall import FlightMasses, Wall, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.structure.mass import Mass
-from strainfmu.arrays import FloatArray, IntArray
+from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 
 NAME, MASSES, THEORY = "inertia", "errors of masses", "strain of inertia"
@@ -39,7 +39,11 @@ _UNLISTED_STATIONS = 5
 _SECTIONS = 12
 """Parts of the length in which gauges have errors of another theory in common, as of the bending moment there."""
 
-_UNDETECTED_UNIT = "; a specific force in g instead of m/s2 is detected with mass.vehicle_kg alone"
+_ATTACHMENT = 3.0
+"""Distance from a point mass, over the root of radius times thickness, within which the strain by it depends on
+how it is attached."""
+
+_UNDETECTED_UNIT = "; a specific force in g, of wrong sign or axis is detected with mass.vehicle_kg alone"
 
 _STRUCTURE, _EQUIPMENT, UNLISTED = "structure", "equipment", "unlisted"
 
@@ -53,17 +57,35 @@ class InertiaStrain:
     by_part : (n_d, k) per channel, by part: wall with covers, each point mass by its number, and 1 kg at stations.
     by_bending : (n_d, 2) of the first bending modes, over the strain of the gauge that each strains most [1].
     section : (n_d,) number of the part of the length that each gauge is in.
+    held_by_part : as ``by_part``, with the aft ring held.
+    attached : (n_d,) whether each gauge is near enough to a point mass for its attachment to count, by its part.
     """
 
     by_part: dict[str, FloatArray]
     by_bending: FloatArray
     section: IntArray
+    held_by_part: dict[str, FloatArray]
+    attached: dict[str, BoolArray]
 
     @property
     def of_listed(self) -> FloatArray:
         """(n_d, k) strain per channel of all that the vehicle file lists."""
-        listed = [strain for name, strain in self.by_part.items() if not name.startswith(UNLISTED)]
-        return np.asarray(np.sum(listed, axis=0))
+        return _listed(self.by_part)
+
+    def errors_of_theory(self, part: float, channels: int) -> tuple[list[FloatArray], FloatArray]:
+        """Return errors (n_d, channels) that gauges have in common, and the size of each gauge's own.
+
+        They are ``part`` of the strain of the held body, one of all gauges and one of each section, and the whole
+        strain by each point mass near it, which shells and beams attach differently.
+        """
+        strain = part * _listed(self.held_by_part)[:, :channels]
+        near = [self.held_by_part[name][:, :channels] * at[:, None] for name, at in self.attached.items()]
+        sections = [strain * (self.section == one)[:, None] for one in np.unique(self.section)]
+        return [strain, *sections, *near], strain
+
+
+def _listed(by_part: dict[str, FloatArray]) -> FloatArray:
+    return np.asarray(np.sum([one for name, one in by_part.items() if not name.startswith(UNLISTED)], axis=0))
 
 
 def strain_by_inertia(
@@ -96,10 +118,21 @@ def strain_by_inertia(
     every = MeridianMasses(
         density=density, covers=covers, points=tuple((one.x_m, one.mass_kg) for one in entries.point_masses)
     )
+    gauges, unit = placed[layout], unit_station(vehicle, entry)
+    by_part = held = inertia_strain(mesh, wall.material, gauges, parts, unit)
+    if flies(vehicle):
+        holding = _mesh(vehicle, replace(wall, flight=None), resolution)
+        held = inertia_strain(holding, wall.material, gauges, parts, unit)
+    attached = {}
+    for number, one in enumerate(entries.point_masses, start=1):
+        decay = np.sqrt(vehicle.body().radius(one.x_m) * wall.thickness_at(one.x_m))
+        attached[f"{_EQUIPMENT} {number}"] = np.abs(gauges.x - one.x_m) < _ATTACHMENT * decay
     return InertiaStrain(
-        by_part=inertia_strain(mesh, wall.material, placed[layout], parts, unit_station(vehicle, entry)),
-        by_bending=bending_strain(mesh, wall.material, placed[layout], every),
-        section=np.rint(_SECTIONS * placed[layout].x / vehicle.body().length).astype(int),
+        by_part=by_part,
+        by_bending=bending_strain(mesh, wall.material, gauges, every),
+        section=np.rint(_SECTIONS * gauges.x / vehicle.body().length).astype(int),
+        held_by_part=held,
+        attached=attached,
     )
 
 
@@ -162,19 +195,15 @@ def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaS
 
 def _theory(entry: Mass, inertia: InertiaMap, strain: InertiaStrain) -> NoiseTerm:
     """Return the error of the strain by specific force in a held body, by another theory of the structure."""
-    of_mode = _half(entry) * inertia.mode_strain[:, :N_FORCES] * inertia.prior_std[:N_FORCES]
-    of_gauge = np.diag(np.linalg.norm(of_mode, axis=1))
-    return NoiseTerm(THEORY, np.hstack([*_in_common(of_mode, strain.section), of_gauge]))
+    common, own = strain.errors_of_theory(_half(entry), N_FORCES)
+    force = inertia.prior_std[:N_FORCES]
+    of_gauge = np.diag(np.linalg.norm(own * force, axis=1))
+    return NoiseTerm(THEORY, np.hstack([*(one * force for one in common), of_gauge]))
 
 
 def _half(entry: Mass) -> float:
     """Return the root of half the variance of another theory, which counts three times."""
     return float(np.sqrt(0.5)) * 0.01 * entry.inertia_strain_percent
-
-
-def _in_common(strain: FloatArray, section: IntArray) -> list[FloatArray]:
-    """Return errors of size ``strain`` (n_d, k): one that all gauges have in common, and one of each section."""
-    return [strain, *(strain * (section == one)[:, None] for one in np.unique(section))]
 
 
 def flies(vehicle: Vehicle) -> bool:
@@ -195,10 +224,10 @@ def inertia_errors(
     if entry is None or strain is None or not flies(vehicle):
         return []
     acceleration = _accelerations(vehicle, entry, surface)
-    size, held = _sizes(entry), _half(entry) * _held_strain(vehicle, entry)
+    size, (theory, own) = _sizes(entry), strain.errors_of_theory(_half(entry), N_RIGID)
     columns = [(MASSES, size[name.split()[0]] * one[:, :N_RIGID], True) for name, one in strain.by_part.items()]
-    columns += [(THEORY, one, True) for one in _in_common(held, strain.section)]
-    operators = [(name, one @ acceleration, common) for name, one, common in (*columns, (THEORY, held, False))]
+    columns += [(THEORY, one, True) for one in theory]
+    operators = [(name, one @ acceleration, common) for name, one, common in (*columns, (THEORY, own, False))]
     return [
         HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=common)
         for name, operator, common in operators
@@ -213,17 +242,6 @@ def _accelerations(vehicle: Vehicle, entry: Mass, surface: Surface) -> FloatArra
     axial, normal, side, pitching, yawing = load_operator_on(surface, unit)
     load = np.stack([axial, side, normal, pitching, -yawing])  # a yawing moment to starboard turns about -z
     return np.linalg.solve(rigid_inertia(_mesh(vehicle, wall_of(vehicle), resolution), unit), load)
-
-
-def _held_strain(vehicle: Vehicle, entry: Mass) -> FloatArray:
-    """Return (n_d, 5) strain of the listed masses where the aft ring is held."""
-    wall = wall_of(vehicle)
-    mesh, layout = _mesh(vehicle, replace(wall, flight=None), vehicle.resolution.map), vehicle.gauges.layout
-    flying = _mesh(vehicle, wall, vehicle.resolution.map)
-    assert flying.masses is not None
-    placed = place_layouts(vehicle, mesh, [layout])[1][layout]
-    parts = {NAME: flying.masses}
-    return inertia_strain(mesh, wall.material, placed, parts, unit_station(vehicle, entry))[NAME][:, :N_RIGID]
 
 
 def _sizes(entry: Mass) -> dict[str, float]:

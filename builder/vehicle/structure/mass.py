@@ -24,9 +24,11 @@ class Mass(Section):
     specific force. Measurements of the unit at ``unit_x_m`` on the axis (default: the moment reference) have the
     standard deviations ``.._std_..``. ``vibration_um_per_m`` is the standard deviation of the strain by the first
     bending modes, at the gauge with most of it, where the input ``vibration`` does not state it. The strain of a
-    gauge by specific force is known to ``inertia_strain_percent``. In ``free_flight`` accelerations follow from
-    the load, and the percentage is of the strain in a held body. ``vehicle_kg`` is the mass of all that flies:
-    where it is stated, a specific force across the axis that contradicts the lateral force is INCONSISTENT.
+    gauge by specific force is known to ``inertia_strain_percent``; that by a point mass within three times the
+    root of radius times wall thickness is not known, as it depends on how the mass is attached. In ``free_flight``
+    accelerations follow from the load, and the strain is that in a held body. ``vehicle_kg`` is the mass of all
+    that flies: where it is stated, a specific force across the axis that contradicts the lateral force is
+    INCONSISTENT.
     """
 
     structure_percent: Percent = 2.0

@@ -26,6 +26,7 @@ from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast
 ENTRY = Mass(structure_percent=3.0, equipment_percent=5.0, unlisted_kg=0.5, unit_x_m=0.0)
+SUPPORTS = ("clamped_aft", "free_flight")
 
 
 def with_entry(**structure: object) -> Vehicle:
@@ -103,6 +104,21 @@ def test_in_free_flight_the_motion_of_the_load_counts_once() -> None:
     free = strain_by_inertia(with_entry(point_masses=points, support="free_flight"), ENTRY)
     assert np.abs(free.of_listed[:, :5]).max() < 1e-6 * np.abs(held.of_listed[:, :5]).max()
     assert np.abs(free.by_part["unlisted 3"][:, 2]).max() > 0.01 * np.abs(held.by_part["unlisted 3"][:, 2]).max()
+
+
+def test_strain_near_a_point_mass_is_an_error_of_theory() -> None:
+    far, near = (
+        [strain_by_inertia(with_entry(point_masses=points, support=support), ENTRY) for support in SUPPORTS]
+        for points in ([PointMassEntry(x_m=1.3, mass_kg=4.0)], [PointMassEntry(x_m=1.5, mass_kg=4.0)])
+    )
+    for held, free in (far, near):
+        assert free.held_by_part["equipment 1"] == pytest.approx(held.by_part["equipment 1"])
+    assert not far[1].attached["equipment 1"].any()
+    at = near[1].attached["equipment 1"]  # the gauges at x = 1.46 m: on all four rows along x, on two around it
+    assert at.sum() == 6
+    common, own = near[1].errors_of_theory(0.05, 3)
+    assert own == pytest.approx(0.05 * near[0].of_listed[:, :3])
+    assert common[-1] == pytest.approx(np.where(at[:, None], near[0].by_part["equipment 1"][:, :3], 0.0))
 
 
 def test_without_the_section_there_is_nothing() -> None:
