@@ -92,39 +92,40 @@ def fourier_strain(
     step = SHIFT * points.tangent[:, 0]
     last = min(len(basis.along) - 1, resolution.harmonics, (grid.n_roll - 1) // 2)
     shapes = [
-        one / np.linalg.norm(np.cos(m * grid.roll_angle)) if m <= last else np.zeros_like(one)
-        for m, one in enumerate(basis.along)
+        shape / np.linalg.norm(np.cos(m * grid.roll_angle)) if m <= last else np.zeros_like(shape)
+        for m, shape in enumerate(basis.along)
     ]
 
     def response(on: MeridianMesh, x: FloatArray) -> list[FloatArray]:
         return response_to_fields(on, wall.material, x, grid.x, shapes)
 
-    at = _Harmonics(basis, placed, station_index(stations, placed.x))
+    harmonics = _Harmonics(basis, placed, station_index(stations, placed.x))
     done = 0
 
-    def count(found: list[FloatArray]) -> list[FloatArray]:
+    def count(responses: list[FloatArray]) -> list[FloatArray]:
         nonlocal done
         done += 1
         if progress is not None:
             progress(done, 3)
-        return found
+        return responses
 
     three = count(response(mesh, np.concatenate([stations, stations + step, stations - step])))
-    own, aft, fore = (
-        [one[part * len(stations) : (part + 1) * len(stations)] for one in three] for part in range(3)
+    at_gauge, aft, fore = (
+        [of_harmonic[part * len(stations) : (part + 1) * len(stations)] for of_harmonic in three]
+        for part in range(3)
     )
     thin, thick = (
         count(response(shell_mesh(vehicle.body(), wall_of(with_wall(vehicle, factor)), length, layers), stations))
         for factor in (1.0 - WALL_STEP, 1.0 + WALL_STEP)
     )
-    by_roll = at.reading(own, by_roll=True)
+    by_roll = harmonics.reading(at_gauge, by_roll=True)
     return CandidateStrain(
-        strain=at.reading(own),
-        axial=at.reading([(a - b) / (2.0 * SHIFT) for a, b in zip(aft, fore, strict=True)]),
-        circumferential=by_roll / points.radius[at.station][:, None],
-        orientation=at.reading(own, turned=True),
+        strain=harmonics.reading(at_gauge),
+        axial=harmonics.reading([(a - b) / (2.0 * SHIFT) for a, b in zip(aft, fore, strict=True)]),
+        circumferential=by_roll / points.radius[harmonics.station][:, None],
+        orientation=harmonics.reading(at_gauge, turned=True),
         layout_roll=by_roll,
-        wall_thickness=at.reading([(a - b) / (2.0 * WALL_STEP) for a, b in zip(thick, thin, strict=True)]),
+        wall_thickness=harmonics.reading([(a - b) / (2.0 * WALL_STEP) for a, b in zip(thick, thin, strict=True)]),
         thermal=_thermal(vehicle, mesh, placed),
     )
 
@@ -153,34 +154,34 @@ def solid_strain(
     rows.append(gauge_rows(case.whole, together, near_surface=True, with_twins=True, progress=moved_part))
     fields = mapped_fields(basis.fields, split_surface(case.whole, EXTERNAL)[0], snapshots)
     of_all = csr_array(vstack(rows))
-    found = solve_fields(
+    strain = solve_fields(
         case.whole, case.matter, case.support, of_all, fields, solver_name=case.solver, progress=solved_part
     )
-    own, *others = np.split(found, 1 + len(moved))
-    at = dict(zip(moved, others, strict=True))
+    at_gauge, *displaced = np.split(strain, 1 + len(moved))
+    strain_of = dict(zip(moved, displaced, strict=True))
 
     def difference(plus: str, minus: str, step: float) -> FloatArray:
-        return (at[displaced_name("", plus)] - at[displaced_name("", minus)]) / step
+        return (strain_of[displaced_name("", plus)] - strain_of[displaced_name("", minus)]) / step
 
     around = difference(AROUND, BACK, 2.0 * SOLID_STEP)
     return CandidateStrain(
-        strain=own,
+        strain=at_gauge,
         axial=difference(AFT, FORE, 2.0 * SOLID_STEP),
         circumferential=around,
         orientation=difference(TURNED_AROUND, TURNED_BACK, 1.0),
         layout_roll=np.hypot(gauges.position[:, 1], gauges.position[:, 2])[:, None] * around,
-        wall_thickness=-own,
-        thermal=np.zeros((len(own), 0)),
+        wall_thickness=-at_gauge,
+        thermal=np.zeros((len(at_gauge), 0)),
     )
 
 
 def _one_after_another(gauges: Sequence[Gauges]) -> Gauges:
     return Gauges(
-        name=tuple(name for one in gauges for name in one.name),
-        position=np.concatenate([one.position for one in gauges]),
-        direction=np.concatenate([one.direction for one in gauges]),
-        length=np.concatenate([one.length for one in gauges]),
-        surface=tuple(name for one in gauges for name in one.surface),
+        name=tuple(name for group in gauges for name in group.name),
+        position=np.concatenate([group.position for group in gauges]),
+        direction=np.concatenate([group.direction for group in gauges]),
+        length=np.concatenate([group.length for group in gauges]),
+        surface=tuple(name for group in gauges for name in group.surface),
     )
 
 
@@ -190,7 +191,7 @@ def _parts_of(progress: Progress | None, ends: Sequence[float]) -> list[Progress
         return [None] * len(ends)
 
     def part(begin: float, end: float) -> Progress:
-        return lambda done, of: progress(round(1000 * (begin + (end - begin) * done / of)), 1000)
+        return lambda done, total: progress(round(1000 * (begin + (end - begin) * done / total)), 1000)
 
     return [part(begin, end) for begin, end in zip((0.0, *ends[:-1]), ends, strict=True)]
 
@@ -207,8 +208,8 @@ def _thermal(vehicle: Vehicle, mesh: MeridianMesh, gauges: PlacedGauges) -> Floa
     )
     modes = thermal_map(vehicle, solved)
     assert modes is not None
-    seen = modes.sensor_operator / modes.sensor_std[:, None]
-    precision = np.diag(modes.prior_std**-2) + seen.T @ seen
+    reading = modes.sensor_operator / modes.sensor_std[:, None]
+    precision = np.diag(modes.prior_std**-2) + reading.T @ reading
     return np.asarray(modes.linear_strain @ np.linalg.inv(np.linalg.cholesky(precision)).T)
 
 
@@ -229,8 +230,8 @@ class _Harmonics:
         c, s = self.gauges.meridional[:, None], self.gauges.circumferential[:, None]
         weight = (-2.0 * c * s, 2.0 * c * s, 2.0 * (c * c - s * s)) if turned else (c * c, s * s, 2.0 * c * s)
         parts = []
-        for m, one in enumerate(response):
-            of_gauge = one[self.station]
+        for m, amplitudes in enumerate(response):
+            of_gauge = amplitudes[self.station]
             even = weight[0] * of_gauge[:, 0] + weight[1] * of_gauge[:, 1]
             odd = weight[2] * of_gauge[:, 2]
             angle = m * self.gauges.roll_angle[:, None]

@@ -92,8 +92,8 @@ class Candidates:
 
     def of(self, sites: IntArray | list[int]) -> IntArray:
         """Return the gauges of ``sites``, one site after another."""
-        found = self.sites[np.asarray(sites, dtype=np.int64)].ravel()
-        return found[found >= 0]
+        gauges = self.sites[np.asarray(sites, dtype=np.int64)].ravel()
+        return gauges[gauges >= 0]
 
     def layout(self, sites: IntArray | list[int]) -> GaugeLayout:
         """Return the gauges of ``sites`` by station, roll angle and direction."""
@@ -105,7 +105,7 @@ class Candidates:
 def layout_of(layout: GaugeLayout, gauges: IntArray) -> GaugeLayout:
     """Return the gauges numbered ``gauges`` of a layout."""
     return GaugeLayout(
-        tuple(layout.names[one] for one in gauges), layout.position[gauges], layout.direction[gauges]
+        tuple(layout.names[gauge] for gauge in gauges), layout.position[gauges], layout.direction[gauges]
     )
 
 
@@ -156,21 +156,21 @@ def surface_candidates(mesh: SolidMesh, surface: str, grid: CandidateGrid) -> Ca
     x = mesh.node[np.unique(mesh.named_surface(surface)), 0]
     stations = np.unique(_stations(grid, float(x.min()), float(x.max()), float(np.ptp(mesh.node[:, 0]))))
     frames: list[list[Frame]] = []
-    kept = []
+    with_surface = []
     for station in stations.tolist():
         try:
-            feet = [wall.at_roll_angle(station, radians(one), "--stations") for one in _roll_angles(grid)]
+            feet = [wall.at_roll_angle(station, radians(angle), "--stations") for angle in _roll_angles(grid)]
             frames.append([(foot.point, *wall.axes(foot, "--stations")) for foot in feet])
         except InputError:
             if grid.stations is not None:
                 raise
             continue
-        kept.append(station)
-    if not kept:
+        with_surface.append(station)
+    if not with_surface:
         raise InputError("--roll-angles: expected a surface at one station at least, got none; state --stations")
-    of_angle = {round(one, 6): k for k, one in enumerate(_roll_angles(grid).tolist())}
+    of_angle = {round(angle, 6): k for k, angle in enumerate(_roll_angles(grid).tolist())}
     return _of_frames(
-        grid, np.array(kept), lambda number, angle: frames[number][of_angle[round(degrees(angle), 6)]]
+        grid, np.array(with_surface), lambda number, angle: frames[number][of_angle[round(degrees(angle), 6)]]
     )
 
 
@@ -215,8 +215,8 @@ def _of_frames(grid: CandidateGrid, stations: FloatArray, frame: Callable[[int, 
                 roll_of.append(np.radians(angle))
     layout = GaugeLayout(tuple(names), np.array(position).reshape(-1, 3), np.array(direction).reshape(-1, 3))
     points_sites = _sites_of_points(grid.directions)
-    n_points, each = len(stations) * len(angles), len(kinds)
-    sites = [[each * point + one for one in site] for point in range(n_points) for site in points_sites]
+    n_points, per_point = len(stations) * len(angles), len(kinds)
+    sites = [[per_point * point + leg for leg in site] for point in range(n_points) for site in points_sites]
     if grid.pairs:
         sites = _paired(sites, angles, len(points_sites), grid)
     return Candidates(
@@ -238,8 +238,8 @@ def with_gauges(candidates: Candidates, added: GaugeLayout) -> tuple[Candidates,
     names = set(known.names)
     for name in added.names:
         if name in names:
-            at = known.names.index(name)
-            if np.abs(known.position[at] - added.position[added.names.index(name)]).max() > _SAME:
+            number = known.names.index(name)
+            if np.abs(known.position[number] - added.position[added.names.index(name)]).max() > _SAME:
                 raise InputError(f"--keep: gauge '{name}' has the name of a candidate elsewhere; rename it")
     fresh = [k for k, name in enumerate(added.names) if name not in names]
     gauges = GaugeLayout(
@@ -249,28 +249,28 @@ def with_gauges(candidates: Candidates, added: GaugeLayout) -> tuple[Candidates,
     )
     roll = np.arctan2(added.position[fresh, 1], added.position[fresh, 2]) % (2.0 * np.pi)
     width = candidates.sites.shape[1]
-    own = [[gauges.names.index(name)] for name in added.names]
-    sites = np.full((len(own), width), -1, dtype=np.int64)
-    sites[:, 0] = np.array(own).ravel()
-    found = Candidates(
+    added_sites = [[gauges.names.index(name)] for name in added.names]
+    sites = np.full((len(added_sites), width), -1, dtype=np.int64)
+    sites[:, 0] = np.array(added_sites).ravel()
+    extended = Candidates(
         gauges=gauges,
         x=np.concatenate([candidates.x, added.position[fresh, 0]]),
         roll_angle=np.concatenate([candidates.roll_angle, roll]),
         kind=candidates.kind + ("",) * len(fresh),
         sites=np.concatenate([candidates.sites, sites]),
     )
-    assert len(found.x) == first + len(fresh)
-    return found, list(range(n_sites, n_sites + len(own)))
+    assert len(extended.x) == first + len(fresh)
+    return extended, list(range(n_sites, n_sites + len(added_sites)))
 
 
 def _sites_of_points(directions: tuple[str, ...]) -> list[list[int]]:
     """Return the sites at a point by the gauges there."""
-    found, first = [], 0
+    sites, first = [], 0
     for name in directions:
         size = 3 if name == ROSETTE else 1
-        found.append(list(range(first, first + size)))
+        sites.append(list(range(first, first + size)))
         first += size
-    return found
+    return sites
 
 
 def _paired(sites: list[list[int]], angles: FloatArray, per_point: int, grid: CandidateGrid) -> list[list[int]]:
@@ -284,23 +284,23 @@ def _paired(sites: list[list[int]], angles: FloatArray, per_point: int, grid: Ca
             if name == ROSETTE or (name in swap and swap[name] not in grid.directions):
                 raise InputError(f"--pairs: a mirrored {name} needs 45 and -45 among the directions")
             other_kind[k] = grid.directions.index(swap.get(name, name))
-    found, n = [], len(angles)
+    paired, n = [], len(angles)
     for number, site in enumerate(sites):
         point, kind = divmod(number, per_point)
-        station, here = divmod(point, n)
-        there = place.get(round(float(partner[here]), 5) % 360.0)
-        if there is None:
+        station, roll = divmod(point, n)
+        partner_roll = place.get(round(float(partner[roll]), 5) % 360.0)
+        if partner_roll is None:
             raise InputError(
-                f"--pairs: roll angle {angles[here]:g} deg has no partner at {partner[here]:g} deg; add it"
+                f"--pairs: roll angle {angles[roll]:g} deg has no partner at {partner[roll]:g} deg; add it"
             )
-        other = (station * n + there) * per_point + other_kind[kind]
-        if other == number:
-            found.append(site)
-        elif other > number:
-            found.append(site + sites[other])
-    return found
+        partner_site = (station * n + partner_roll) * per_point + other_kind[kind]
+        if partner_site == number:
+            paired.append(site)
+        elif partner_site > number:
+            paired.append(site + sites[partner_site])
+    return paired
 
 
 def _padded(sites: list[list[int]]) -> IntArray:
     width = max(map(len, sites), default=1)
-    return np.array([one + [-1] * (width - len(one)) for one in sites], dtype=np.int64).reshape(-1, width)
+    return np.array([site + [-1] * (width - len(site)) for site in sites], dtype=np.int64).reshape(-1, width)

@@ -34,35 +34,35 @@ def strain_modes(study: Study, count: int) -> FloatArray:
     """Return (n_a, count) the modes of the strain that the flows make at the first gauge of every offered site."""
     flown = study.parts.ensemble.responses(study.parts.basis.fields.T)
     first = study.candidates.sites[: study.offered, 0]
-    left, _, _ = np.linalg.svd(study.strain.strain[first] @ flown.T, full_matrices=False)
-    return np.asarray(left[:, :count])
+    modes, _, _ = np.linalg.svd(study.strain.strain[first] @ flown.T, full_matrices=False)
+    return np.asarray(modes[:, :count])
 
 
 def qr_sites(study: Study, count: int) -> list[int]:
     """Return ``count`` offered sites by QR with column pivoting of as many strain modes."""
     modes = strain_modes(study, count)
     _, _, pivots = qr(modes.T, mode="economic", pivoting=True)
-    return [int(one) for one in pivots[:count]]
+    return [int(pivot) for pivot in pivots[:count]]
 
 
 def even_sites(study: Study, count: int) -> list[int]:
     """Return ``count`` offered sites in rows of evenly spaced stations, or fewer where rows have no candidates."""
-    candidates, found = study.candidates, list[int]()
+    candidates, sites = study.candidates, list[int]()
     first = candidates.sites[: study.offered, 0]
     x = candidates.x[first]
     roll = np.degrees(candidates.roll_angle[first]) % 360.0
-    kind = np.array([candidates.kind[one] for one in first])
+    kind = np.array([candidates.kind[gauge] for gauge in first])
     stations = np.unique(x)
-    each = max(1, -(-count // 6))
-    wanted = stations[np.round(np.linspace(0, len(stations) - 1, min(each, len(stations)))).astype(int)]
+    per_row = max(1, -(-count // 6))
+    wanted = stations[np.round(np.linspace(0, len(stations) - 1, min(per_row, len(stations)))).astype(int)]
     for station in wanted:
         for number, angle in enumerate(ROWS):
             for name in ("axial", "hoop") if number % 2 == 0 else ("axial",):
                 apart = np.abs((roll - angle + 180.0) % 360.0 - 180.0)
-                there = np.flatnonzero((x == station) & (kind == name))
-                if len(there):
-                    found.append(int(there[np.argmin(apart[there])]))
-    return found[:count]
+                on_station = np.flatnonzero((x == station) & (kind == name))
+                if len(on_station):
+                    sites.append(int(on_station[np.argmin(apart[on_station])]))
+    return sites[:count]
 
 
 def best_of_random(model: GaussianModel, rules: Rules, draws: int, seed: int = 0) -> list[int]:
@@ -70,13 +70,13 @@ def best_of_random(model: GaussianModel, rules: Rules, draws: int, seed: int = 0
     random, best, value = np.random.default_rng(seed), list[int](), np.inf
     for _ in range(draws):
         chosen = list(rules.forced)
-        blocked, left = rules.excluded_by(chosen), rules.left(chosen)
+        blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
         for site in random.permutation(model.n_sites).tolist():
-            if not blocked[site] and rules.cost[site] <= left + 1e-9:
+            if not blocked[site] and rules.cost[site] <= remaining + 1e-9:
                 chosen.append(site)
-                left -= float(rules.cost[site])
+                remaining -= float(rules.cost[site])
                 blocked |= rules.excluded_by([site])
-            if left < rules.cost.min():
+            if remaining < rules.cost.min():
                 break
         reached = model.value(chosen)
         if reached < value:
@@ -156,10 +156,10 @@ def accuracy_curves(
     offered = [*range(study.offered), *study.kept]
     forced = list(range(study.offered, len(offered)))
     candidates = replace(study.candidates, sites=study.candidates.sites[offered])
-    left, rules = rules_of(candidates, free, forced)
+    offered_candidates, rules = rules_of(candidates, free, forced)
     number = {tuple(site): k for k, site in reversed(list(enumerate(study.candidates.sites.tolist())))}
-    of_study = np.array([number[tuple(site)] for site in left.sites.tolist()], dtype=np.int64)
-    counts = [one for one in COUNTS if len(study.kept) <= one <= left.n_gauges.sum()]
+    of_study = np.array([number[tuple(site)] for site in offered_candidates.sites.tolist()], dtype=np.int64)
+    counts = [count for count in COUNTS if len(study.kept) <= count <= offered_candidates.n_gauges.sum()]
     placed, lost = np.full((len(counts), 5), np.nan), np.full((len(counts), 5), np.nan)
     inside = aimed(study, aim).of_sites(of_study)
     steps = len(counts) + len(NOISES) + len(POSITIONS) + len(PORTS)
@@ -170,9 +170,9 @@ def accuracy_curves(
             starts.append(rounded(_by_rank(of_study, rival), allowed))
         chosen = best_of_starts(inside, allowed, starts)
         if float(rules.cost[chosen].sum()) == count:
-            there = of_study[chosen].tolist()
-            placed[k] = _ratio(study.model, there)
-            lost[k] = placed[k] * loss_ratios(study.model, there).max(axis=0)
+            chosen_sites = of_study[chosen].tolist()
+            placed[k] = _ratio(study.model, chosen_sites)
+            lost[k] = placed[k] * loss_ratios(study.model, chosen_sites).max(axis=0)
         if progress is not None:
             progress(k + 1, steps)
     own_name = study.parts.vehicle.gauges.layout
@@ -187,8 +187,8 @@ def accuracy_curves(
         counts=tuple(counts),
         placed=placed,
         lost=lost,
-        qr=np.array([_ratio(study.model, qr_sites(study, one)) for one in counts]),
-        even=np.array([_ratio(study.model, even_sites(study, one)) for one in counts]),
+        qr=np.array([_ratio(study.model, qr_sites(study, count)) for count in counts]),
+        even=np.array([_ratio(study.model, even_sites(study, count)) for count in counts]),
         own_count=int(study.candidates.n_gauges[list(study.own)].sum()),
         own_name=own_name,
         sweeps=_sweeps(study, layouts, progress, len(counts), steps),
@@ -200,37 +200,38 @@ def _sweeps(
 ) -> tuple[Sweep, ...]:
     parts, noise = study.parts, study.parts.vehicle.noise
     positions = [
-        replace(parts, vehicle=parts.vehicle.model_copy(update={"noise": one}))
-        for one in (noise.model_copy(update={"gauge_position_mm": value}) for value in POSITIONS)
+        replace(parts, vehicle=parts.vehicle.model_copy(update={"noise": entry}))
+        for entry in (noise.model_copy(update={"gauge_position_mm": value}) for value in POSITIONS)
     ]
     asked: list[tuple[str, tuple[float, ...], list[FlightParts]]] = [
-        ("gauge noise over the stated one [1]", NOISES, [_with_noise(parts, one) for one in NOISES]),
+        ("gauge noise over the stated one [1]", NOISES, [_with_noise(parts, factor) for factor in NOISES]),
         ("error of position [mm]", POSITIONS, positions),
     ]
     if isinstance(parts.structure.surface, SurfaceGrid):
         asked.append(("flush ports [1]", tuple(map(float, PORTS)), [_with_ports(parts, count) for count in PORTS]))
-    found = []
+    sweeps = []
     for label, values, changed in asked:
         sigmas: dict[str, list[FloatArray]] = {name: [] for name in layouts}
-        for one in changed:
-            for name, sigma in _sigmas(study, one, layouts).items():
+        for changed_parts in changed:
+            for name, sigma in _sigmas(study, changed_parts, layouts).items():
                 sigmas[name].append(sigma)
             done += 1
             if progress is not None:
                 progress(done, steps)
-        found.append(
-            Sweep(label=label, values=values, sigmas={name: np.array(one) for name, one in sigmas.items()})
+        sweeps.append(
+            Sweep(label=label, values=values, sigmas={name: np.array(rows) for name, rows in sigmas.items()})
         )
-    return tuple(found)
+    return tuple(sweeps)
 
 
 def _sigmas(study: Study, parts: FlightParts, layouts: dict[str, list[int]]) -> dict[str, FloatArray]:
     """Return (5,) sigmas of each layout with ``parts``, over the sigmas of the layout in use with the study's."""
-    used = np.unique(np.concatenate([np.array(one, dtype=np.int64) for one in layouts.values()]))
+    used = np.unique(np.concatenate([np.array(sites, dtype=np.int64) for sites in layouts.values()]))
     place_of = {int(site): k for k, site in enumerate(used)}
     model = flight_model(parts, study.strain, study.candidates.sites[used], study.kind)
     return {
-        name: _ratio(model, [place_of[one] for one in sites]) / study.own_sigma for name, sites in layouts.items()
+        name: _ratio(model, [place_of[site] for site in sites]) / study.own_sigma
+        for name, sites in layouts.items()
     }
 
 
@@ -255,7 +256,7 @@ def _with_ports(parts: FlightParts, count: int) -> FlightParts:
 def _by_rank(of_study: IntArray, sites: list[int]) -> FloatArray:
     """Return (n,) weights that fall along ``sites``, 0 for all others of ``of_study``."""
     rank = {site: number for number, site in enumerate(sites)}
-    return np.array([1.0 / (1.0 + rank[one]) if one in rank else 0.0 for one in of_study.tolist()])
+    return np.array([1.0 / (1.0 + rank[index]) if index in rank else 0.0 for index in of_study.tolist()])
 
 
 def _ratio(model: GaussianModel, sites: list[int]) -> FloatArray:

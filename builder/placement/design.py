@@ -192,8 +192,8 @@ def placement_study(
     own_layout = structure.layouts[vehicle.gauges.layout]
     bonded = None if case is None else bonded_surface(case, vehicle.gauges.layout)
     offered = grid_candidates(vehicle, grid) if case is None else surface_candidates(case.whole, str(bonded), grid)
-    everything, kept = with_gauges(offered, keep) if keep is not None else (offered, [])
-    everything, own = with_gauges(everything, own_layout)
+    everything, kept_sites = with_gauges(offered, keep) if keep is not None else (offered, [])
+    everything, layout_sites = with_gauges(everything, own_layout)
     basis = pressure_basis(vehicle, snapshots, ensemble, errors_of_flows(vehicle, snapshots, ensemble))
     parts = FlightParts(
         vehicle=vehicle,
@@ -214,25 +214,25 @@ def placement_study(
         strain = solid_strain(case, snapshots, basis, gauges, progress)
     chosen = kind or ("linear" if vehicle.map.estimator == "linear" or why_linear(vehicle) else "nonlinear")
     try:
-        found = flight_model(parts, strain, everything.sites, chosen)
+        gaussian = flight_model(parts, strain, everything.sites, chosen)
     except InputError:
         if kind is not None or vehicle.map.estimator != "auto" or chosen == "linear":
             raise
         chosen = "linear"
-        found = flight_model(parts, strain, everything.sites, chosen)
-    kind, (model, own_sigma) = chosen, normalised(found, own)
+        gaussian = flight_model(parts, strain, everything.sites, chosen)
+    kind, (model, own_sigma) = chosen, normalised(gaussian, layout_sites)
     without = None
     if kind == "nonlinear" and vehicle.map.model_form_percent > 0.0:
         entry = vehicle.map.model_copy(update={"model_form_percent": 0.0})
         exact = replace(parts, vehicle=vehicle.model_copy(update={"map": entry}))
-        without = normalised(flight_model(exact, strain, everything.sites, kind), own)[0]
+        without = normalised(flight_model(exact, strain, everything.sites, kind), layout_sites)[0]
     return Study(
         parts=parts,
         kind=kind,
         candidates=everything,
         strain=strain,
-        own=tuple(own),
-        kept=tuple(kept),
+        own=tuple(layout_sites),
+        kept=tuple(kept_sites),
         offered=len(offered.sites),
         model=model,
         own_sigma=own_sigma,
@@ -254,9 +254,9 @@ def bonded_surface(case: SolidCase, layout: str) -> str:
     return gauges.surface[0]
 
 
-def normalised(model: GaussianModel, own: Sequence[int]) -> tuple[GaussianModel, FloatArray]:
-    """Return the model with goals over their root mean square sigmas with sites ``own``, and these (n_g,)."""
-    sigma = np.sqrt(model.weight @ model.goal_variance(own))
+def normalised(model: GaussianModel, layout_sites: Sequence[int]) -> tuple[GaussianModel, FloatArray]:
+    """Return the model with goals over their root mean square sigmas with ``layout_sites``, and these (n_g,)."""
+    sigma = np.sqrt(model.weight @ model.goal_variance(layout_sites))
     return replace(model, goals=model.goals / sigma[:, None], fixed=model.fixed / sigma**2), sigma
 
 
@@ -279,7 +279,7 @@ def aimed(study: Study, aim: Aim) -> GaussianModel:
         return normalised(states, study.own)[0]
     if study.without_model_form is not None:
         halves = model.of_states(slice(0, None, 2)), study.without_model_form.of_states(slice(1, None, 2))
-        first, second = (normalised(one, study.own)[0] for one in halves)
+        first, second = (normalised(half, study.own)[0] for half in halves)
         model = first.joined(second, MODEL_FORM_PART)
     weight = np.array(aim.weights) / np.mean(aim.weights)
     return replace(model, goals=model.goals * np.sqrt(weight)[:, None], fixed=model.fixed * weight)
@@ -294,20 +294,20 @@ def place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placeme
         No choice keeps the limits.
     """
     offered = study.candidates.of(list(range(study.offered)))
-    kinds = list(dict.fromkeys(study.candidates.kind[one] for one in offered.tolist()))
+    kinds = list(dict.fromkeys(study.candidates.kind[gauge] for gauge in offered.tolist()))
     if limits.kinds is None or limits.kinds >= len(kinds):
         return _place(study, limits, aim, reporter)
-    found, faults = list[Placement](), list[InputError]()
+    placements, faults = list[Placement](), list[InputError]()
     for some in combinations(kinds, limits.kinds):
         reporter.note(f"directions: {', '.join(some)}")
         try:
-            found.append(_place(study, replace(limits, directions=some), aim, reporter))
+            placements.append(_place(study, replace(limits, directions=some), aim, reporter))
         except InputError as fault:
             faults.append(fault)
-    if not found:
+    if not placements:
         raise faults[0]
-    best = found[int(np.argmin([one.value for one in found]))]
-    return replace(best, bound=min(one.bound for one in found))
+    best = placements[int(np.argmin([placement.value for placement in placements]))]
+    return replace(best, bound=min(placement.bound for placement in placements))
 
 
 def _place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placement:
@@ -318,14 +318,14 @@ def _place(study: Study, limits: Limits, aim: Aim, reporter: Reporter) -> Placem
     InputError
         No choice keeps the limits.
     """
-    whole = aimed(study, aim)
+    objective = aimed(study, aim)
     offered = [*range(study.offered), *study.kept]
     forced = list(range(study.offered, len(offered)))
     candidates = replace(study.candidates, sites=study.candidates.sites[offered])
-    left, rules = rules_of(candidates, limits, forced)
+    remaining, rules = rules_of(candidates, limits, forced)
     number = {tuple(site): k for k, site in reversed(list(enumerate(study.candidates.sites.tolist())))}
-    of_study = np.array([number[tuple(site)] for site in left.sites.tolist()], dtype=np.int64)
-    model = whole.of_sites(of_study)
+    of_study = np.array([number[tuple(site)] for site in remaining.sites.tolist()], dtype=np.int64)
+    model = objective.of_sites(of_study)
     with reporter.stage("Gauges: greedy choice") as progress:
         first = greedy(model, rules, rules.forced, progress)
     with reporter.stage("Gauges: bound by the relaxation") as progress:
@@ -376,33 +376,33 @@ def best_exchanged(
     """
     reduced = relaxation.gradient / rules.cost
     count = min(model.n_sites, max(POOL, int(POOL_PER_GAUGE * rules.budget / float(np.median(rules.cost)))))
-    drawn = [rounded(relaxation.weight, rules)]
-    drawn += [rounded(relaxation.weight, rules, seed) for seed in range(max(starts - 2, 0))]
-    begun = [list(first), *drawn][: max(starts, 1)]
+    roundings = [rounded(relaxation.weight, rules)]
+    roundings += [rounded(relaxation.weight, rules, seed) for seed in range(max(starts - 2, 0))]
+    begun = [list(first), *roundings][: max(starts, 1)]
     needed = set(rules.forced).union(*map(set, begun))
     pool = np.array(sorted(needed.union(np.argsort(reduced, kind="stable")[:count].tolist())), dtype=np.int64)
     place_of = {int(site): k for k, site in enumerate(pool)}
-    inside = [[place_of[site] for site in one] for one in begun]
-    found = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)
-    return [int(pool[one]) for one in found]
+    inside = [[place_of[site] for site in start] for start in begun]
+    exchanged_sites = best_of_starts(model.of_sites(pool), rules.of_sites(pool), inside, progress)
+    return [int(pool[site]) for site in exchanged_sites]
 
 
 def pair_remarks(lost: LostGauge, names: Sequence[str]) -> list[str]:
     """Return a line for each pair whose loss raises a sigma too far, the :data:`NAMED` worst ones."""
     if lost.pair_ratio is None:
         return []
-    found = []
+    remarks = []
     for first, second in lost.pairs[:NAMED]:
         ratio = lost.pair_ratio[first, second]
         worst = int(np.argmax(ratio))
-        one, two = (names[lost.gauges[k]] for k in (first, second))
-        found.append(
-            f"loss of {one} and {two}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times, "
-            f"more than {LARGEST_RATIO:g}: too few others read the same"
+        gauge, partner = (names[lost.gauges[k]] for k in (first, second))
+        remarks.append(
+            f"loss of {gauge} and {partner}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} "
+            f"times, more than {LARGEST_RATIO:g}: too few others read the same"
         )
     if len(lost.pairs) > NAMED:
-        found.append(f"{len(lost.pairs) - NAMED} more pairs raise a sigma beyond {LARGEST_RATIO:g} times")
-    return found
+        remarks.append(f"{len(lost.pairs) - NAMED} more pairs raise a sigma beyond {LARGEST_RATIO:g} times")
+    return remarks
 
 
 def robust_remarks(
@@ -414,23 +414,23 @@ def robust_remarks(
     names: Sequence[str],
 ) -> list[str]:
     """Return a line for every gauge whose loss raises a sigma too far: by how much, and what one more would do."""
-    found = []
+    remarks = []
     for gauge, ratio in zip(lost.gauges.tolist(), lost.ratio, strict=True):
         worst = int(np.argmax(ratio))
         if ratio[worst] <= LARGEST_RATIO:
             continue
-        site = next(k for k, one in enumerate(chosen) if gauge in study.candidates.sites[of_study[one]])
-        others = [int(of_study[one]) for k, one in enumerate(chosen) if k != site]
+        site = next(k for k, number in enumerate(chosen) if gauge in study.candidates.sites[of_study[number]])
+        remaining = [int(of_study[number]) for k, number in enumerate(chosen) if k != site]
         spare = np.flatnonzero(rules.allowed([*chosen], whole_budget=True))
         nearest = ""
         if len(spare):
-            variance = [study.model.goal_variance([*others, int(of_study[one])]) for one in spare[:200]]
-            best = int(np.argmin([float((study.model.weight @ one)[worst]) for one in variance]))
+            variance = [study.model.goal_variance([*remaining, int(of_study[new])]) for new in spare[:200]]
+            best = int(np.argmin([float((study.model.weight @ goals)[worst]) for goals in variance]))
             nearest = (
                 f"; one more gauge, {names[study.candidates.sites[of_study[spare[best]]][0]]}, would cover it best"
             )
-        found.append(
+        remarks.append(
             f"loss of {names[gauge]}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times, more "
             f"than {LARGEST_RATIO:g}: too few others read the same{nearest}"
         )
-    return found
+    return remarks

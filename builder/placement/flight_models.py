@@ -116,20 +116,20 @@ def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, k
         The flows do not suffice for tables.
     """
     states = _states(parts, strain, kind)
-    rows = [_rows(parts, strain, one) for one in states]
-    known = [_sensor_rows(parts, strain, one) for one in states]
+    rows = [_rows(parts, strain, state) for state in states]
+    known = [_sensor_rows(parts, strain, state) for state in states]
     m = rows[0].shape[1]
-    goals = [np.pad(one.goals, ((0, 0), (0, m - one.goals.shape[1]))) for one in states]
-    fixed = [one.fixed for one in states]
+    goals = [np.pad(state.goals, ((0, 0), (0, m - state.goals.shape[1]))) for state in states]
+    fixed = [state.fixed for state in states]
     if kind == "linear":
-        kept = _seen(rows[0], known[0])
-        rows[0], known[0] = _without_faint(rows[0], kept), _without_faint(known[0], kept)
-        of_goals = goals[0] @ kept
+        visible = _seen(rows[0], known[0])
+        rows[0], known[0] = _without_faint(rows[0], visible), _without_faint(known[0], visible)
+        of_goals = goals[0] @ visible
         fixed[0] = fixed[0] + np.maximum(_square(goals[0]) - _square(of_goals), 0.0)
-        goals[0], m = of_goals, kept.shape[1]
+        goals[0], m = of_goals, visible.shape[1]
     return GaussianModel(
         rows=_at_sites(np.stack(rows), sites),
-        precision=np.stack([np.eye(m) + one.T @ one for one in known]),
+        precision=np.stack([np.eye(m) + rows_known.T @ rows_known for rows_known in known]),
         goals=np.stack(goals),
         fixed=np.stack(fixed),
         weight=np.full(len(states), 1.0 / len(states)),
@@ -139,21 +139,21 @@ def flight_model(parts: FlightParts, strain: CandidateStrain, sites: IntArray, k
 def _states(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> list[_State]:
     """Return the flight states of the estimator ``kind``, their unknowns ordered by what sensors see of them."""
     probe = strain.strain[:: max(1, len(strain.strain) // PROBES)]
-    seen = [probe / np.sqrt(len(probe))]
+    readings = [probe / np.sqrt(len(probe))]
     if parts.sensors is not None:
-        seen.append(parts.noise_std * parts.sensors.reading)
-    triangle = np.asarray(np.linalg.qr(np.vstack(seen), mode="r"))
+        readings.append(parts.noise_std * parts.sensors.reading)
+    triangle = np.asarray(np.linalg.qr(np.vstack(readings), mode="r"))
     return _linear(parts, triangle) if kind == "linear" else _nonlinear(parts, triangle)
 
 
-def _without_faint(rows: FloatArray, kept: FloatArray) -> FloatArray:
-    """Return rows (n, k) of the combinations ``kept`` (m, k) of unknowns.
+def _without_faint(rows: FloatArray, visible: FloatArray) -> FloatArray:
+    """Return rows (n, k) of the combinations ``visible`` (m, k) of unknowns.
 
     What ``rows`` (n, m) see of others is noise.
     """
-    short = rows @ kept
-    left = np.maximum(_square(rows) - _square(short), 0.0)
-    return np.asarray(short / np.sqrt(1.0 + left)[:, None])
+    short = rows @ visible
+    faint = np.maximum(_square(rows) - _square(short), 0.0)
+    return np.asarray(short / np.sqrt(1.0 + faint)[:, None])
 
 
 def _seen(rows: FloatArray, known: FloatArray) -> FloatArray:
@@ -165,9 +165,9 @@ def _seen(rows: FloatArray, known: FloatArray) -> FloatArray:
 
 def _at_sites(rows: FloatArray, sites: IntArray) -> FloatArray:
     """Return (n_s, n_a, b, m) rows of the gauges of each site, zero where it has none."""
-    found = rows[:, np.maximum(sites, 0)]
-    found[:, sites < 0] = 0.0
-    return found
+    at_sites = rows[:, np.maximum(sites, 0)]
+    at_sites[:, sites < 0] = 0.0
+    return at_sites
 
 
 def _rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> FloatArray:
@@ -214,7 +214,7 @@ def _sensor_rows(parts: FlightParts, strain: CandidateStrain, state: _State) -> 
             sensors.reading @ state.unknowns,
             inside,
             np.zeros((len(inside), of_gauges)),
-            *(one @ root for one in sensors.common),
+            *(operator @ root for operator in sensors.common),
             sensors.drift,
         ]
     )
@@ -237,26 +237,29 @@ def _parted(
         upper = np.asarray(np.linalg.qr(np.vstack([columns, goals]).T, mode="r")).T
         columns, goals = upper[: len(columns)], upper[len(columns) :]
     _, size, right = np.linalg.svd(triangle @ columns / noise_std, full_matrices=True)
-    seen = np.zeros(len(right), dtype=bool)
-    seen[: len(size)] = size > FAINT
-    kept, left = right[seen].T, right[~seen].T
-    faint = columns @ left
-    return columns @ kept, goals @ kept, np.sum((goals @ left) ** 2, axis=1), faint @ faint.T
+    is_visible = np.zeros(len(right), dtype=bool)
+    is_visible[: len(size)] = size > FAINT
+    visible, unseen = right[is_visible].T, right[~is_visible].T
+    faint = columns @ unseen
+    return columns @ visible, goals @ visible, np.sum((goals @ unseen) ** 2, axis=1), faint @ faint.T
 
 
 def flight_states(parts: FlightParts) -> FloatArray:
     """Return (n_s, 4) flight states of the flows, even in incidence and Mach number; all round where these are."""
     ensemble = parts.ensemble
-    conditions = sorted(ensemble.conditions, key=lambda one: (round(one.total_incidence, 9), one.mach_number))
+    conditions = sorted(ensemble.conditions, key=lambda flow: (round(flow.total_incidence, 9), flow.mach_number))
     count = min(STATES, len(conditions)) if ensemble.grid is None else STATES
     chosen = np.round(np.linspace(0, len(conditions) - 1, count)).astype(int)
-    found = np.empty((count, N_STATES))
+    states = np.empty((count, N_STATES))
     for number, row in enumerate(chosen.tolist()):
-        one = conditions[row]
-        roll = one.leeward_roll_angle if ensemble.grid is None else number * GOLDEN
-        found[number, MACH], found[number, LOG_PRESSURE] = one.mach_number, np.log(one.ambient_pressure)
-        found[number, U], found[number, W] = one.total_incidence * np.cos(roll), one.total_incidence * np.sin(roll)
-    return found
+        flow = conditions[row]
+        roll = flow.leeward_roll_angle if ensemble.grid is None else number * GOLDEN
+        states[number, MACH], states[number, LOG_PRESSURE] = flow.mach_number, np.log(flow.ambient_pressure)
+        states[number, U], states[number, W] = (
+            flow.total_incidence * np.cos(roll),
+            flow.total_incidence * np.sin(roll),
+        )
+    return states
 
 
 def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
@@ -274,39 +277,39 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
         between=flows_between(vehicle, parts.snapshots),
         leeward=None if ensemble.grid is not None else leeward_fields(vehicle, parts.snapshots, ensemble),
     )
-    found, terms = tables_and_errors(vehicle, parts.snapshots, parts.structure, problem)
+    fitted, terms = tables_and_errors(vehicle, parts.snapshots, parts.structure, problem)
     nothing = np.zeros((n_k + len(parts.loads), 1))
     of_inside = terms.get("internal pressure", nothing)
     inside = vehicle.structure.internal_pressure_Pa
     operator = np.vstack([basis, parts.loads])
     fixed = np.zeros(len(operator)) if inside == "ambient" else -float(inside) * operator.sum(axis=1)
     tables = FlightTables(
-        mach_knots=found.mach_knots,
-        incidence_knots=found.incidence_knots,
-        response=found.coefficients,
+        mach_knots=fitted.mach_knots,
+        incidence_knots=fitted.incidence_knots,
+        response=fitted.coefficients,
         fixed_response=fixed,
         n_loads=len(parts.loads),
     )
-    others = [one for name, one in terms.items() if name != "internal pressure"]
-    error, states = np.hstack([*others, nothing]), flight_states(parts)
-    at = evaluate(tables, states)
+    terms_off = [columns for name, columns in terms.items() if name != "internal pressure"]
+    error, states = np.hstack([*terms_off, nothing]), flight_states(parts)
+    table_rows = evaluate(tables, states)
     differing = np.zeros((len(states), len(operator), 0))  # of another flow model, which the gain considers
-    if found.considered is not None:
-        other_flow = replace(tables, response=found.considered, fixed_response=np.zeros_like(fixed))
+    if fitted.considered is not None:
+        other_flow = replace(tables, response=fitted.considered, fixed_response=np.zeros_like(fixed))
         differing = evaluate(other_flow, states).value[:, :, None]
     typical = float(np.exp(states[:, LOG_PRESSURE].mean()))
     off, off_loads, off_fixed, off_rest = _parted(error[:n_k], error[n_k:], triangle, parts.noise_std / typical)
-    states_found = []
-    for state, value, slope, apart in zip(states, at.value, at.jacobian, differing, strict=True):
+    models = []
+    for state, value, slope, apart in zip(states, table_rows.value, table_rows.jacobian, differing, strict=True):
         pressure = float(np.exp(state[LOG_PRESSURE]))
         dynamic = 0.5 * HEAT_CAPACITY_RATIO * state[MACH] ** 2 * pressure
         scale = coefficient_scale(dynamic, vehicle.reference_quantities())
-        prior = _state_root(parts, found.incidence_limit, found.crossflow_range, found.mach_knots, state)
+        prior = _state_root(parts, fitted.incidence_limit, fitted.crossflow_range, fitted.mach_knots, state)
         of_dynamic = np.zeros(N_STATES)
         of_dynamic[MACH], of_dynamic[LOG_PRESSURE] = 2.0 / state[MACH], 1.0
         # Coefficients are loads over q_inf, whose error goes with that of the state.
         by_state = scale[:, None] * (slope[n_k:] - value[n_k:, None] * of_dynamic)
-        states_found.append(
+        models.append(
             _State(
                 pressure_root=value[:n_k, None],
                 unknowns=np.hstack([slope[:n_k] @ prior, pressure * off, apart[:n_k]]),
@@ -319,7 +322,7 @@ def _nonlinear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
                 state=prior,
             )
         )
-    return states_found
+    return models
 
 
 def _state_root(
@@ -328,7 +331,7 @@ def _state_root(
     """Return (4, 4) a root of the flight state's covariance by air data and the ranges of the map."""
     noise, (low, high) = parts.vehicle.noise, parts.vehicle.map.valid_altitude_km
     half = np.full(2, limit) if crossflow is None else 0.5 * np.ptp(crossflow, axis=1)
-    pressure = [pressure_and_temperature(1e3 * one)[0] for one in (high, low)]
+    pressure = [pressure_and_temperature(1e3 * altitude)[0] for altitude in (high, low)]
     std = np.empty(N_STATES)
     std[MACH], std[U : W + 1] = max(0.5 * float(np.ptp(mach[[0, -1]])), 0.1), half
     std[LOG_PRESSURE] = 0.5 * np.log(pressure[1] / pressure[0])
@@ -361,9 +364,9 @@ def _linear(parts: FlightParts, triangle: FloatArray) -> list[_State]:
     fields = modes.modes * size
     if len(free) and not vehicle.noise.with_truncated_modes:
         fields = fields[:, free]
-    others = [fields]
-    others += [one.T for one in errors_of_flows(vehicle, parts.snapshots, ensemble)]
-    columns = np.hstack(others)
+    all_fields = [fields]
+    all_fields += [error.T for error in errors_of_flows(vehicle, parts.snapshots, ensemble)]
+    columns = np.hstack(all_fields)
     scale = coefficient_scale(ensemble.nominal_dynamic_pressure, vehicle.reference_quantities())
     goals = scale[:, None] * (loads @ columns)
     unknowns, of_loads, fixed, rest = _parted(basis @ columns, goals, triangle, parts.noise_std)
@@ -388,17 +391,17 @@ def errors_of_flows(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) 
     if ensemble.grid is not None or vehicle.noise.model != "default":
         return []
     leeward, between = leeward_fields(vehicle, snapshots, ensemble), flows_between(vehicle, snapshots)
-    found = [] if leeward is None else [leeward]
+    errors = [] if leeward is None else [leeward]
     if between is not None:
-        found.append(between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
-    return found
+        errors.append(between.off_the_snapshots(ensemble, vehicle.map.follows_pressure))
+    return errors
 
 
 def _short(columns: FloatArray) -> FloatArray:
     """Return fewer columns (K, k) with the covariance of ``columns``, to 1e-4 of the largest."""
-    left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    kept = size > 1e-4 * size[0]
-    return np.asarray(left[:, kept] * size[kept])
+    vectors, size, _ = np.linalg.svd(columns, full_matrices=False)
+    counts = size > 1e-4 * size[0]
+    return np.asarray(vectors[:, counts] * size[counts])
 
 
 def _modes(ensemble: Ensemble) -> PressureModes:
@@ -411,9 +414,11 @@ def pressure_of_unknowns(parts: FlightParts, strain: CandidateStrain, kind: Kind
     """Return (n_s, K, m) pressure of the basis per unknown of :func:`flight_model` [Pa]; 0 of common errors."""
     states = _states(parts, strain, kind)
     rows, known = _rows(parts, strain, states[0]), _sensor_rows(parts, strain, states[0])
-    fields = [np.hstack([one.unknowns, one.inside]) for one in states]
-    found = np.stack([np.pad(one, ((0, 0), (0, rows.shape[1] - one.shape[1]))) for one in fields])
-    return found @ _seen(rows, known) if kind == "linear" else found
+    fields = [np.hstack([state.unknowns, state.inside]) for state in states]
+    unknowns = np.stack(
+        [np.pad(pressure, ((0, 0), (0, rows.shape[1] - pressure.shape[1]))) for pressure in fields]
+    )
+    return unknowns @ _seen(rows, known) if kind == "linear" else unknowns
 
 
 def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> FloatArray:
@@ -424,12 +429,12 @@ def field_goals(parts: FlightParts, strain: CandidateStrain, kind: Kind) -> Floa
     area = mesh_of(parts.structure.surface).node_area
     weighted = np.sqrt(area / area.sum())[:, None] * parts.basis.fields
     root = np.asarray(np.linalg.qr(weighted, mode="r"))
-    found = []
-    for one in pressure_of_unknowns(parts, strain, kind):
-        _, size, right = np.linalg.svd(root @ one, full_matrices=False)
-        kept = slice(0, min(FIELD_GOALS, len(size)))
-        found.append(size[kept, None] * right[kept] / np.linalg.norm(size))
-    return np.stack(found)
+    goals = []
+    for unknowns in pressure_of_unknowns(parts, strain, kind):
+        _, size, right = np.linalg.svd(root @ unknowns, full_matrices=False)
+        largest = slice(0, min(FIELD_GOALS, len(size)))
+        goals.append(size[largest, None] * right[largest] / np.linalg.norm(size))
+    return np.stack(goals)
 
 
 def air_data_goals(parts: FlightParts, strain: CandidateStrain) -> FloatArray:
@@ -439,7 +444,7 @@ def air_data_goals(parts: FlightParts, strain: CandidateStrain) -> FloatArray:
     """
     states = _states(parts, strain, "nonlinear")
     m = _rows(parts, strain, states[0]).shape[1]
-    return np.stack([np.pad(one.state, ((0, 0), (0, m - N_STATES))) for one in states])
+    return np.stack([np.pad(state.state, ((0, 0), (0, m - N_STATES))) for state in states])
 
 
 def noise_std_of(vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure) -> float:

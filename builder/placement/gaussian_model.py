@@ -74,13 +74,13 @@ class GaussianModel:
     def joined(self, other: GaussianModel, part: float) -> GaussianModel:
         """Return the model of the flight states of both; ``part`` of the criterion is this one's."""
         m = max(self.rows.shape[-1], other.rows.shape[-1])
-        both = [one.of_unknowns(m) for one in (self, other)]
+        both = [model.of_unknowns(m) for model in (self, other)]
         return replace(
             self,
-            rows=np.concatenate([one.rows for one in both]),
-            precision=np.concatenate([one.precision for one in both]),
-            goals=np.concatenate([one.goals for one in both]),
-            fixed=np.concatenate([one.fixed for one in both]),
+            rows=np.concatenate([model.rows for model in both]),
+            precision=np.concatenate([model.precision for model in both]),
+            goals=np.concatenate([model.goals for model in both]),
+            fixed=np.concatenate([model.fixed for model in both]),
             weight=np.concatenate([part * self.weight, (1.0 - part) * other.weight]),
         )
 
@@ -111,8 +111,8 @@ class GaussianModel:
         h = self.gauge_rows(sites)
         if weight is None:
             return self.precision + np.swapaxes(h, 1, 2) @ h
-        each = np.repeat(weight, self.rows.shape[2])
-        return self.precision + np.swapaxes(h * each[:, None], 1, 2) @ h
+        count = np.repeat(weight, self.rows.shape[2])
+        return self.precision + np.swapaxes(h * count[:, None], 1, 2) @ h
 
     def goal_variance(self, sites: Sequence[int] | IntArray) -> FloatArray:
         """Return (n_s, n_g) variance of the goals with gauges at ``sites``."""
@@ -144,9 +144,9 @@ class Posterior:
         self._of_goals = np.empty((n_s, n_a, b, model.goals.shape[1]))
         self._own = np.empty((n_s, n_a, b, b))
         for s, (rows, covariance) in enumerate(zip(model.rows, self.covariance, strict=True)):
-            seen = rows @ covariance
-            self._of_goals[s] = seen @ model.goals[s].T
-            self._own[s] = seen @ np.swapaxes(rows, 1, 2)
+            row_covariance = rows @ covariance
+            self._of_goals[s] = row_covariance @ model.goals[s].T
+            self._own[s] = row_covariance @ np.swapaxes(rows, 1, 2)
         self._updates: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._seen = np.zeros(n_a, dtype=np.int64)
 
@@ -168,20 +168,20 @@ class Posterior:
         """Return (n_a,) the same of all sites, were ``site`` taken away."""
         everything = np.arange(self.model.n_sites)
         self._bring_up_to_date(everything)
-        of_goals, own = self._of_goals.copy(), self._own.copy()
+        of_goals, between = self._of_goals.copy(), self._own.copy()
         for update in self._updates_by(site, -1.0)[0]:
-            _apply(self.model.rows, update, of_goals, own)
-        return self._worth(of_goals, own)
+            _apply(self.model.rows, update, of_goals, between)
+        return self._worth(of_goals, between)
 
-    def _worth(self, of_goals: FloatArray, own: FloatArray) -> FloatArray:
-        b = own.shape[-1]
+    def _worth(self, of_goals: FloatArray, between: FloatArray) -> FloatArray:
+        b = between.shape[-1]
         if self.model.criterion == "determinant":
-            found = np.log1p(own[..., 0, 0]) if b == 1 else np.linalg.slogdet(np.eye(b) + own)[1]
-            return np.asarray(self.model.weight @ found)
+            gain = np.log1p(between[..., 0, 0]) if b == 1 else np.linalg.slogdet(np.eye(b) + between)[1]
+            return np.asarray(self.model.weight @ gain)
         if b == 1:
-            lowered = np.sum(of_goals[:, :, 0] ** 2, axis=2) / (1.0 + own[..., 0, 0])
+            lowered = np.sum(of_goals[:, :, 0] ** 2, axis=2) / (1.0 + between[..., 0, 0])
         else:
-            lowered = np.sum(of_goals * np.linalg.solve(np.eye(b) + own, of_goals), axis=(2, 3))
+            lowered = np.sum(of_goals * np.linalg.solve(np.eye(b) + between, of_goals), axis=(2, 3))
         return np.asarray(self.model.weight @ lowered)
 
     def _change(self, site: int, sign: float) -> None:
@@ -193,17 +193,17 @@ class Posterior:
     ) -> tuple[list[tuple[FloatArray, FloatArray, FloatArray]], FloatArray]:
         """Return the updates by the gauges of ``site``, one by one, and the covariance after them."""
         covariance: FloatArray = self.covariance
-        found: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+        updates: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         for k in range(self.model.rows.shape[2]):
             h = self.model.rows[:, site, k]
             if not h.any():
                 continue
             column = np.einsum("smn,sn->sm", covariance, h)
             factor = sign / (1.0 + sign * np.einsum("sm,sm->s", h, column))
-            found.append((column, np.einsum("sgm,sm->sg", self.model.goals, column), factor))
+            updates.append((column, np.einsum("sgm,sm->sg", self.model.goals, column), factor))
             outer = column[:, :, None] * column[:, None, :]
             covariance = np.asarray(covariance - factor[:, None, None] * outer, dtype=np.float64)
-        return found, covariance
+        return updates, covariance
 
     def _bring_up_to_date(self, sites: IntArray) -> None:
         old = sites[self._seen[sites] < len(self._updates)]
@@ -211,22 +211,22 @@ class Posterior:
             return
         for first in np.unique(self._seen[old]):
             rows = old[self._seen[old] == first]
-            whole = len(rows) == self.model.n_sites
-            h = self.model.rows if whole else self.model.rows[:, rows]
-            of_goals, own = self._of_goals[:, rows], self._own[:, rows]
+            is_all = len(rows) == self.model.n_sites
+            h = self.model.rows if is_all else self.model.rows[:, rows]
+            of_goals, between = self._of_goals[:, rows], self._own[:, rows]
             for update in self._updates[first:]:
-                _apply(h, update, of_goals, own)
-            self._of_goals[:, rows], self._own[:, rows] = of_goals, own
+                _apply(h, update, of_goals, between)
+            self._of_goals[:, rows], self._own[:, rows] = of_goals, between
         self._seen[old] = len(self._updates)
 
 
 def _apply(
-    rows: FloatArray, update: tuple[FloatArray, FloatArray, FloatArray], of_goals: FloatArray, own: FloatArray
+    rows: FloatArray, update: tuple[FloatArray, FloatArray, FloatArray], of_goals: FloatArray, between: FloatArray
 ) -> None:
-    """Update ``of_goals`` (n_s, k, b, n_g) and ``own`` (n_s, k, b, b) of ``rows`` in place."""
+    """Update ``of_goals`` (n_s, k, b, n_g) and ``between`` (n_s, k, b, b) of ``rows`` in place."""
     column, of_column, factor = update
     n_s, k, b, m = rows.shape
     along = (rows.reshape(n_s, k * b, m) @ column[:, :, None]).reshape(n_s, k, b)
     scaled = along * factor[:, None, None]
     of_goals -= scaled[..., None] * of_column[:, None, None, :]
-    own -= scaled[..., :, None] * along[..., None, :]
+    between -= scaled[..., :, None] * along[..., None, :]

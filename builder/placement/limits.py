@@ -78,42 +78,42 @@ def rules_of(candidates: Candidates, limits: Limits, forced: Sequence[int] = ())
     of_gauge = np.zeros(len(candidates.x), dtype=bool)
     for zone in limits.zones:
         of_gauge |= zone.holds(candidates.x, np.degrees(candidates.roll_angle) % 360.0)
-    there = candidates.sites >= 0
-    in_zone = np.any(of_gauge[candidates.sites] & there, axis=1)
+    is_gauge = candidates.sites >= 0
+    in_zone = np.any(of_gauge[candidates.sites] & is_gauge, axis=1)
     if np.any(in_zone & is_forced):
         site = int(np.flatnonzero(in_zone & is_forced)[0])
         raise InputError(f"--keep: gauge '{_name(candidates, site)}' is in a zone of --forbid; take it out of one")
     near, alone = _too_near(candidates, limits.spacing)
-    other = np.zeros(len(candidates.sites), dtype=bool)
+    has_unused = np.zeros(len(candidates.sites), dtype=bool)
     if limits.directions is not None:
         unused = np.array([kind not in (*limits.directions, "") for kind in candidates.kind])
-        other = np.any(unused[candidates.sites] & there, axis=1)
-    kept = np.flatnonzero((~in_zone & ~alone & ~other) | is_forced)
-    if not len(kept):
+        has_unused = np.any(unused[candidates.sites] & is_gauge, axis=1)
+    allowed = np.flatnonzero((~in_zone & ~alone & ~has_unused) | is_forced)
+    if not len(allowed):
         options = "--forbid, --spacing" if limits.directions is None else "--forbid, --spacing, --kinds"
         raise InputError(f"{options}: expected candidates that they allow, got none of {len(candidates.sites)}")
     place = np.full(len(candidates.sites), -1)
-    place[kept] = np.arange(len(kept))
+    place[allowed] = np.arange(len(allowed))
     chosen = Candidates(
         gauges=candidates.gauges,
         x=candidates.x,
         roll_angle=candidates.roll_angle,
         kind=candidates.kind,
-        sites=candidates.sites[kept],
+        sites=candidates.sites[allowed],
     )
-    excludes = csr_array(near[kept][:, kept])
-    own = [int(place[one]) for one in forced]
-    _check_forced(chosen, excludes, own, limits.spacing)
+    excludes = csr_array(near[allowed][:, allowed])
+    fixed = [int(place[forced_site]) for forced_site in forced]
+    _check_forced(chosen, excludes, fixed, limits.spacing)
     cost = _cost(chosen, limits)
-    spent = float(cost[own].sum())
+    spent = float(cost[fixed].sum())
     if limits.budget is not None:
-        if spent + float(np.min(cost, initial=np.inf, where=~is_forced[kept])) > limits.budget and not own:
+        if spent + float(np.min(cost, initial=np.inf, where=~is_forced[allowed])) > limits.budget and not fixed:
             raise InputError(f"--budget: {limits.budget:g} found, the cheapest candidate costs {cost.min():g}")
-        return chosen, Rules(cost=cost, budget=limits.budget, excludes=excludes, forced=tuple(own))
+        return chosen, Rules(cost=cost, budget=limits.budget, excludes=excludes, forced=tuple(fixed))
     assert limits.gauges is not None
     if spent > limits.gauges:
         raise InputError(f"--gauges: {limits.gauges} found, --keep holds {spent:g}")
-    rules = Rules(cost=cost, budget=float(limits.gauges), excludes=excludes, forced=tuple(own))
+    rules = Rules(cost=cost, budget=float(limits.gauges), excludes=excludes, forced=tuple(fixed))
     _check_count(rules, limits)
     return chosen, rules
 
@@ -157,32 +157,32 @@ def _too_near(candidates: Candidates, spacing: float) -> tuple[csr_array, BoolAr
     between = first != second
     a, b = first[between], second[between]
     ones = np.ones(2 * len(a))
-    found = coo_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
-    return csr_array(found), alone
+    near = coo_array((ones, (np.concatenate([a, b]), np.concatenate([b, a]))), shape=(n, n))
+    return csr_array(near), alone
 
 
 def _check_forced(candidates: Candidates, excludes: csr_array, forced: list[int], spacing: float) -> None:
     for number, site in enumerate(forced):
-        others = set(excludes.indices[excludes.indptr[site] : excludes.indptr[site + 1]].tolist())
-        for other in forced[:number]:
-            if other in others:
-                one, two = _name(candidates, other), _name(candidates, site)
+        excluded = set(excludes.indices[excludes.indptr[site] : excludes.indptr[site + 1]].tolist())
+        for earlier in forced[:number]:
+            if earlier in excluded:
+                first, second = _name(candidates, earlier), _name(candidates, site)
                 raise InputError(
-                    f"--keep: gauges '{one}' and '{two}' are nearer than --spacing, {1e3 * spacing:g} mm"
+                    f"--keep: gauges '{first}' and '{second}' are nearer than --spacing, {1e3 * spacing:g} mm"
                 )
 
 
 def _check_count(rules: Rules, limits: Limits) -> None:
     """Refuse a number of gauges that a choice by falling number of neighbours does not reach."""
     chosen = list(rules.forced)
-    blocked, left = rules.excluded_by(chosen), rules.left(chosen)
+    blocked, remaining = rules.excluded_by(chosen), rules.left(chosen)
     order = np.argsort(np.diff(rules.excludes.indptr), kind="stable")
     for largest_first in (-rules.cost[order], rules.cost[order]):
-        found, out, rest = len(chosen), blocked.copy(), left
+        count, out, rest = len(chosen), blocked.copy(), remaining
         for site in order[np.argsort(largest_first, kind="stable")].tolist():
             if rest < rules.cost[site] - 1e-9 or out[site]:
                 continue
-            out[site], rest, found = True, rest - float(rules.cost[site]), found + 1
+            out[site], rest, count = True, rest - float(rules.cost[site]), count + 1
             out[rules.excludes.indices[rules.excludes.indptr[site] : rules.excludes.indptr[site + 1]]] = True
         if rest < 0.5:
             return

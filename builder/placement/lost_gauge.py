@@ -63,10 +63,10 @@ def _seen(model: GaussianModel, sites: Sequence[int] | IntArray) -> tuple[FloatA
     rows = model.gauge_rows(sites)
     rows = rows[:, np.any(rows != 0.0, axis=(0, 2))]
     covariance = np.linalg.inv(model.precision_with(sites))
-    seen = rows @ covariance
-    of_goals = seen @ np.swapaxes(model.goals, 1, 2)
+    row_covariance = rows @ covariance
+    of_goals = row_covariance @ np.swapaxes(model.goals, 1, 2)
     variance = model.weight @ (model.fixed + np.einsum("sgm,smn,sgn->sg", model.goals, covariance, model.goals))
-    return seen @ np.swapaxes(rows, 1, 2), of_goals, np.asarray(variance)
+    return row_covariance @ np.swapaxes(rows, 1, 2), of_goals, np.asarray(variance)
 
 
 def fault_sizes(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
@@ -80,8 +80,8 @@ def fault_sizes(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatA
     Source: Baarda, A testing procedure for use in geodetic networks, 1968 (internal and external reliability).
     """
     between, _, _ = _seen(model, sites)
-    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
-    return np.asarray(np.sqrt(model.weight @ (1.0 / left)))
+    redundancy = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    return np.asarray(np.sqrt(model.weight @ (1.0 / redundancy)))
 
 
 def loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatArray:
@@ -90,8 +90,8 @@ def loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> FloatA
     Without a gauge h the variance of goals G z grows by (G P h)^2 / (1 - h' P h).
     """
     between, of_goals, variance = _seen(model, sites)
-    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
-    grown = np.einsum("s,skg->kg", model.weight, of_goals**2 / left[..., None])
+    redundancy = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    grown = np.einsum("s,skg->kg", model.weight, of_goals**2 / redundancy[..., None])
     return np.asarray(np.sqrt(1.0 + grown / variance))
 
 
@@ -101,14 +101,16 @@ def pair_loss_ratios(model: GaussianModel, sites: Sequence[int] | IntArray) -> F
     Without gauges H the variance of goals G z grows by (G P H') (1 - H P H')^-1 (G P H')'.
     """
     between, of_goals, variance = _seen(model, sites)
-    left = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
-    determinant = np.maximum(left[:, :, None] * left[:, None, :] - between**2, 1e-18)
+    redundancy = np.maximum(1.0 - np.diagonal(between, axis1=1, axis2=2), 1e-12)
+    determinant = np.maximum(redundancy[:, :, None] * redundancy[:, None, :] - between**2, 1e-18)
     k = between.shape[1]
     grown = np.zeros((k, k, len(variance)))
-    for weight, goals, one, both, of in zip(model.weight, of_goals, left, between, determinant, strict=True):
+    for weight, goals, alone, both, pair in zip(
+        model.weight, of_goals, redundancy, between, determinant, strict=True
+    ):
         square = goals**2
-        own = square[:, None] * one[None, :, None] + square[None] * one[:, None, None]
-        grown += weight * (own + 2.0 * both[..., None] * goals[:, None] * goals[None]) / of[..., None]
+        of_each = square[:, None] * alone[None, :, None] + square[None] * alone[:, None, None]
+        grown += weight * (of_each + 2.0 * both[..., None] * goals[:, None] * goals[None]) / pair[..., None]
     grown[np.arange(k), np.arange(k)] = 0.0
     return np.asarray(np.sqrt(1.0 + grown / variance))
 
@@ -126,7 +128,7 @@ def without_weak_points(
     ``model`` has the criterion, ``goals`` the goals that ``losses`` gauges lost together are judged by. For each
     place the sites that lower the criterion most are tried; the placement ends where none of them improves.
     """
-    found, forced = list(chosen), set(rules.forced)
+    sites, forced = list(chosen), set(rules.forced)
     ratios = loss_ratios if losses == 1 else pair_loss_ratios
 
     def merit(sites: Sequence[int]) -> float:
@@ -134,26 +136,26 @@ def without_weak_points(
         value = model.value(sites)
         return value + abs(value) * PENALTY * float(excess.sum())
 
-    current = merit(found)
+    current = merit(sites)
     for number in range(LARGEST_PASSES):
-        if ratios(goals, found).max() <= LARGEST_RATIO:
+        if ratios(goals, sites).max() <= LARGEST_RATIO:
             break
-        changed, posterior = False, Posterior(model, found)
-        for place, site in enumerate(list(found)):
+        changed, posterior = False, Posterior(model, sites)
+        for place, site in enumerate(list(sites)):
             if site in forced:
                 continue
-            others = found[:place] + found[place + 1 :]
-            worth = np.where(rules.allowed(others), posterior.gains_without(site), -np.inf)
+            remaining = sites[:place] + sites[place + 1 :]
+            worth = np.where(rules.allowed(remaining), posterior.gains_without(site), -np.inf)
             worth[site] = -np.inf
-            tried = [one for one in np.argsort(-worth, kind="stable")[:TRIED].tolist() if np.isfinite(worth[one])]
-            merits = [merit([*others, one]) for one in tried]
+            tried = [new for new in np.argsort(-worth, kind="stable")[:TRIED].tolist() if np.isfinite(worth[new])]
+            merits = [merit([*remaining, new]) for new in tried]
             if merits and min(merits) < current * (1.0 - 1e-9 * np.sign(current)):
                 best = tried[int(np.argmin(merits))]
                 posterior.remove(site)
                 posterior.add(best)
-                found[place], current, changed = best, min(merits), True
+                sites[place], current, changed = best, min(merits), True
             if progress is not None:
-                progress(number * len(found) + place + 1, LARGEST_PASSES * len(found))
+                progress(number * len(sites) + place + 1, LARGEST_PASSES * len(sites))
         if not changed:
             break
-    return found
+    return sites

@@ -58,11 +58,11 @@ def pressure_basis(
     if ensemble.grid is not None:
         return _of_revolution(vehicle, snapshots, ensemble.grid)
     both = with_mirror_images(snapshots, mesh_of(snapshots.surface))
-    ambient = np.array([one.ambient_pressure for one in both.conditions()])
+    ambient = np.array([condition.ambient_pressure for condition in both.conditions()])
     mesh, entry = mesh_of(snapshots.surface), vehicle.map
     process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
     parts = [both.pressure / ambient[:, None] - 1.0, np.ones((1, snapshots.pressure.shape[1])), process.T, *others]
-    columns = np.hstack([_span(one.T, NEGLIGIBLE) for one in parts if len(one)])
+    columns = np.hstack([_span(part.T, NEGLIGIBLE) for part in parts if len(part)])
     return PressureBasis(fields=_span(columns, 1e-8))
 
 
@@ -75,21 +75,21 @@ def _of_revolution(vehicle: Vehicle, snapshots: Snapshots, grid: SurfaceGrid) ->
     rings = np.stack(
         [
             cosine_amplitudes(
-                (pressure / one.ambient_pressure).reshape(len(grid.x), -1),
-                grid.roll_angle - one.leeward_roll_angle,
+                (pressure / condition.ambient_pressure).reshape(len(grid.x), -1),
+                grid.roll_angle - condition.leeward_roll_angle,
                 n_m,
             )
-            for one, pressure in zip(snapshots.conditions(), snapshots.pressure, strict=True)
+            for condition, pressure in zip(snapshots.conditions(), snapshots.pressure, strict=True)
         ]
     )
     along, fields, harmonic, phase = [], [], [], []
     flows = [rings[..., m].T / np.sqrt(len(rings)) for m in range(n_m)]
-    limit = NEGLIGIBLE * max(float(np.linalg.norm(one, 2)) for one in flows[1:] or flows)
+    limit = NEGLIGIBLE * max(float(np.linalg.norm(ring, 2)) for ring in flows[1:] or flows)
     for m, of_flows in enumerate(flows):
         of_process = PROCESS_SIZE * spectrum[m] / np.linalg.norm(spectrum) * process
         parts = [of_flows, of_process, np.ones((len(grid.x), 1))] if m == 0 else [of_flows, of_process]
-        left, size, _ = np.linalg.svd(np.hstack(parts), full_matrices=False)
-        shapes = left[:, size > limit]
+        vectors, size, _ = np.linalg.svd(np.hstack(parts), full_matrices=False)
+        shapes = vectors[:, size > limit]
         along.append(shapes)
         angle = m * grid.roll_angle
         for kind, wave in enumerate((np.cos(angle), np.sin(angle)) if m else (np.ones(grid.n_roll),)):
@@ -104,5 +104,5 @@ def _of_revolution(vehicle: Vehicle, snapshots: Snapshots, grid: SurfaceGrid) ->
 
 def _span(columns: FloatArray, negligible: float) -> FloatArray:
     """Return orthonormal columns (n, k) that span ``columns``."""
-    left, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(left[:, size > negligible * size[0]])
+    vectors, size, _ = np.linalg.svd(columns, full_matrices=False)
+    return np.asarray(vectors[:, size > negligible * size[0]])

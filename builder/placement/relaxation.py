@@ -85,9 +85,9 @@ def relaxed(
         lowest = knapsack(-gradient[free], rules.cost[free], budget)
         gap = float(gradient @ weight - gradient[free] @ lowest)
         if best is None or value - gap > best.bound:
-            found = weight.copy()
-            found[forced] = 1.0
-            best = Relaxed(weight=found, value=value, bound=value - gap, gradient=gradient)
+            all_weights = weight.copy()
+            all_weights[forced] = 1.0
+            best = Relaxed(weight=all_weights, value=value, bound=value - gap, gradient=gradient)
         size = abs(value) if model.criterion == "trace" else scale
         if progress is not None:
             progress(number + 1, ROUNDS)
@@ -125,11 +125,11 @@ def _value_and_gradient(model: GaussianModel, active: IntArray, weight: FloatArr
     precision = model.precision_with(active, weight)
     covariance = np.linalg.inv(precision)
     gradient = np.zeros(model.n_sites)
-    for s, (rows, own) in enumerate(zip(model.rows, covariance, strict=True)):
+    for s, (rows, posterior) in enumerate(zip(model.rows, covariance, strict=True)):
         if model.criterion == "determinant":
-            gradient -= model.weight[s] * np.einsum("abm,abm->a", rows @ own, rows)
+            gradient -= model.weight[s] * np.einsum("abm,abm->a", rows @ posterior, rows)
         else:
-            gradient -= model.weight[s] * np.sum((rows @ (own @ model.goals[s].T)) ** 2, axis=(1, 2))
+            gradient -= model.weight[s] * np.sum((rows @ (posterior @ model.goals[s].T)) ** 2, axis=(1, 2))
     return model.value_of(precision), gradient
 
 
@@ -152,8 +152,8 @@ def _centred(model: GaussianModel, cost: FloatArray, weight: FloatArray, barrier
     """Return the minimum of criterion plus barrier, by Newton steps from ``weight``."""
     every = np.arange(model.n_sites)
 
-    def merit(one: FloatArray) -> float:
-        return model.value(every, one) - barrier * float(np.sum(np.log(one) + np.log1p(-one)))
+    def merit(weights: FloatArray) -> float:
+        return model.value(every, weights) - barrier * float(np.sum(np.log(weights) + np.log1p(-weights)))
 
     current = merit(weight)
     for _ in range(STEPS):
@@ -181,13 +181,13 @@ def _derivatives(model: GaussianModel, weight: FloatArray) -> tuple[FloatArray, 
     covariance = np.linalg.inv(model.precision_with(every, weight))
     n, b = model.n_sites, model.rows.shape[2]
     gradient, hessian = np.zeros(n), np.zeros((n, n))
-    for s, (rows, own) in enumerate(zip(model.gauge_rows(every), covariance, strict=True)):
-        seen = rows @ own
-        between = seen @ rows.T
+    for s, (rows, posterior) in enumerate(zip(model.gauge_rows(every), covariance, strict=True)):
+        row_covariance = rows @ posterior
+        between = row_covariance @ rows.T
         if model.criterion == "determinant":
             first, second = np.diag(between), between * between
         else:
-            of_goals = seen @ model.goals[s].T
+            of_goals = row_covariance @ model.goals[s].T
             first, second = np.sum(of_goals**2, axis=1), 2.0 * between * (of_goals @ of_goals.T)
         gradient -= model.weight[s] * first.reshape(n, b).sum(axis=1)
         hessian += model.weight[s] * second.reshape(n, b, n, b).sum(axis=(1, 3))

@@ -104,19 +104,19 @@ class Review:
     @property
     def weak_points(self) -> tuple[str, ...]:
         """Gauges whose loss raises a sigma beyond the limit, with the coefficient and by how much."""
-        found = []
+        weak = []
         for name, ratio in zip(self.names, self.loss, strict=True):
             worst = int(np.argmax(ratio))
             if ratio[worst] > LARGEST_RATIO:
-                found.append(f"{name}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times")
-        return tuple(found)
+                weak.append(f"{name}: sigma of {COEFFICIENT_NAMES[worst]} rises to {ratio[worst]:.2f} times")
+        return tuple(weak)
 
 
 def review_of(study: Study) -> Review:
     """Return the review of the layout in use of ``study``, its candidates being those that could be added."""
-    model, own = study.model, list(study.own)
+    model, layout_sites = study.model, list(study.own)
     names = study.candidates.gauges.names
-    variance = model.weight @ model.goal_variance(own)
+    variance = model.weight @ model.goal_variance(layout_sites)
     prior = np.sqrt(model.weight @ model.goal_variance([])) * study.own_sigma
     if study.kind == "linear":
         prior = _spread_of_flows(study.parts)
@@ -124,16 +124,16 @@ def review_of(study: Study) -> Review:
     pressure = pressure_of_unknowns(study.parts, study.strain, study.kind)
     shapes = np.zeros((5, len(study.parts.basis.fields.T), len(model.weight)))
     for s, weight in enumerate(model.weight):
-        rows = model.gauge_rows(own)[s]
+        rows = model.gauge_rows(layout_sites)[s]
         size, vector = np.linalg.eigh(rows.T @ rows)
         hidden = vector[:, size < OBSERVED**2]
         blind += weight * hidden.shape[1]
-        within = hidden.T @ np.linalg.solve(model.precision_with(own)[s], hidden)
+        within = hidden.T @ np.linalg.solve(model.precision_with(layout_sites)[s], hidden)
         of_goals = model.goals[s] @ hidden
         unobserved += weight * np.einsum("gk,kl,gl->g", of_goals, within, of_goals)
         shapes[:, :, s] = np.sqrt(weight) * of_goals @ within @ (pressure[s] @ hidden).T
-    value = model.value(own)
-    gains = Posterior(model, own).gains(np.arange(study.offered))
+    value = model.value(layout_sites)
+    gains = Posterior(model, layout_sites).gains(np.arange(study.offered))
     best = first_of_best(gains)
     states = flight_states(study.parts) if study.kind == "nonlinear" else None
     if states is not None:
@@ -143,7 +143,7 @@ def review_of(study: Study) -> Review:
         )
     return Review(
         kind=study.kind,
-        names=tuple(names[one] for one in study.candidates.of(own)),
+        names=tuple(names[gauge] for gauge in study.candidates.of(layout_sites)),
         sigma=study.own_sigma,
         prior=prior,
         unobserved=unobserved / variance,
@@ -154,13 +154,13 @@ def review_of(study: Study) -> Review:
             for name, part, shape in zip(COEFFICIENT_NAMES, unobserved / variance, shapes, strict=True)
         ),
         weakest=int(np.argmax(study.own_sigma / prior)),
-        worth=marginal_worth(model, own) / value,
-        spare=tuple(names[study.candidates.sites[one][0]] for one in _spare(study, own, value)),
-        best=(", ".join(names[one] for one in study.candidates.of([best])), float(gains[best]) / value),
-        fault=DETECTED * fault_sizes(model, own),
-        loss=loss_ratios(model, own),
+        worth=marginal_worth(model, layout_sites) / value,
+        spare=tuple(names[study.candidates.sites[site][0]] for site in _spare(study, layout_sites, value)),
+        best=(", ".join(names[gauge] for gauge in study.candidates.of([best])), float(gains[best]) / value),
+        fault=DETECTED * fault_sizes(model, layout_sites),
+        loss=loss_ratios(model, layout_sites),
         states=states,
-        state_sigma=np.sqrt(model.goal_variance(own)) * study.own_sigma,
+        state_sigma=np.sqrt(model.goal_variance(layout_sites)) * study.own_sigma,
     )
 
 
@@ -191,15 +191,15 @@ def _in_words(study: Study, shape: FloatArray) -> str:
     return f"is pressure {along}, {', '.join(words)}"
 
 
-def _spare(study: Study, own: list[int], value: float) -> list[int]:
+def _spare(study: Study, layout_sites: list[int], value: float) -> list[int]:
     """Return the sites that can go one after another before the criterion has risen by :data:`SPARE`."""
-    left, gone = list(own), list[int]()
-    while len(left) > 1:
-        rise = marginal_worth(study.model, left)
+    remaining, gone = list(layout_sites), list[int]()
+    while len(remaining) > 1:
+        rise = marginal_worth(study.model, remaining)
         least = int(np.argmin(rise))
-        without = left[:least] + left[least + 1 :]
+        without = remaining[:least] + remaining[least + 1 :]
         if study.model.value(without) > (1.0 + SPARE) * value:
             break
-        gone.append(left[least])
-        left = without
+        gone.append(remaining[least])
+        remaining = without
     return gone

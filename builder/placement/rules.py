@@ -46,12 +46,12 @@ class Rules:
 
     def excluded_by(self, chosen: Iterable[int]) -> BoolArray:
         """Return (n_a,) which sites are chosen, or excluded by one that is."""
-        found = np.zeros(len(self.cost), dtype=bool)
+        is_excluded = np.zeros(len(self.cost), dtype=bool)
         pointer, index = self.excludes.indptr, self.excludes.indices
         for site in chosen:
-            found[site] = True
-            found[index[pointer[site] : pointer[site + 1]]] = True
-        return found
+            is_excluded[site] = True
+            is_excluded[index[pointer[site] : pointer[site + 1]]] = True
+        return is_excluded
 
     def left(self, chosen: Iterable[int]) -> float:
         """Return what is left of the budget."""

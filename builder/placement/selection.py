@@ -40,18 +40,18 @@ def greedy(
     Gains are taken to fall from site to site, which holds exactly for the determinant: a site whose last known
     gain is below the best one that is up to date is not worked out again (lazy greedy).
     """
-    found = list(chosen)
-    posterior = Posterior(model, found)
+    sites = list(chosen)
+    posterior = Posterior(model, sites)
     worth = posterior.gains() / rules.cost
     fresh = np.ones(model.n_sites, dtype=bool)
-    while (allowed := rules.allowed(found)).any():
+    while (allowed := rules.allowed(sites)).any():
         site = _lazily_best(posterior, rules, worth, fresh, allowed)
         posterior.add(site)
-        found.append(site)
+        sites.append(site)
         fresh[:] = False
         if progress is not None:
-            progress(int(rules.cost[found].sum()), int(rules.budget))
-    return found
+            progress(int(rules.cost[sites].sum()), int(rules.budget))
+    return sites
 
 
 def _lazily_best(
@@ -77,26 +77,26 @@ def exchanged(
 
     Ends where a whole pass brings nothing; forced sites stay. What is left of the budget is spent first.
     """
-    found, forced = greedy(model, rules, chosen), set(rules.forced)
+    sites, forced = greedy(model, rules, chosen), set(rules.forced)
     for number in range(LARGEST_PASSES):
-        posterior = Posterior(model, found)  # anew in every pass: errors of the updates do not add up
-        value, changed = model.value(found), False
-        for place, site in enumerate(found):
+        posterior = Posterior(model, sites)  # anew in every pass: errors of the updates do not add up
+        value, changed = model.value(sites), False
+        for place, site in enumerate(sites):
             if site in forced:
                 continue
-            others = found[:place] + found[place + 1 :]
-            allowed = rules.allowed(others)
+            remaining = sites[:place] + sites[place + 1 :]
+            allowed = rules.allowed(remaining)
             worth = np.where(allowed, posterior.gains_without(site), -np.inf)
             best = first_of_best(worth)
             if worth[best] > worth[site] + IMPROVES * abs(value):
                 posterior.remove(site)
                 posterior.add(best)
-                found[place], changed = best, True
+                sites[place], changed = best, True
             if progress is not None:
-                progress(number * len(found) + place + 1, (number + 1) * len(found))
+                progress(number * len(sites) + place + 1, (number + 1) * len(sites))
         if not changed:
             break
-    return greedy(model, rules, found)
+    return greedy(model, rules, sites)
 
 
 def rounded(weight: FloatArray, rules: Rules, seed: int | None = None) -> list[int]:
@@ -104,20 +104,20 @@ def rounded(weight: FloatArray, rules: Rules, seed: int | None = None) -> list[i
 
     With a ``seed`` they are drawn, with probabilities by their weight.
     """
-    found, key = list(rules.forced), weight.copy()
+    sites, key = list(rules.forced), weight.copy()
     if seed is not None:
-        drawn = np.random.default_rng(seed).exponential(size=len(weight))
-        key = weight / drawn  # exponential race: an order without replacement in proportion to the weights
+        exponential = np.random.default_rng(seed).exponential(size=len(weight))
+        key = weight / exponential  # exponential race: an order without replacement in proportion to the weights
     order = np.argsort(-key, kind="stable")
-    blocked, left = rules.excluded_by(found), rules.left(found)
+    blocked, remaining = rules.excluded_by(sites), rules.left(sites)
     pointer, index = rules.excludes.indptr, rules.excludes.indices
     for site in order[key[order] > 0.0].tolist():
-        if not blocked[site] and rules.cost[site] <= left + ALIKE:
-            found.append(site)
-            left -= float(rules.cost[site])
+        if not blocked[site] and rules.cost[site] <= remaining + ALIKE:
+            sites.append(site)
+            remaining -= float(rules.cost[site])
             blocked[site] = True
             blocked[index[pointer[site] : pointer[site + 1]]] = True
-    return found
+    return sites
 
 
 def best_of_starts(
@@ -127,10 +127,10 @@ def best_of_starts(
     best: list[int] = []
     value = np.inf
     for number, start in enumerate(starts):
-        found = exchanged(model, rules, start)
-        reached = model.value(found)
+        sites = exchanged(model, rules, start)
+        reached = model.value(sites)
         if reached < value - ALIKE * abs(reached) if np.isfinite(value) else True:
-            best, value = found, reached
+            best, value = sites, reached
         if progress is not None:
             progress(number + 1, len(starts))
     return best
@@ -138,6 +138,6 @@ def best_of_starts(
 
 def marginal_worth(model: GaussianModel, chosen: Sequence[int] | IntArray) -> FloatArray:
     """Return (k,) what the criterion rises by without each of ``chosen``."""
-    whole = model.value(chosen)
+    value = model.value(chosen)
     sites = list(chosen)
-    return np.array([model.value(sites[:k] + sites[k + 1 :]) - whole for k in range(len(sites))])
+    return np.array([model.value(sites[:k] + sites[k + 1 :]) - value for k in range(len(sites))])
