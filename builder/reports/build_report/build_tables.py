@@ -75,17 +75,17 @@ def classes(report: BuildReport) -> Table:
     observed = report.observability
     rows: list[tuple[object, ...]] = [
         (
-            str(one.symmetry),
-            "blind" if one.blind else "observed",
-            MICROSTRAIN_PER_KPA * one.norm,
-            f"{one.rank} of {len(one.singular_values)}",
+            str(symmetry.symmetry),
+            "blind" if symmetry.blind else "observed",
+            MICROSTRAIN_PER_KPA * symmetry.norm,
+            f"{symmetry.rank} of {len(symmetry.singular_values)}",
             100.0 * observed.class_fraction[i],
             100.0 * observed.class_fraction_of_kept[i],
             MICRO * observed.class_strain[i],
             100.0 * observed.class_removed[i],
             100.0 * observed.class_removed_at_best[i],
         )
-        for i, one in enumerate(report.symmetries)
+        for i, symmetry in enumerate(report.symmetries)
     ]
     all_strain = MICRO * float(np.sqrt(np.sum(observed.mode_strain**2)))
     removed = 100.0 * observed.removed, 100.0 * observed.removed_at_best
@@ -155,16 +155,16 @@ def singular_values(report: BuildReport) -> Table:
 
 
 def coefficients(report: BuildReport) -> Table:
-    found, scale = report.coefficients, coefficient_scales(report.inverse_map)
+    accuracy, scale = report.coefficients, coefficient_scales(report.inverse_map)
     rows = [
         (
             name,
-            found.std[i],
-            3.0 * found.std[i],
-            *found.range[i],
-            100.0 * found.std_of_range[i],
+            accuracy.std[i],
+            3.0 * accuracy.std[i],
+            *accuracy.range[i],
+            100.0 * accuracy.std_of_range[i],
             LOAD_NAMES[i].replace("_", " "),
-            found.std[i] / scale[i],
+            accuracy.std[i] / scale[i],
             LOAD_UNITS[i],
         )
         for i, name in enumerate(COEFFICIENT_NAMES)
@@ -207,30 +207,37 @@ def _of_what(report: BuildReport) -> str:
     return " of the linear map" if report.in_use.is_nonlinear else ""
 
 
-def _sources(name: str, caption: str, found: CoefficientSources) -> Table:
-    fractions = 100.0 * found.variance / found.std**2
-    return _by_coefficient(name, caption, "source", found.names, fractions, Column("", "%", ".1f"))
+def _sources(name: str, caption: str, accuracy: CoefficientSources) -> Table:
+    fractions = 100.0 * accuracy.variance / accuracy.std**2
+    return _by_coefficient(name, caption, "source", accuracy.names, fractions, Column("", "%", ".1f"))
 
 
 def estimator_choice(report: BuildReport) -> tuple[Table, ...]:
     """Rms error of both estimators where "auto" compared them: one row per coefficient; none elsewhere."""
-    held = report.inverse_map.provenance.get("estimator_choice")
-    if held is None or not held["rms"]:
+    choice = report.inverse_map.provenance.get("estimator_choice")
+    if choice is None or not choice["rms"]:
         return ()
-    rms = held["rms"]
+    rms = choice["rms"]
     rows = [(name, rms["linear"][name], rms["nonlinear"][name]) for name in COEFFICIENT_NAMES]
     kinds = [Column(f"{kind} estimator", "1", ".3g") for kind in ("linear", "nonlinear")]
-    caption = f"Rms error of both estimators, on {held['flights']}."
+    caption = f"Rms error of both estimators, on {choice['flights']}."
     return (make_table("estimator_choice", caption, (Column("coefficient"), *kinds), rows),)
 
 
 def nonlinear_coefficients(report: BuildReport) -> Table:
     """One row per coefficient, by the nonlinear estimator."""
     used = report.in_use
-    found, alone = used.coefficients, used.std_without_model_form
-    numerical = [()] * len(COEFFICIENT_NAMES) if alone is None else [(one,) for one in alone.tolist()]
+    accuracy, alone = used.coefficients, used.std_without_model_form
+    numerical = [()] * len(COEFFICIENT_NAMES) if alone is None else [(sigma,) for sigma in alone.tolist()]
     rows = [
-        (name, found.std[i], used.largest_std[i], *found.range[i], 100.0 * found.std_of_range[i], *numerical[i])
+        (
+            name,
+            accuracy.std[i],
+            used.largest_std[i],
+            *accuracy.range[i],
+            100.0 * accuracy.std_of_range[i],
+            *numerical[i],
+        )
         for i, name in enumerate(COEFFICIENT_NAMES)
     ]
     columns = (
@@ -252,23 +259,23 @@ def nonlinear_sources(report: BuildReport) -> Table:
 
 
 def source_sigmas(report: BuildReport) -> Table:
-    found, caption = report.coefficients, f"Sigma of each coefficient{_of_what(report)} from each source alone."
-    sigma = np.vstack([np.sqrt(found.variance), found.std])
+    accuracy, caption = report.coefficients, f"Sigma of each coefficient{_of_what(report)} from each source alone."
+    sigma = np.vstack([np.sqrt(accuracy.variance), accuracy.std])
     return _by_coefficient(
-        "source_sigmas", caption, "source", (*found.names, "all"), sigma, Column("", "1", ".3g")
+        "source_sigmas", caption, "source", (*accuracy.names, "all"), sigma, Column("", "1", ".3g")
     )
 
 
 def sigmas_without(report: BuildReport) -> Table:
     """One row per source that is left out, and one without all hardware errors."""
-    found, caption = (
+    accuracy, caption = (
         report.coefficients,
         f"Sigma of each coefficient{_of_what(report)} without some sources, same gain.",
     )
-    left_out: dict[str, tuple[str, ...]] = {name: (name,) for name in found.names}
-    if found.hardware:
-        left_out[ALL_HARDWARE] = found.hardware
-    sigma = np.array([found.std_without(names) for names in left_out.values()])
+    left_out: dict[str, tuple[str, ...]] = {name: (name,) for name in accuracy.names}
+    if accuracy.hardware:
+        left_out[ALL_HARDWARE] = accuracy.hardware
+    sigma = np.array([accuracy.std_without(names) for names in left_out.values()])
     return _by_coefficient("sigmas_without", caption, "without", tuple(left_out), sigma, Column("", "1", ".3g"))
 
 
@@ -276,8 +283,8 @@ def _by_coefficient(
     name: str, caption: str, heading: str, names: Sequence[str], values: FloatArray, like: Column
 ) -> Table:
     """Return a table of (n, 5) values, a row per name and a column ``like`` this one per coefficient."""
-    columns = (Column(heading), *(replace(like, heading=one) for one in COEFFICIENT_NAMES))
-    return make_table(name, caption, columns, [(one, *row) for one, row in zip(names, values, strict=True)])
+    columns = (Column(heading), *(replace(like, heading=coefficient) for coefficient in COEFFICIENT_NAMES))
+    return make_table(name, caption, columns, [(label, *row) for label, row in zip(names, values, strict=True)])
 
 
 def noise(report: BuildReport) -> Table:
@@ -297,10 +304,10 @@ def worst_losses(report: BuildReport) -> Table:
     for i, coefficient in enumerate((*COEFFICIENT_NAMES, "any")):
         single = value.growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.growth[:, i]
         pair = value.pair_growth.max(axis=1) if i == len(COEFFICIENT_NAMES) else value.pair_growth[:, i]
-        one = int(np.argmax(single))
+        gauge = int(np.argmax(single))
         two = [names[k] for k in value.pairs[int(np.argmax(pair))]] if len(pair) else []
         growth = 100.0 * (float(pair.max()) - 1.0) if len(pair) else None
-        rows.append((coefficient, names[one], 100.0 * (single[one] - 1.0), " and ".join(two), growth))
+        rows.append((coefficient, names[gauge], 100.0 * (single[gauge] - 1.0), " and ".join(two), growth))
     columns = (
         Column("coefficient"),
         Column("gauge whose loss costs most"),
@@ -339,14 +346,14 @@ def gamma_rules(report: BuildReport) -> Table:
     nothing = (None,) * len(COEFFICIENT_NAMES)
     rows = [
         (
-            one.rule.replace("_", " "),
-            one.gamma,
-            one.n_recoverable if one.gamma is not None else None,
-            one.degrees_of_freedom,
-            *(nothing if one.coefficient_std is None else one.coefficient_std),
-            one.why_not,
+            choice.rule.replace("_", " "),
+            choice.gamma,
+            choice.n_recoverable if choice.gamma is not None else None,
+            choice.degrees_of_freedom,
+            *(nothing if choice.coefficient_std is None else choice.coefficient_std),
+            choice.why_not,
         )
-        for one in report.gamma.rules
+        for choice in report.gamma.rules
     ]
     columns = (
         Column("rule"),
@@ -361,9 +368,9 @@ def gamma_rules(report: BuildReport) -> Table:
 
 def eigenvalues(report: BuildReport) -> Table:
     assert report.gamma is not None
-    one = report.gamma
-    found = zip(one.eigenvalues, one.filter_factors, map(main_class, one.mode_classes), strict=True)
-    rows = [(number, value, factor, *main) for number, (value, factor, main) in enumerate(found, start=1)]
+    gamma = report.gamma
+    modes = zip(gamma.eigenvalues, gamma.filter_factors, map(main_class, gamma.mode_classes), strict=True)
+    rows = [(number, value, factor, *main) for number, (value, factor, main) in enumerate(modes, start=1)]
     columns = (
         Column("number"),
         Column("eigenvalue", "1"),

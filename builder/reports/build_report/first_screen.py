@@ -76,14 +76,14 @@ def first_screen(report: BuildReport) -> FirstScreen:
 
 def _coefficient(report: BuildReport, index: int) -> str:
     used, name = report.in_use, f"{COEFFICIENT_NAMES[index]}, {LOAD_NAMES[index].replace('_', ' ')}"
-    found = used.coefficients
-    low, high = found.range[index]
-    fraction = found.std_of_range[index]
+    accuracy = used.coefficients
+    low, high = accuracy.range[index]
+    fraction = accuracy.std_of_range[index]
     if not np.isfinite(fraction):
         return f"{name}: it is {_value(low)} in every snapshot, so that the map holds no variation of it."
     largest = f" rms, {used.largest_std[index]:.2g} at most" if used.is_nonlinear else ""
     of_what = f"{_percent(fraction)} of the range {_value(low)} to {_value(high)}"
-    return f"{name}: sigma {found.std[index]:.2g}{largest}, {of_what}."
+    return f"{name}: sigma {accuracy.std[index]:.2g}{largest}, {of_what}."
 
 
 def _pressure(removed: float) -> str:
@@ -92,12 +92,12 @@ def _pressure(removed: float) -> str:
 
 def _rough_mesh(report: BuildReport) -> list[str]:
     """Return that no sigma is to be trusted, where the mesh's error is too large."""
-    held = report.inverse_map.provenance.get("mesh_error")
-    if held is None or held["sigmas_trusted"]:
+    error = report.inverse_map.provenance.get("mesh_error")
+    if error is None or error["sigmas_trusted"]:
         return []
     return [
-        f"All sigmas: the error of the structure's mesh is {held['rms_sigma']:.2g} sigma of gauge noise, against "
-        f"{held['against']}; they are not to be trusted."
+        f"All sigmas: the error of the structure's mesh is {error['rms_sigma']:.2g} sigma of gauge noise, against "
+        f"{error['against']}; they are not to be trusted."
     ]
 
 
@@ -112,8 +112,8 @@ def _hidden_area(report: BuildReport) -> list[str]:
 
 def _signal(report: BuildReport) -> FloatArray:
     """Return (k,) strain of each mode at one standard deviation over the noise, over all gauges together [1]."""
-    one = report.inverse_map
-    return report.observability.mode_strain * np.sqrt(one.n_gauges / np.mean(one.noise_std**2))
+    inverse_map = report.inverse_map
+    return report.observability.mode_strain * np.sqrt(inverse_map.n_gauges / np.mean(inverse_map.noise_std**2))
 
 
 def _weak_modes(report: BuildReport) -> list[str]:
@@ -158,17 +158,17 @@ def _in_words(symmetry: Symmetry) -> str:
 
 def _largest_source(report: BuildReport) -> list[str]:
     """Return what the sigma of the most uncertain coefficient would be without its largest source."""
-    found = report.in_use.coefficients
-    of_range = found.std_of_range
+    accuracy = report.in_use.coefficients
+    of_range = accuracy.std_of_range
     finite = np.isfinite(of_range)
     if not finite.any():
         return []
     worst = int(np.argmax(np.where(finite, of_range, -1.0)))
-    source = int(np.argmax(found.variance[:, worst]))
-    left = found.std_without([found.names[source]])[worst] / found.std[worst]
+    source = int(np.argmax(accuracy.variance[:, worst]))
+    remaining = accuracy.std_without([accuracy.names[source]])[worst] / accuracy.std[worst]
     return [
-        f"The source to reduce first is {found.names[source]}: without it the sigma of "
-        f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * left)} of the "
+        f"The source to reduce first is {accuracy.names[source]}: without it the sigma of "
+        f"{COEFFICIENT_NAMES[worst]} would be {_percent(of_range[worst] * remaining)} of the "
         f"range, not {_percent(of_range[worst])}."
     ]
 
@@ -207,24 +207,26 @@ def _odd_planes(symmetry: Symmetry) -> list[int]:
 
 def _other_map(report: BuildReport) -> list[str]:
     """Return how much of what is left another map of the same gauges could remove."""
-    left, at_best = 1.0 - report.observability.removed, 1.0 - report.observability.removed_at_best
-    if left < SMALL_FRACTION:
+    rest, at_best = 1.0 - report.observability.removed, 1.0 - report.observability.removed_at_best
+    if rest < SMALL_FRACTION:
         return []
     return [
-        f"Of the pressure's variance {_percent(left)} is left. The best linear map of these gauges would leave "
+        f"Of the pressure's variance {_percent(rest)} is left. The best linear map of these gauges would leave "
         f"{_percent(at_best)}; less than that takes other gauges."
     ]
 
 
 def _costly_gauge(report: BuildReport) -> list[str]:
-    growth, one = report.gauges.growth, report.inverse_map
+    growth, inverse_map = report.gauges.growth, report.inverse_map
     costly = int(np.argmax(growth.max(axis=1)))
-    of = int(np.argmax(growth[costly]))
-    ratio = growth[costly, of]
+    worst = int(np.argmax(growth[costly]))
+    ratio = growth[costly, worst]
     cost = (
-        f"{_percent(ratio - 1.0)} more sigma of {COEFFICIENT_NAMES[of]}" if np.isfinite(ratio) else "no estimate"
+        f"{_percent(ratio - 1.0)} more sigma of {COEFFICIENT_NAMES[worst]}"
+        if np.isfinite(ratio)
+        else "no estimate"
     )
-    return [f"The gauge to protect, or to double, is {one.gauge_names[costly]}: without it {cost}."]
+    return [f"The gauge to protect, or to double, is {inverse_map.gauge_names[costly]}: without it {cost}."]
 
 
 def _value(coefficient: float) -> str:

@@ -25,70 +25,78 @@ CANNOT_SEE = (
 )
 
 
-def verdict_lines(found: FittedEquations) -> tuple[bool, tuple[str, ...]]:
+def verdict_lines(fit: FittedEquations) -> tuple[bool, tuple[str, ...]]:
     """Return whether the equations are accepted, and a line for each reason."""
-    size = np.abs(found.test.load).max(axis=0)
-    std = np.sqrt(np.diag(found.load_covariance))
+    size = np.abs(fit.test.load).max(axis=0)
+    std = np.sqrt(np.diag(fit.load_covariance))
     worst = int(np.argmax(std / size))
     good = bool(std[worst] <= LARGEST * size[worst])
-    name = found.equations[worst].load
+    name = fit.equations[worst].load
     lines = [
         f"{name}: left out of the fit, rows are predicted within {100.0 * std[worst] / size[worst]:.2g} % of its "
         f"largest value, {100.0 * LARGEST:g} % is allowed"
     ]
-    at = found.test.is_check
-    if at.any():
-        off = np.abs(found.predicted - found.test.load)[at] / std
+    checks = fit.test.is_check
+    if checks.any():
+        off = np.abs(fit.predicted - fit.test.load)[checks] / std
         good &= bool(off.max() <= WITHIN * np.sqrt(1.0 + np.log10(off.size)))
-        lines.append(f"{at.sum()} check loads are predicted within {off.max():.2g} standard deviations")
+        lines.append(f"{checks.sum()} check loads are predicted within {off.max():.2g} standard deviations")
     else:
         lines.append("no check loads: the equations are judged by rows that are left out one by one")
     return good, tuple(lines)
 
 
-def redundancy_line(found: FittedEquations) -> str:
+def redundancy_line(fit: FittedEquations) -> str:
     """Return what redundant gauges allow."""
-    n = found.redundancy
+    n = fit.redundancy
     if not n:
         return "as many gauges as loads: faults of gauges cannot be detected"
     return f"{n} redundant gauges: faults of gauges are detected by chi-square of {n} degrees of freedom"
 
 
-def equations_page(found: FittedEquations, origin: Origin) -> Page:
+def equations_page(fit: FittedEquations, origin: Origin) -> Page:
     """Return the page."""
-    good, lines = verdict_lines(found)
+    good, lines = verdict_lines(fit)
     cards = Cards(
         (
             ("Accepted" if good else "Not accepted", "green" if good else "red", lines),
-            ("Health in flight", "green" if found.redundancy else "amber", (redundancy_line(found),)),
+            ("Health in flight", "green" if fit.redundancy else "amber", (redundancy_line(fit),)),
         )
     )
-    at = found.test.is_check
+    is_check = fit.test.is_check
     sections = [
-        Section("Load equations", (equations_table_of(found),)),
-        Section("Residuals by load", (_loads_table(found),)),
-        Section("Residuals by gauge", (_gauges_table(found),)),
-        Section("Readings", (_rows_table(found, ~at, "readings", "Applied loads less predicted ones."),)),
-        *([Section("Check loads", (_rows_table(found, at, "checks", "Not fitted."),))] if at.any() else []),
+        Section("Load equations", (equations_table_of(fit),)),
+        Section("Residuals by load", (_loads_table(fit),)),
+        Section("Residuals by gauge", (_gauges_table(fit),)),
+        Section("Readings", (_rows_table(fit, ~is_check, "readings", "Applied loads less predicted ones."),)),
+        *(
+            [Section("Check loads", (_rows_table(fit, is_check, "checks", "Not fitted."),))]
+            if is_check.any()
+            else []
+        ),
         Section("What this test cannot see", (Items(CANNOT_SEE),)),
         Section("Traceability", (Paragraph(origin.sentence), origin.table())),
     ]
-    return Page(f"{found.test.file.name}: load equations", (cards,), tuple(sections))
+    return Page(f"{fit.test.file.name}: load equations", (cards,), tuple(sections))
 
 
-def equations_table_of(found: FittedEquations) -> Table:
+def equations_table_of(fit: FittedEquations) -> Table:
     """Return the equations in full, which is the CSV file as well."""
-    names, unit, rows = found.test.file.readings.gauges, found.test.file.readings.unit, []
+    names, unit, rows = fit.test.file.readings.gauges, fit.test.file.readings.unit, []
     scale = {"um/m": 1e-6, "mm/m": 1e-3, "mV/V": 1e-3}.get(unit, 1.0)
-    for one, entry in zip(found.equations, found.test.file.load, strict=True):
-        for gauge, value, error in zip(one.gauges, one.coefficient, one.standard_error, strict=True):
+    for equation, entry in zip(fit.equations, fit.test.file.load, strict=True):
+        for gauge, value, error in zip(
+            equation.gauges, equation.coefficient, equation.standard_error, strict=True
+        ):
             row = [
                 scale * float(value),
                 scale * float(error),
                 float(value / error),
-                float(found.zero[gauge]) / scale,
+                float(fit.zero[gauge]) / scale,
             ]
-            rows.append([one.load, (WHOLE | AT_STATION)[entry.name], names[gauge], *row, one.residual_std])
+            rows.append(
+                [equation.load, (WHOLE | AT_STATION)[entry.name], names[gauge], *row, equation.residual_std]
+            )
     columns = (
         Column("load"),
         Column("unit"),
@@ -107,19 +115,19 @@ def _rms(value: FloatArray) -> float:
     return float(np.sqrt(np.mean(value**2))) if value.size else float("nan")
 
 
-def _loads_table(found: FittedEquations) -> Table:
-    at, left = found.test.is_check, found.predicted - found.test.load
+def _loads_table(fit: FittedEquations) -> Table:
+    checks, residual = fit.test.is_check, fit.predicted - fit.test.load
     rows = [
         [
-            one.load,
-            float(found.test.load[:, k].min()),
-            float(found.test.load[:, k].max()),
-            one.residual_std,
-            float(np.sqrt(found.load_covariance[k, k])),
-            _rms(left[at, k]),
-            100.0 * float(np.sqrt(found.load_covariance[k, k]) / np.abs(found.test.load[:, k]).max()),
+            equation.load,
+            float(fit.test.load[:, k].min()),
+            float(fit.test.load[:, k].max()),
+            equation.residual_std,
+            float(np.sqrt(fit.load_covariance[k, k])),
+            _rms(residual[checks, k]),
+            100.0 * float(np.sqrt(fit.load_covariance[k, k]) / np.abs(fit.test.load[:, k]).max()),
         ]
-        for k, one in enumerate(found.equations)
+        for k, equation in enumerate(fit.equations)
     ]
     columns = (
         Column("load"),
@@ -133,12 +141,12 @@ def _loads_table(found: FittedEquations) -> Table:
     return make_table("loads", "Errors of each load, in its unit.", columns, rows)
 
 
-def _gauges_table(found: FittedEquations) -> Table:
-    left, at = 1e6 * found.strain_left, found.test.is_check
-    size = 1e6 * np.abs(found.test.strain - found.zero).max(axis=0)
+def _gauges_table(fit: FittedEquations) -> Table:
+    residual, checks = 1e6 * fit.strain_left, fit.test.is_check
+    size = 1e6 * np.abs(fit.test.strain - fit.zero).max(axis=0)
     rows = [
-        [name, float(size[g]), _rms(left[~at, g]), float(np.abs(left[:, g]).max())]
-        for g, name in enumerate(found.test.file.readings.gauges)
+        [name, float(size[g]), _rms(residual[~checks, g]), float(np.abs(residual[:, g]).max())]
+        for g, name in enumerate(fit.test.file.readings.gauges)
     ]
     columns = (
         Column("gauge"),
@@ -150,13 +158,13 @@ def _gauges_table(found: FittedEquations) -> Table:
     return make_table("gauges", caption, columns, rows)
 
 
-def _rows_table(found: FittedEquations, some: np.ndarray, name: str, caption: str) -> Table:
-    left = found.test.load - found.predicted
+def _rows_table(fit: FittedEquations, some: np.ndarray, name: str, caption: str) -> Table:
+    residual = fit.test.load - fit.predicted
     rows = [
-        [found.test.line[n], *(value for pair in zip(found.test.load[n], left[n], strict=True) for value in pair)]
+        [fit.test.line[n], *(value for pair in zip(fit.test.load[n], residual[n], strict=True) for value in pair)]
         for n in np.flatnonzero(some)
     ]
     columns = [Column("line", "", "d")]
-    for one in found.equations:
-        columns += [Column(one.load), Column("residual")]
+    for equation in fit.equations:
+        columns += [Column(equation.load), Column("residual")]
     return make_table(name, f"{caption} Loads in N and N m, by the line of the table.", columns, rows)

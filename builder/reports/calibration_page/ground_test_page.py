@@ -36,31 +36,31 @@ CANNOT_SEE = (
 FIGURES_NEED = "Figures need matplotlib: pip install 'strainfmu[report]'."
 
 
-def calibration_page(one: CalibrationFindings) -> Page:
+def calibration_page(findings: CalibrationFindings) -> Page:
     """Return the page."""
-    screen = verdict(one)
-    found = one.found
+    screen = verdict(findings)
+    estimate = findings.found
     sections = (
-        Section("Influence coefficients", _influence(found)),
-        Section("Residuals", _residuals(one)),
-        Section("Load against strain", _steps(one)),
-        Section("Check loads", _checks(one)),
-        Section("Uncertainty in flight", _in_flight(one)),
-        Section("Loads covered", _coverage(one)),
-        Section("Load equations", _equations(one)),
-        Section("What the test identifies", (tables.identified_table(found), tables.loads_table(found))),
-        Section("What is taken for zero", (tables.outside_table(one.outside),)),
+        Section("Influence coefficients", _influence(estimate)),
+        Section("Residuals", _residuals(findings)),
+        Section("Load against strain", _steps(findings)),
+        Section("Check loads", _checks(findings)),
+        Section("Uncertainty in flight", _in_flight(findings)),
+        Section("Loads covered", _coverage(findings)),
+        Section("Load equations", _equations(findings)),
+        Section("What the test identifies", (tables.identified_table(estimate), tables.loads_table(estimate))),
+        Section("What is taken for zero", (tables.outside_table(findings.outside),)),
         Section("What this test cannot see", (Items(CANNOT_SEE),)),
-        Section("Traceability", _origin(one)),
+        Section("Traceability", _origin(findings)),
         Section("Signatures", (tables.signatures_table(),)),
     )
-    return Page(one.title, _opening(one, screen), sections)
+    return Page(findings.title, _opening(findings, screen), sections)
 
 
-def _opening(one: CalibrationFindings, screen: Verdict) -> tuple[Block, ...]:
-    found, said = one.found, remarks(one.found)
-    left_out = (*found.model.test.left_out, *(fault.line for fault in one.faults))
-    when = f"Tested on {one.tested_on}. " if one.tested_on else ""
+def _opening(findings: CalibrationFindings, screen: Verdict) -> tuple[Block, ...]:
+    estimate, said = findings.found, remarks(findings.found)
+    left_out = (*estimate.model.test.left_out, *(fault.line for fault in findings.faults))
+    when = f"Tested on {findings.tested_on}. " if findings.tested_on else ""
     cards = (
         (screen.title, "green" if screen.accepted else "red", screen.reasons),
         ("Not established", "amber", screen.open),
@@ -70,25 +70,29 @@ def _opening(one: CalibrationFindings, screen: Verdict) -> tuple[Block, ...]:
     details = (
         ("Left out", "amber" if left_out else "green", left_out),
         ("As stated", "amber" if said else "green", said or ("mass, load cells and chi-square",)),
-        ("Outside the model", "red" if one.outside.found else "green", one.outside.lines or ("nothing found",)),
+        (
+            "Outside the model",
+            "red" if findings.outside.found else "green",
+            findings.outside.lines or ("nothing found",),
+        ),
         (
             "The fit",
             "blue",
             (
-                f"{found.n_readings} readings, {len(found.vector)} parameters, {found.steps} steps"
-                + ("" if found.settled else ", which did not settle"),
-                f"chi-square per reading {found.per_reading:.3g}, 1 is expected: whether readings, priors apart, "
-                "scatter about the calibrated vehicle as their noise says",
-                f"squared distance from the files {found.from_priors:.3g}, 1 is expected: whether vehicle and "
+                f"{estimate.n_readings} readings, {len(estimate.vector)} parameters, {estimate.steps} steps"
+                + ("" if estimate.settled else ", which did not settle"),
+                f"chi-square per reading {estimate.per_reading:.3g}, 1 is expected: whether readings, priors "
+                "apart, scatter about the calibrated vehicle as their noise says",
+                f"squared distance from the files {estimate.from_priors:.3g}, 1 is expected: whether vehicle and "
                 "loads differ from the files as their tolerances say; zero offsets are free and take no part",
-                f"rms of measured less predicted: drawing {1e6 * _rms(found, found.before):.3g} um/m, "
-                f"calibrated {1e6 * _rms(found, found.after):.3g} um/m",
+                f"rms of measured less predicted: drawing {1e6 * _rms(estimate, estimate.before):.3g} um/m, "
+                f"calibrated {1e6 * _rms(estimate, estimate.after):.3g} um/m",
             ),
         ),
     )
-    accepted = (Paragraph(f"Written by --accept: {one.accepted}."),) if one.accepted else ()
+    accepted = (Paragraph(f"Written by --accept: {findings.accepted}."),) if findings.accepted else ()
     return (
-        Paragraph(f"{when}{one.origin.sentence}"),
+        Paragraph(f"{when}{findings.origin.sentence}"),
         *accepted,
         Cards(cards),
         tables.criteria_table(screen.criteria),
@@ -108,94 +112,94 @@ def _drawn(
     return (picture(made, caption, alternative, resolution=RESOLUTION),)
 
 
-def _influence(found: Estimate) -> tuple[Block, ...]:
+def _influence(estimate: Estimate) -> tuple[Block, ...]:
     return _drawn(
-        lambda: ground_test.influence_figure(found),
+        lambda: ground_test.influence_figure(estimate),
         "Strain per force of every case with one force, each gauge a point; own weight and zeros subtracted.",
         "Measured influence coefficients over predicted ones, by the drawing and as calibrated.",
         "No case has one force alone: influence coefficients are not defined.",
     )
 
 
-def _residuals(one: CalibrationFindings) -> tuple[Block, ...]:
-    drawn = _drawn(
-        lambda: ground_test.residual_figure(one.found),
+def _residuals(findings: CalibrationFindings) -> tuple[Block, ...]:
+    figures = _drawn(
+        lambda: ground_test.residual_figure(findings.found),
         "Measured less predicted, in standard deviations of the readings; grey readings are not used.",
         "Map of residuals: load cases down, gauges across.",
     )
-    cross = tables.cross_table(one.left_out)
-    return (*drawn, tables.cases_table(one.found), cross, tables.gauges_table(one.found))
+    cross = tables.cross_table(findings.left_out)
+    return (*figures, tables.cases_table(findings.found), cross, tables.gauges_table(findings.found))
 
 
-def _steps(one: CalibrationFindings) -> tuple[Block, ...]:
-    if not one.steps:
+def _steps(findings: CalibrationFindings) -> tuple[Block, ...]:
+    if not findings.steps:
         return (
             Paragraph(
                 "The test has no steps of loading and unloading: hysteresis and return to zero are not measured. "
                 "[[case.step]] of its file states them."
             ),
         )
-    names = one.found.model.structure.gauges.names
-    drawn = _drawn(
-        lambda: ground_test.steps_figure(one.steps, names),
+    names = findings.found.model.structure.gauges.names
+    figures = _drawn(
+        lambda: ground_test.steps_figure(findings.steps, names),
         "Readings over the load: circles and full lines loading, squares and broken lines unloading.",
         "Strain over load for loading and unloading, the gauges of the largest strain.",
     )
-    said = step_remarks(one.found.model.test) or ("Readings repeat within their noise.",)
-    return (Items(said), *drawn, tables.steps_table(one.steps, names))
+    said = step_remarks(findings.found.model.test) or ("Readings repeat within their noise.",)
+    return (Items(said), *figures, tables.steps_table(findings.steps, names))
 
 
-def _checks(one: CalibrationFindings) -> tuple[Block, ...]:
-    drawn = _drawn(
-        lambda: ground_test.check_figure(one.found, one.checks, one.equations),
+def _checks(findings: CalibrationFindings) -> tuple[Block, ...]:
+    figures = _drawn(
+        lambda: ground_test.check_figure(findings.found, findings.checks, findings.equations),
         "Predicted and applied loads.",
         "Differences of predicted from applied loads, with three standard deviations.",
     )
-    if not one.checks:
+    if not findings.checks:
         text = "The test has no check loads (check = true); each load that was fitted, by its readings, stands in."
-        return (Paragraph(text), *drawn)
-    of_equations = tables.check_equations_table(one.checks, one.equations)
-    return (*drawn, tables.checks_table(one.checks), of_equations)
+        return (Paragraph(text), *figures)
+    of_equations = tables.check_equations_table(findings.checks, findings.equations)
+    return (*figures, tables.checks_table(findings.checks), of_equations)
 
 
-def _in_flight(one: CalibrationFindings) -> tuple[Block, ...]:
-    drawn = _drawn(
-        lambda: ground_test.flight_figure(one.worth),
+def _in_flight(findings: CalibrationFindings) -> tuple[Block, ...]:
+    figures = _drawn(
+        lambda: ground_test.flight_figure(findings.worth),
         "Sigma of the coefficients by a linear estimator over flows of the map.",
         "Bars of sigma in flight by the drawing, after the test, and of a vehicle known exactly.",
     )
-    return (*drawn, tables.flight_table(one.worth))
+    return (*figures, tables.flight_table(findings.worth))
 
 
-def _coverage(one: CalibrationFindings) -> tuple[Block, ...]:
-    worth = one.worth
-    beyond = int(np.sum(worth.flight_strain > worth.ground_strain))
+def _coverage(findings: CalibrationFindings) -> tuple[Block, ...]:
+    worth = findings.worth
+    larger = int(np.sum(worth.flight_strain > worth.ground_strain))
     text = (
         f"Combinations of the cases make up {100.0 * worth.spanned:.1f} % of the mean square strain in flight. "
-        f"{beyond} of {len(worth.flight_strain)} gauges strain more in flight than in any case."
+        f"{larger} of {len(worth.flight_strain)} gauges strain more in flight than in any case."
     )
-    drawn = _drawn(
-        lambda: ground_test.coverage_figure(worth, one.found.model.structure.gauges.names),
+    figures = _drawn(
+        lambda: ground_test.coverage_figure(worth, findings.found.model.structure.gauges.names),
         "Left: range of each load in flight, and the cases. Right: largest strain of each gauge.",
         "Loads and strains in flight and in the ground test.",
     )
-    return (Paragraph(text), *drawn)
+    return (Paragraph(text), *figures)
 
 
-def _equations(one: CalibrationFindings) -> tuple[Block, ...]:
+def _equations(findings: CalibrationFindings) -> tuple[Block, ...]:
     text = (
         "The classical way, from the same cases: loads as sums of readings less zero offsets, coefficients by "
         "least squares, gauges chosen by T, coefficient over standard error (Skopinski, Aiken and Huston, NACA "
         "Report 1178). Where pads load a few places and flight loads the whole body, they err in flight."
     )
-    return (Paragraph(text), tables.equations_table(one.found, one.equations))
+    return (Paragraph(text), tables.equations_table(findings.found, findings.equations))
 
 
-def _origin(one: CalibrationFindings) -> tuple[Block, ...]:
-    cells: tuple[Table, ...] = (tables.cells_table(one.cells),) if one.cells else ()
-    return (Paragraph(one.origin.sentence), one.origin.table(), *cells)
+def _origin(findings: CalibrationFindings) -> tuple[Block, ...]:
+    cells: tuple[Table, ...] = (tables.cells_table(findings.cells),) if findings.cells else ()
+    return (Paragraph(findings.origin.sentence), findings.origin.table(), *cells)
 
 
-def _rms(found: Estimate, predicted: FloatArray) -> float:
-    left = np.where(found.used, found.model.test.readings - predicted, np.nan)
-    return float(np.sqrt(np.nanmean(left**2)))
+def _rms(estimate: Estimate, predicted: FloatArray) -> float:
+    residual = np.where(estimate.used, estimate.model.test.readings - predicted, np.nan)
+    return float(np.sqrt(np.nanmean(residual**2)))

@@ -25,30 +25,30 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, LOAD_NAMES, L
 from strainfmu.estimator.signal_names import ZERO
 
 
-def _left(found: Estimate, predicted: np.ndarray) -> np.ndarray:
-    return np.where(found.used, found.model.test.readings - predicted, np.nan)
+def _left(estimate: Estimate, predicted: np.ndarray) -> np.ndarray:
+    return np.where(estimate.used, estimate.model.test.readings - predicted, np.nan)
 
 
-def _rms(found: Estimate, predicted: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(_left(found, predicted) ** 2)))
+def _rms(estimate: Estimate, predicted: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(_left(estimate, predicted) ** 2)))
 
 
 ROUNDED = 1e-9
 """Loads over the largest one below which they are the rounding of none."""
 
 
-def cases_table(found: Estimate) -> Table:
+def cases_table(estimate: Estimate) -> Table:
     """Return what each case leaves."""
-    std = found.model.test.reading_stds
+    std = estimate.model.test.reading_stds
     rows = []
-    for k, case in enumerate(found.model.test.cases):
-        if not found.used[k].any():
+    for k, case in enumerate(estimate.model.test.cases):
+        if not estimate.used[k].any():
             continue
-        before, after = _left(found, found.before)[k], _left(found, found.after)[k]
+        before, after = _left(estimate, estimate.before)[k], _left(estimate, estimate.after)[k]
         rows.append(
             [
                 case.name,
-                float(np.sqrt(np.nanmean(found.model.test.readings[k][found.used[k]] ** 2))) * 1e6,
+                float(np.sqrt(np.nanmean(estimate.model.test.readings[k][estimate.used[k]] ** 2))) * 1e6,
                 float(np.sqrt(np.nanmean(before**2))) * 1e6,
                 float(np.sqrt(np.nanmean(after**2))) * 1e6,
                 float(np.sqrt(np.nanmean((after / std[k]) ** 2))),
@@ -66,7 +66,7 @@ def cases_table(found: Estimate) -> Table:
 
 def cross_table(left_out: Sequence[LeftOut]) -> Table:
     """Return each case predicted from the others."""
-    rows = [[one.case, 1e6 * one.rms, 1e6 * one.stated, one.chi_square] for one in left_out]
+    rows = [[case.case, 1e6 * case.rms, 1e6 * case.stated, case.chi_square] for case in left_out]
     columns = (
         Column("case left out"),
         Column("measured less predicted, rms", "um/m"),
@@ -76,15 +76,15 @@ def cross_table(left_out: Sequence[LeftOut]) -> Table:
     return make_table("cross_validation", "Each case predicted from the others alone.", columns, rows)
 
 
-def gauges_table(found: Estimate) -> Table:
+def gauges_table(estimate: Estimate) -> Table:
     """Return what each gauge leaves."""
-    before, after = _left(found, found.before), _left(found, found.after)
-    std, part = found.model.test.reading_stds, found.parameters
+    before, after = _left(estimate, estimate.before), _left(estimate, estimate.after)
+    std, part = estimate.model.test.reading_stds, estimate.parameters
     where = slices(part.counts)
-    sigma = found.std
+    sigma = estimate.std
     rows: list[list[str | float]] = []
-    for g, name in enumerate(found.model.structure.gauges.names):
-        if not found.used[:, g].any():
+    for g, name in enumerate(estimate.model.structure.gauges.names):
+        if not estimate.used[:, g].any():
             rows.append([name, *["left out"] * 6])
             continue
         rows.append(
@@ -110,24 +110,24 @@ def gauges_table(found: Estimate) -> Table:
     return make_table("gauges", "Measured less predicted, gauge by gauge, over all cases.", columns, rows)
 
 
-def identified_table(found: Estimate) -> Table:
+def identified_table(estimate: Estimate) -> Table:
     """Return prior and posterior sigma side by side; of gauges and regions the root mean square."""
-    part, sigma, before = found.parameters, found.std, found.model.std
+    part, sigma, before = estimate.parameters, estimate.std, estimate.model.std
     rows = []
-    for kind, at in slices(part.counts).items():
-        if not before[at].any():
+    for kind, parameters in slices(part.counts).items():
+        if not before[parameters].any():
             continue
         unit, scale = KINDS[kind].unit, 1.0 / KINDS[kind].scale
-        prior, after = (float(np.sqrt(np.mean(value[at] ** 2))) for value in (before, sigma))
+        prior, after = (float(np.sqrt(np.mean(value[parameters] ** 2))) for value in (before, sigma))
         identified = 100.0 * (1.0 - (after / prior) ** 2) if prior > 0.0 else 0.0
-        size = float(np.sqrt(np.mean(found.vector[at] ** 2)))
+        size = float(np.sqrt(np.mean(estimate.vector[parameters] ** 2)))
         rows.append([in_words(kind), unit, scale * size, scale * prior, scale * after, identified])
-    model = found.model
+    model = estimate.model
     for number, cell in enumerate(range(model.cell_entries.start, model.cell_entries.stop)):
         of_cell = KINDS["common" if number < len(model.cells) else "cell_offset"]
         if before[cell] > 0.0:
             size, prior, after = (
-                float(value[cell]) / of_cell.scale for value in (np.abs(found.vector), before, sigma)
+                float(value[cell]) / of_cell.scale for value in (np.abs(estimate.vector), before, sigma)
             )
             rows.append(
                 [model.names[cell], of_cell.unit, size, prior, after, 100.0 * (1.0 - (after / prior) ** 2)]
@@ -147,13 +147,13 @@ def identified_table(found: Estimate) -> Table:
 def outside_table(outside: OutsideModel) -> Table:
     """Return the tests of what the estimate takes for zero."""
     rows: list[list[str | float]] = []
-    for one in outside.kinds:
+    for kind in outside.kinds:
         rows += [
-            [f"{one.kind}, region {term.region + 1}", "%", 100.0 * term.size, 100.0 * term.std, "", ""]
-            for term in one.terms
+            [f"{kind.kind}, region {term.region + 1}", "%", 100.0 * term.size, 100.0 * term.std, "", ""]
+            for term in kind.terms
         ]
-        whole = ("noise", "stated", outside.over_stated) if one.kind == NOISE else (f"{one.kind}, all", "", "")
-        rows.append([*whole, "", one.statistic / one.freedom, one.chance])
+        total = ("noise", "stated", outside.over_stated) if kind.kind == NOISE else (f"{kind.kind}, all", "", "")
+        rows.append([*total, "", kind.statistic / kind.freedom, kind.chance])
     columns = (
         Column("error"),
         Column("unit"),
@@ -166,30 +166,32 @@ def outside_table(outside: OutsideModel) -> Table:
     return make_table("outside_the_model", caption, columns, rows)
 
 
-def loads_table(found: Estimate) -> Table:
+def loads_table(estimate: Estimate) -> Table:
     """Return what the readings say of each load."""
-    shift, size = load_shifts(found)
+    shift, size = load_shifts(estimate)
     rows = [
-        [found.model.test.cases[case].name, load_kind(one.load), 100.0 * float(size[k]), float(shift[k])]
-        for k, (case, one) in enumerate(found.model.loads)
-        if one.std > 0.0 and found.used[case].any()
+        [estimate.model.test.cases[case].name, load_kind(error.load), 100.0 * float(size[k]), float(shift[k])]
+        for k, (case, error) in enumerate(estimate.model.loads)
+        if error.std > 0.0 and estimate.used[case].any()
     ]
     columns = (Column("load case"), Column("load"), Column("differs by", "%"), Column("in its sigma"))
     return make_table("loads", "What the readings say of each load, without its own prior.", columns, rows)
 
 
-def equations_table(found: Estimate, equations: Sequence[LoadEquation]) -> Table:
+def equations_table(estimate: Estimate, equations: Sequence[LoadEquation]) -> Table:
     """Return the load equations in full: a row for each gauge of each, which is the CSV file as well."""
-    names, number = found.model.structure.gauges.names, int(found.used.any(axis=1).sum())
+    names, number = estimate.model.structure.gauges.names, int(estimate.used.any(axis=1).sum())
     rows: list[list[str | float | None]] = []
-    for one, unit in zip(equations, LOAD_UNITS, strict=True):
-        name = one.load.replace("_", " ")
-        if not one.gauges:
-            rows.append([name, unit, "none", None, None, None, one.residual_std, number])
-        for gauge, value, error in zip(one.gauges, one.coefficient, one.standard_error, strict=True):
+    for equation, unit in zip(equations, LOAD_UNITS, strict=True):
+        name = equation.load.replace("_", " ")
+        if not equation.gauges:
+            rows.append([name, unit, "none", None, None, None, equation.residual_std, number])
+        for gauge, value, error in zip(
+            equation.gauges, equation.coefficient, equation.standard_error, strict=True
+        ):
             # Per um/m of the reading, as the equation is used.
             row = [1e-6 * float(value), 1e-6 * float(error), float(value / error)]
-            rows.append([name, unit, names[gauge], *row, one.residual_std, number])
+            rows.append([name, unit, names[gauge], *row, equation.residual_std, number])
     columns = (
         Column("load"),
         Column("unit"),
@@ -209,7 +211,7 @@ def equations_table(found: Estimate, equations: Sequence[LoadEquation]) -> Table
 def criteria_table(criteria: Sequence[Criterion]) -> Table:
     """Return the criteria of acceptance."""
     columns = (Column("criterion"), Column("found"), Column("allowed"), Column("holds"))
-    rows = [[one.name, one.found, one.allowed, one.holds] for one in criteria]
+    rows = [[criterion.name, criterion.found, criterion.allowed, criterion.holds] for criterion in criteria]
     return make_table("criteria", "The test is accepted where all criteria hold.", columns, rows)
 
 
@@ -217,15 +219,15 @@ def checks_table(checks: Sequence[CheckLoad]) -> Table:
     """Return applied and predicted check loads."""
     rows = [
         [
-            one.case,
-            one.applied or None,
-            one.predicted if one.applied else None,
-            100.0 * one.difference,
-            100.0 * one.std,
-            one.chi_square,
-            one.chance,
+            check.case,
+            check.applied or None,
+            check.predicted if check.applied else None,
+            100.0 * check.difference,
+            100.0 * check.std,
+            check.chi_square,
+            check.chance,
         ]
-        for one in checks
+        for check in checks
     ]
     columns = (
         Column("check load"),
@@ -242,13 +244,13 @@ def checks_table(checks: Sequence[CheckLoad]) -> Table:
 def check_equations_table(checks: Sequence[CheckLoad], equations: Sequence[LoadEquation]) -> Table:
     """Return the five loads of the check loads, applied and by the load equations."""
     rows = [
-        [one.case, name.replace("_", " "), unit, float(applied), float(found), equation.residual_std]
-        for one in checks
-        for name, unit, applied, found, equation in zip(
+        [check.case, name.replace("_", " "), unit, float(applied), float(predicted), equation.residual_std]
+        for check in checks
+        for name, unit, applied, predicted, equation in zip(
             LOAD_NAMES,
             LOAD_UNITS,
-            np.where(np.abs(one.loads) > ROUNDED * np.abs(one.loads).max(), one.loads, 0.0),
-            one.by_equations,
+            np.where(np.abs(check.loads) > ROUNDED * np.abs(check.loads).max(), check.loads, 0.0),
+            check.by_equations,
             equations,
             strict=True,
         )
@@ -267,10 +269,10 @@ def check_equations_table(checks: Sequence[CheckLoad], equations: Sequence[LoadE
 def steps_table(cases: Sequence[SteppedCase], names: Sequence[str]) -> Table:
     """Return hysteresis and return to zero of the cases with steps."""
     rows: list[list[str | float | None]] = []
-    for one in cases:
-        hysteresis, zero = np.abs(one.hysteresis), one.return_to_zero
-        span = float(np.nanmax(one.span))
-        row: list[str | float | None] = [one.name, 1e6 * span]
+    for case in cases:
+        hysteresis, zero = np.abs(case.hysteresis), case.return_to_zero
+        span = float(np.nanmax(case.span))
+        row: list[str | float | None] = [case.name, 1e6 * span]
         if hysteresis.size and np.isfinite(hysteresis).any():
             worst = int(np.nanargmax(hysteresis)) % hysteresis.shape[1]
             most = float(np.nanmax(hysteresis))
@@ -318,7 +320,7 @@ def flight_table(worth: WorthOfTest) -> Table:
 
 def cells_table(cells: Sequence[UsedCell]) -> Table:
     """Return the load cells."""
-    rows = [[one.name, one.serial_number or None, one.calibrated_on or None, one.loads] for one in cells]
+    rows = [[cell.name, cell.serial_number or None, cell.calibrated_on or None, cell.loads] for cell in cells]
     columns = (Column("load cell"), Column("serial number"), Column("calibrated on"), Column("loads"))
     return make_table("load_cells", "Load cells, as the file of the test states them.", columns, rows)
 

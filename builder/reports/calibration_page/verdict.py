@@ -56,7 +56,7 @@ class Verdict:
     @property
     def accepted(self) -> bool:
         """Whether all criteria hold."""
-        return all(one.holds for one in self.criteria)
+        return all(criterion.holds for criterion in self.criteria)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -64,8 +64,13 @@ class Verdict:
         return {
             "accepted": self.accepted,
             "criteria": [
-                {"name": one.name, "found": one.found, "allowed": one.allowed, "holds": one.holds}
-                for one in self.criteria
+                {
+                    "name": criterion.name,
+                    "found": criterion.found,
+                    "allowed": criterion.allowed,
+                    "holds": criterion.holds,
+                }
+                for criterion in self.criteria
             ],
         }
 
@@ -78,69 +83,71 @@ class Verdict:
     def reasons(self) -> tuple[str, ...]:
         """Why: what does not hold, with its remedy; all criteria where they do."""
         wrong = tuple(
-            f"{one.name}: {one.found}, allowed {one.allowed}; {one.remedy}"
-            for one in self.criteria
-            if not one.holds
+            f"{criterion.name}: {criterion.found}, allowed {criterion.allowed}; {criterion.remedy}"
+            for criterion in self.criteria
+            if not criterion.holds
         )
-        return wrong or tuple(f"{one.name}: {one.found}, allowed {one.allowed}" for one in self.criteria)
+        return wrong or tuple(
+            f"{criterion.name}: {criterion.found}, allowed {criterion.allowed}" for criterion in self.criteria
+        )
 
 
-def verdict(one: CalibrationFindings) -> Verdict:
+def verdict(findings: CalibrationFindings) -> Verdict:
     """Return the verdict on a calibration."""
     return Verdict(
         criteria=(
-            _agreement(one.found),
-            _outside(one),
-            _enough(one),
-            _predicted(one),
-            _left_out(one),
+            _agreement(findings.found),
+            _outside(findings),
+            _enough(findings),
+            _predicted(findings),
+            _left_out(findings),
         ),
-        established=_established(one),
-        open=_open(one),
-        helps=_helps(one),
+        established=_established(findings),
+        open=_open(findings),
+        helps=_helps(findings),
     )
 
 
-def _agreement(found: Estimate) -> Criterion:
+def _agreement(estimate: Estimate) -> Criterion:
     return Criterion(
         name="Readings fit the model: chi-square per reading",
-        found=f"{found.per_reading:.3g}{'' if found.settled else ', steps did not settle'}",
-        allowed=f"{1.0 - found.allowed:.2f} to {1.0 + found.allowed:.2f}",
-        holds=found.agrees and found.settled,
-        remedy=found.unsettled or "check loads, noise and tolerances as stated",
+        found=f"{estimate.per_reading:.3g}{'' if estimate.settled else ', steps did not settle'}",
+        allowed=f"{1.0 - estimate.allowed:.2f} to {1.0 + estimate.allowed:.2f}",
+        holds=estimate.agrees and estimate.settled,
+        remedy=estimate.unsettled or "check loads, noise and tolerances as stated",
     )
 
 
-def _outside(one: CalibrationFindings) -> Criterion:
+def _outside(findings: CalibrationFindings) -> Criterion:
     return Criterion(
         name="Errors outside the model",
-        found="found" if one.outside.found else "none found",
+        found="found" if findings.outside.found else "none found",
         allowed="none",
-        holds=not one.outside.found,
+        holds=not findings.outside.found,
         remedy="state their size in the vehicle file and calibrate again",
     )
 
 
-def _enough(one: CalibrationFindings) -> Criterion:
-    ratio = one.worth.after / one.worth.exact
+def _enough(findings: CalibrationFindings) -> Criterion:
+    ratio = findings.worth.after / findings.worth.exact
     worst = int(ratio.argmax())
     return Criterion(
         name="Sigma in flight, in units of a vehicle known exactly",
         found=f"at most {ratio[worst]:.2f} ({COEFFICIENT_NAMES[worst]})",
         allowed=f"{IN_FLIGHT:g}",
         holds=bool(ratio[worst] <= IN_FLIGHT),
-        remedy=f"apply further cases, first '{one.worth.further}'",
+        remedy=f"apply further cases, first '{findings.worth.further}'",
     )
 
 
-def _predicted(one: CalibrationFindings) -> Criterion:
-    if one.checks:
+def _predicted(findings: CalibrationFindings) -> Criterion:
+    if findings.checks:
         good = [
             abs(check.difference) <= max(LOAD, SIGMAS * check.std) or np.isnan(check.difference)
-            for check in one.checks
+            for check in findings.checks
         ]
-        fits = [check.chance >= CHANCE for check in one.checks]
-        off = [abs(check.difference) for check in one.checks if not np.isnan(check.difference)]
+        fits = [check.chance >= CHANCE for check in findings.checks]
+        off = [abs(check.difference) for check in findings.checks if not np.isnan(check.difference)]
         return Criterion(
             name="Check loads that were not fitted are predicted",
             found=f"{sum(a and b for a, b in zip(good, fits, strict=True))} of {len(good)}"
@@ -149,9 +156,9 @@ def _predicted(one: CalibrationFindings) -> Criterion:
             holds=all(good) and all(fits),
             remedy="find what differs between them and the fitted cases",
         )
-    gauges = int(np.median(one.found.used.sum(axis=1)[one.found.used.any(axis=1)]))
+    gauges = int(np.median(findings.found.used.sum(axis=1)[findings.found.used.any(axis=1)]))
     limit = float(chdtri(gauges, CHANCE)) / gauges
-    worst = max(one.left_out, key=lambda case: case.chi_square)
+    worst = max(findings.left_out, key=lambda case: case.chi_square)
     return Criterion(
         name="No check loads: each case is predicted from the others, chi-square per reading",
         found=f"at most {worst.chi_square:.2f} ('{worst.case}')",
@@ -161,8 +168,8 @@ def _predicted(one: CalibrationFindings) -> Criterion:
     )
 
 
-def _left_out(one: CalibrationFindings) -> Criterion:
-    test, used = one.found.model.test, one.found.used
+def _left_out(findings: CalibrationFindings) -> Criterion:
+    test, used = findings.found.model.test, findings.found.used
     fitted = used[test.fitted]
     gauges, cases = int((~fitted.any(axis=0)).sum()), int((~fitted.any(axis=1)).sum())
     return Criterion(
@@ -174,39 +181,43 @@ def _left_out(one: CalibrationFindings) -> Criterion:
     )
 
 
-def _kinds(found: Estimate) -> list[KindSigmas]:
-    used: BoolArray = np.any(found.used, axis=0)
-    return kind_sigmas(found.parameters.counts, found.model.std, found.std, used)
+def _kinds(estimate: Estimate) -> list[KindSigmas]:
+    used: BoolArray = np.any(estimate.used, axis=0)
+    return kind_sigmas(estimate.parameters.counts, estimate.model.std, estimate.std, used)
 
 
-def _established(one: CalibrationFindings) -> tuple[str, ...]:
-    lines = [_ratios("sigma in flight, in units of a vehicle known exactly", one.worth.after / one.worth.exact)]
-    lines.append(_ratios("by the drawing's tolerances it was", one.worth.before / one.worth.exact))
-    known = established(_kinds(one.found))
+def _established(findings: CalibrationFindings) -> tuple[str, ...]:
+    lines = [
+        _ratios(
+            "sigma in flight, in units of a vehicle known exactly", findings.worth.after / findings.worth.exact
+        )
+    ]
+    lines.append(_ratios("by the drawing's tolerances it was", findings.worth.before / findings.worth.exact))
+    known = established(_kinds(findings.found))
     return (*lines, *([known] if known else []))
 
 
-def _open(one: CalibrationFindings) -> tuple[str, ...]:
-    ratio = one.worth.after / one.worth.exact
+def _open(findings: CalibrationFindings) -> tuple[str, ...]:
+    ratio = findings.worth.after / findings.worth.exact
     lines = [
         f"{name}: sigma in flight {value:.2f} times the sigma of a vehicle known exactly"
         for name, value in zip(COEFFICIENT_NAMES, ratio, strict=True)
         if value > IN_FLIGHT
     ]
-    same = undetermined(_kinds(one.found))
+    same = undetermined(_kinds(findings.found))
     if same:
         lines.append(same)
-    common = one.found.model.test.errors.common
+    common = findings.found.model.test.errors.common
     lines.append(f"the gain that all load cells have in common: {100.0 * common:g} %, as stated")
-    if not one.steps:
+    if not findings.steps:
         lines.append("hysteresis and return to zero: the test has no steps of unloading")
-    if not one.checks:
+    if not findings.checks:
         lines.append("loads that the fit has not seen: the test has no check loads")
     return tuple(lines)
 
 
-def _helps(one: CalibrationFindings) -> tuple[str, ...]:
-    fall = 1.0 - one.worth.with_further / one.worth.after
+def _helps(findings: CalibrationFindings) -> tuple[str, ...]:
+    fall = 1.0 - findings.worth.with_further / findings.worth.after
     if fall.max() < HELPS:
         return (f"no further case that was compared lowers a sigma in flight by {100.0 * HELPS:g} %",)
     falls = ", ".join(
@@ -214,7 +225,7 @@ def _helps(one: CalibrationFindings) -> tuple[str, ...]:
         for name, value in zip(COEFFICIENT_NAMES, fall, strict=True)
         if value >= HELPS
     )
-    return (f"the case '{one.worth.further}' lowers sigma in flight by: {falls}",)
+    return (f"the case '{findings.worth.further}' lowers sigma in flight by: {falls}",)
 
 
 def _ratios(what: str, ratio: np.ndarray) -> str:

@@ -89,10 +89,10 @@ def strain_at(manifold: ManifoldMap, state: FloatArray) -> FloatArray:
 def air_data_at(state: FloatArray, navigation: str) -> FloatArray:
     """Return (k, 3) M, p_inf and q_inf at ``state`` (k, 4), NaN of those that ``navigation`` does not give."""
     mach, pressure = state[:, MACH], np.exp(state[:, LOG_PRESSURE])
-    found = np.column_stack([mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
+    air_data = np.column_stack([mach, pressure, 0.5 * HEAT_CAPACITY_RATIO * mach**2 * pressure])
     if navigation == PRESSURE_ALONE:
-        found[:, :2] = np.nan
-    return found
+        air_data[:, :2] = np.nan
+    return air_data
 
 
 def estimated_at(

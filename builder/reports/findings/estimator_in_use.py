@@ -89,19 +89,19 @@ def estimator_in_use(
             pressure_removed=observed.removed,
             where=f"at q_inf = {1e-3 * inverse_map.nominal_dynamic_pressure:.5g} kPa",
         )
-    whole, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
+    dense, few = envelope(inverse_map.manifold), envelope(inverse_map.manifold, *FEW)
     node_removed, pressure_removed = _pressure_removed(inverse_map, few.flown, node_area, observed)
-    coefficients, largest = _of_nonlinear(inverse_map, whole.flown)
+    coefficients, largest = _of_nonlinear(inverse_map, dense.flown)
     numerical = None
     if without_model_form is not None:
-        numerical = _of_nonlinear(replace(inverse_map, manifold=without_model_form), whole.flown)[0].std
+        numerical = _of_nonlinear(replace(inverse_map, manifold=without_model_form), dense.flown)[0].std
     return InUse(
         is_nonlinear=True,
         coefficients=coefficients,
         largest_std=largest,
         node_removed=node_removed,
         pressure_removed=pressure_removed,
-        where=f"rms over the envelope of the map at p_inf = {1e-3 * whole.static_pressure:.4g} kPa, with {ALL} of "
+        where=f"rms over the envelope of the map at p_inf = {1e-3 * dense.static_pressure:.4g} kPa, with {ALL} of "
         "navigation",
         std_without_model_form=numerical,
     )
@@ -112,15 +112,15 @@ def _of_nonlinear(inverse_map: InverseMap, flown: FloatArray) -> tuple[Coefficie
     parts, covariance = source_variances(inverse_map, flown)
     mean = covariance.mean(axis=0)
     std = np.sqrt(np.diag(mean))
-    variance = {name: one.mean(axis=0) for name, one in parts.items()}
-    held = {name: one for name, one in variance.items() if np.any(one > 0.0)}
+    variance = {name: of_source.mean(axis=0) for name, of_source in parts.items()}
+    nonzero = {name: of_source for name, of_source in variance.items() if np.any(of_source > 0.0)}
     sources = CoefficientSources(
         std=std,
         range=inverse_map.coefficient_range,
         correlation=mean / np.outer(std, std),
-        names=tuple(held),
-        variance=np.stack(list(held.values())),
-        hardware=tuple(name for name in HARDWARE if name in held),
+        names=tuple(nonzero),
+        variance=np.stack(list(nonzero.values())),
+        hardware=tuple(name for name in HARDWARE if name in nonzero),
     )
     return sources, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2).max(axis=0))
 
@@ -140,9 +140,9 @@ def source_variances(inverse_map: InverseMap, flown: FloatArray) -> tuple[dict[s
         Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
         for rows, value in zip(strain, air, strict=True)
     ]
-    found = [_sources_of(reference, *one) for one in zip(samples, flown, strict=True)]
-    parts = {name: np.stack([one[name] for one, _ in found]) for name in found[0][0]}
-    return parts, np.stack([covariance for _, covariance in found])
+    states = [_sources_of(reference, *at_state) for at_state in zip(samples, flown, strict=True)]
+    parts = {name: np.stack([parts_there[name] for parts_there, _ in states]) for name in states[0][0]}
+    return parts, np.stack([covariance for _, covariance in states])
 
 
 def _sources_of(
@@ -150,13 +150,13 @@ def _sources_of(
 ) -> tuple[dict[str, FloatArray], FloatArray]:
     """Return (5,) contribution of each source for ``sample`` at ``state``, and the covariance (5, 5)."""
     manifold, n_d = reference.manifold, reference.n_d
-    found = reference.posterior(
+    posterior = reference.posterior(
         state, sample, reference.strain_covariance(state, considered=True), considered=True
     )
     pressure, at_state = np.exp(state[LOG_PRESSURE]), reference.at(state)[0]
-    joint = found.covariance[0]
+    joint = posterior.covariance[0]
     slopes, scale, wider = coefficient_slopes(state, at_state[n_d:], joint, reference.references)
-    gain = slopes @ found.gain[0]
+    gain = slopes @ posterior.gain[0]
     strain, loads = at_state[:n_d], at_state[n_d:][FIVE_LOADS]
     of_strain, of_air, of_prior = np.split(gain[FIVE_LOADS], [n_d, n_d + N_AIR], axis=1)
     c = np.append(1.0, loads / (pressure * manifold.references))
@@ -196,9 +196,9 @@ def _pressure_removed(
     manifold = inverse_map.manifold
     if manifold is None or manifold.surface_field is None:
         return None, None
-    found = estimated_at(Estimator(inverse_map), flown, ALL)
-    scale = inverse_map.nominal_dynamic_pressure / found.air_data.value[:, -1]
-    remaining = np.mean([(scale[k] * found[k].pressure().std) ** 2 for k in range(len(flown))], axis=0)
-    whole = np.broadcast_to(observed.node_std, remaining.shape) ** 2
-    fraction = np.divide(remaining, whole, out=np.full(len(remaining), np.nan), where=whole > 0.0)
-    return 1.0 - fraction, 1.0 - float(node_area @ remaining / (node_area @ whole))
+    estimates = estimated_at(Estimator(inverse_map), flown, ALL)
+    scale = inverse_map.nominal_dynamic_pressure / estimates.air_data.value[:, -1]
+    remaining = np.mean([(scale[k] * estimates[k].pressure().std) ** 2 for k in range(len(flown))], axis=0)
+    prior = np.broadcast_to(observed.node_std, remaining.shape) ** 2
+    fraction = np.divide(remaining, prior, out=np.full(len(remaining), np.nan), where=prior > 0.0)
+    return 1.0 - fraction, 1.0 - float(node_area @ remaining / (node_area @ prior))

@@ -52,11 +52,11 @@ def _absent_structure(noise: Noise, model: str) -> list[str]:
 
 def _absent_noise(noise: Noise, truncates: bool) -> list[str]:
     # Temperature may also be given as modes in the nuisance file.
-    held = {"apparent_strain_um_per_m"} if noise.nuisance_file is not None else set()
+    in_file = {"apparent_strain_um_per_m"} if noise.nuisance_file is not None else set()
     absent = [
         f"{what[0].upper()}{what[1:]}: noise.{entry} is 0."
         for entry, what in OPTIONAL_ERRORS
-        if getattr(noise, entry) == 0.0 and entry not in held
+        if getattr(noise, entry) == 0.0 and entry not in in_file
     ]
     if truncates and not noise.with_truncated_modes:
         absent.append("Truncated pressure modes: the vehicle file leaves them out of the noise.")

@@ -55,23 +55,25 @@ def flight_accuracy(inverse_map: InverseMap) -> FlightAccuracy | None:
         mach_number=over.mach_number,
         total_incidence=over.total_incidence,
         static_pressure=over.static_pressure,
-        coefficient_std=np.sqrt(np.stack([over.over_rolls(one.coefficients_std**2) for one in flown])),
-        air_data_std=np.sqrt(np.stack([over.over_rolls(one.air_data.std**2) for one in flown])),
-        identified=np.stack([over.over_rolls(one.air_data.is_identified) for one in flown]),
+        coefficient_std=np.sqrt(np.stack([over.over_rolls(estimates.coefficients_std**2) for estimates in flown])),
+        air_data_std=np.sqrt(np.stack([over.over_rolls(estimates.air_data.std**2) for estimates in flown])),
+        identified=np.stack([over.over_rolls(estimates.air_data.is_identified) for estimates in flown]),
     )
 
 
-def flight_accuracy_table(of: FlightAccuracy) -> Table:
+def flight_accuracy_table(accuracy: FlightAccuracy) -> Table:
     """One row per navigation, total incidence and Mach number."""
     shown = [AIR_DATA_NAMES.index(name) for name in ("total_incidence", MACH_NUMBER, STATIC_PRESSURE)]
     rows: list[tuple[object, ...]] = []
     for n, known in enumerate(NAVIGATION):
-        for i, incidence in enumerate(np.degrees(of.total_incidence).tolist()):
-            for m, mach in enumerate(of.mach_number.tolist()):
-                incidence_std, mach_std, pressure_std = of.air_data_std[n, i, m, shown].tolist()
-                identified = (100.0 * of.identified[n, i, m, shown]).tolist()
+        for i, incidence in enumerate(np.degrees(accuracy.total_incidence).tolist()):
+            for m, mach in enumerate(accuracy.mach_number.tolist()):
+                incidence_std, mach_std, pressure_std = accuracy.air_data_std[n, i, m, shown].tolist()
+                identified = (100.0 * accuracy.identified[n, i, m, shown]).tolist()
                 air = (degrees(incidence_std), mach_std, 1e-3 * pressure_std)
-                rows.append((known, incidence, mach, *of.coefficient_std[n, i, m].tolist(), *air, *identified))
+                rows.append(
+                    (known, incidence, mach, *accuracy.coefficient_std[n, i, m].tolist(), *air, *identified)
+                )
     columns = (
         Column("navigation"),
         Column("total incidence", "deg", ".3g"),
@@ -82,5 +84,5 @@ def flight_accuracy_table(of: FlightAccuracy) -> Table:
         Column("sigma of p_inf", "kPa", ".2g"),
         *(Column(f"{name} identified", "% of roll angles", ".0f") for name in ("incidence", "M", "p_inf")),
     )
-    caption = f"The nonlinear estimator over the envelope, at p_inf = {1e-3 * of.static_pressure:.4g} kPa."
+    caption = f"The nonlinear estimator over the envelope, at p_inf = {1e-3 * accuracy.static_pressure:.4g} kPa."
     return make_table("flight_accuracy", caption, columns, rows)

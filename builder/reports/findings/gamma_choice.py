@@ -69,7 +69,11 @@ class GammaChoice:
     @property
     def found(self) -> list[tuple[str, float]]:
         """Name and gamma of the rules that find one, the gamma in use first."""
-        return [(one.rule.replace("_", " "), float(one.gamma)) for one in self.rules if one.gamma is not None]
+        return [
+            (choice.rule.replace("_", " "), float(choice.gamma))
+            for choice in self.rules
+            if choice.gamma is not None
+        ]
 
 
 def gamma_choice(
@@ -90,20 +94,22 @@ def gamma_choice(
 
     def at(rule: str, gamma: float) -> GammaOfRule:
         """Return what the map would be with ``gamma``."""
-        other = gaussian_map(
+        solved_map = gaussian_map(
             state_operator=solved.state_operator,
             mean_strain=solved.mean_strain,
             noise_covariance=solved.noise_covariance,
             regularisation=gamma,
             spectrum=solved.spectrum,
         )
-        covariance = load_covariance_by_terms(other, loads, solution.noise, inverse_map.strain_load_covariance)
+        covariance = load_covariance_by_terms(
+            solved_map, loads, solution.noise, inverse_map.strain_load_covariance
+        )
         return GammaOfRule(
             rule=rule,
             gamma=gamma,
             why_not="",
-            degrees_of_freedom=float(np.sum(other.filter_factors)),
-            n_recoverable=other.n_recoverable,
+            degrees_of_freedom=float(np.sum(solved_map.filter_factors)),
+            n_recoverable=solved_map.n_recoverable,
             coefficient_std=scales * np.sqrt(np.diag(covariance)[FIVE_LOADS]),
         )
 

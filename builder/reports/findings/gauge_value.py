@@ -89,8 +89,8 @@ class _Gains(NamedTuple):
 
 def _gains(inverse_map: InverseMap) -> _Gains:
     for_gain, truth = models(inverse_map)
-    found = nominal(for_gain)
-    gain, precision = found.gain[0, FIVE_LOADS], found.precision[0]
+    posterior = nominal(for_gain)
+    gain, precision = posterior.gain[0, FIVE_LOADS], posterior.precision[0]
     root = np.linalg.cholesky(truth.noise)
     error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[FIVE_LOADS]])
     change = precision @ np.hstack([root, truth.columns])
@@ -172,8 +172,8 @@ def isolable_bias(
     |rho| = 1 or nothing checks the gauge. ``precision`` (n,) holds P_ii.
     """
     n = len(precision)
-    others = correlation[~np.eye(n, dtype=bool)].reshape(n, n - 1)
-    apart = np.sqrt(np.maximum(1.0 - np.concatenate([others, -others], axis=1), 0.0) / 2.0)
+    off_diagonal = correlation[~np.eye(n, dtype=bool)].reshape(n, n - 1)
+    apart = np.sqrt(np.maximum(1.0 - np.concatenate([off_diagonal, -off_diagonal], axis=1), 0.0) / 2.0)
 
     def delta(row: FloatArray) -> float:
         def excess(delta: float) -> float:
@@ -210,13 +210,15 @@ class _About(NamedTuple):
 
 def _about(reference: NonlinearReference, sample: Sample, state: FloatArray) -> _About:
     n_d, covariance = reference.n_d, reference.strain_covariance(state, considered=True)
-    found = reference.posterior(state, sample, covariance, considered=True)
-    slopes = coefficient_slopes(state, reference.at(state)[0][n_d:], found.covariance[0], reference.references)[0]
+    posterior = reference.posterior(state, sample, covariance, considered=True)
+    slopes = coefficient_slopes(
+        state, reference.at(state)[0][n_d:], posterior.covariance[0], reference.references
+    )[0]
     slopes = slopes[FIVE_LOADS]
     return _About(
-        gain=slopes @ found.gain[0, :, :n_d],
-        precision=found.precision[0, :n_d, :n_d],
-        variance=np.einsum("if,fg,ig->i", slopes, found.covariance[0], slopes),
+        gain=slopes @ posterior.gain[0, :, :n_d],
+        precision=posterior.precision[0, :n_d, :n_d],
+        variance=np.einsum("if,fg,ig->i", slopes, posterior.covariance[0], slopes),
         information=np.sum(inverse_root(covariance) ** 2, axis=0),
     )
 
@@ -235,16 +237,16 @@ def _of_nonlinear(inverse_map: InverseMap, manifold: ManifoldMap) -> GaugeValue:
         Sample(rows=rows, used=used, air=air_inputs(inverse_map, value, unknown))
         for rows, value in zip(strain_at(manifold, flown), air_data_at(flown, ALL), strict=True)
     ]
-    states = [_about(reference, *one) for one in zip(samples, flown, strict=True)]
+    states = [_about(reference, *at_state) for at_state in zip(samples, flown, strict=True)]
 
     def variance(lost: IntArray) -> FloatArray:
-        return np.asarray(np.mean([_variance_without(one, lost) for one in states], axis=0))
+        return np.asarray(np.mean([_variance_without(state, lost) for state in states], axis=0))
 
     with_all = variance(np.zeros((1, 0), dtype=np.int64))
-    information = np.mean([one.information for one in states], axis=0)
-    precision = np.mean([one.precision for one in states], axis=0)
+    information = np.mean([state.information for state in states], axis=0)
+    precision = np.mean([state.precision for state in states], axis=0)
     detection, pairs = _detection(precision, information), _pairs(n)
-    moved = np.sqrt(np.mean([one.gain**2 for one in states], axis=0)).T * detection["detectable_bias"][:, None]
+    moved = np.sqrt(np.mean([state.gain**2 for state in states], axis=0)).T * detection["detectable_bias"][:, None]
     return GaugeValue(
         leverage=np.clip(1.0 - np.diag(precision) / information, 0.0, 1.0),
         growth=np.sqrt(variance(np.arange(n)[:, None]) / with_all),

@@ -88,7 +88,7 @@ def prior_observability(
     is_state[mode_choice(problem, modes)[0] if entry.case == 1 else slice(entry.prior_modes)] = True
     area = problem.node_area / problem.node_area.sum()
     per_mode = std**2 * (area @ modes.modes**2)
-    whole = float(per_mode.sum())
+    total = float(per_mode.sum())
     of_error, of_best = (_variance(modes.modes, area, factor) for factor in (error, best))
     mirrors = mirror_operators(surface)
     node_std, node_removed = _at_nodes(modes.modes, std, error)
@@ -97,15 +97,15 @@ def prior_observability(
         if mirrors is None:
             break
         part = symmetric_part(modes.modes, mirrors, symmetry.even_in_y, symmetry.even_in_z)
-        held = std**2 * (area @ part**2)
+        variance = std**2 * (area @ part**2)
         rms = np.sqrt(np.sum((problem.strain_operator @ part * std) ** 2) / len(strain))
-        left = np.array([_variance(part, area, factor) for factor in (error, best)])
-        fraction = held.sum() / whole
-        removed = _removed(left, held.sum()) if fraction > MIN_FRACTION else np.full(2, np.nan)
-        classes[:, i] = fraction, held[is_state].sum() / per_mode[is_state].sum(), rms, *removed
+        remaining = np.array([_variance(part, area, factor) for factor in (error, best)])
+        fraction = variance.sum() / total
+        removed = _removed(remaining, variance.sum()) if fraction > MIN_FRACTION else np.full(2, np.nan)
+        classes[:, i] = fraction, variance[is_state].sum() / per_mode[is_state].sum(), rms, *removed
     return PriorObservability(
         mode_std=np.sqrt(per_mode),
-        mode_fraction=per_mode / whole,
+        mode_fraction=per_mode / total,
         mode_classes=class_fractions(modes.modes, area, mirrors),
         mode_strain=std * np.sqrt(np.mean(strain**2, axis=0)),
         mode_removed=_removed(np.sum(error**2, axis=1), std**2),
@@ -115,8 +115,8 @@ def prior_observability(
         class_strain=classes[2],
         class_removed=classes[3],
         class_removed_at_best=classes[4],
-        removed=float(_removed(of_error, whole)),
-        removed_at_best=float(_removed(of_best, whole)),
+        removed=float(_removed(of_error, total)),
+        removed_at_best=float(_removed(of_best, total)),
         node_mean=modes.mean,
         node_std=node_std,
         node_removed=node_removed,
@@ -126,9 +126,9 @@ def prior_observability(
 
 def _error_factor(problem: Problem, solution: Solution, modes: PressureModes, strain: FloatArray) -> FloatArray:
     """Return C (k, k + noise columns) [Pa]: C C' is the covariance of the map's error in modal coefficients."""
-    held = modes.coefficients(solution.field_modes.T + modes.mean).T
-    gain = held @ solution.solved.strain_gain
-    of_modes = (np.eye(len(held)) - gain @ strain) * modes.coefficient_std
+    fields_in_modes = modes.coefficients(solution.field_modes.T + modes.mean).T
+    gain = fields_in_modes @ solution.solved.strain_gain
+    of_modes = (np.eye(len(fields_in_modes)) - gain @ strain) * modes.coefficient_std
     return np.hstack([of_modes, *(gain @ term.strain for term in problem.noise)])
 
 
@@ -139,9 +139,9 @@ def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArra
     return std[:, None] * solved.error_factor()
 
 
-def _removed(left: FloatArray | float, of: FloatArray | float) -> FloatArray:
+def _removed(remaining: FloatArray | float, prior: FloatArray | float) -> FloatArray:
     """Return 1 - left / of, 0 where that is round-off."""
-    fraction = np.asarray(1.0 - left / of)
+    fraction = np.asarray(1.0 - remaining / prior)
     return np.where(np.abs(fraction) < ROUND_OFF, 0.0, fraction)
 
 

@@ -31,7 +31,7 @@ def grid_mirrors(grid: SurfaceGrid) -> Mirrors:
     Pressure is trigonometric in roll angle. Where no node lies opposite another, it is mirrored wave by wave.
     """
     rings = sparse.identity(len(grid.x))
-    of_y, of_z = (sparse.csr_array(sparse.kron(rings, one)) for one in _ring_mirrors(grid.n_roll))
+    of_y, of_z = (sparse.csr_array(sparse.kron(rings, of_ring)) for of_ring in _ring_mirrors(grid.n_roll))
     return of_y, of_z
 
 
@@ -61,9 +61,9 @@ def class_fractions(fields: FloatArray, area: FloatArray, mirrors: Mirrors | Non
     """
     if mirrors is None:
         return np.full((fields.shape[1], len(SYMMETRIES)), np.nan)
-    parts = (symmetric_part(fields, mirrors, one.even_in_y, one.even_in_z) for one in SYMMETRIES)
-    held = np.stack([area @ part**2 for part in parts], axis=1)
-    return held / held.sum(axis=1, keepdims=True)
+    parts = (symmetric_part(fields, mirrors, symmetry.even_in_y, symmetry.even_in_z) for symmetry in SYMMETRIES)
+    variance = np.stack([area @ part**2 for part in parts], axis=1)
+    return variance / variance.sum(axis=1, keepdims=True)
 
 
 def symmetric_part(field: FloatArray, mirrors: Mirrors, even_in_y: bool, even_in_z: bool) -> FloatArray:
