@@ -263,13 +263,13 @@ def snapshots_of_flows(
     )
 
 
-def _flows_of_file(path: Path, of: str) -> dict[FlowKey, Flow]:
+def _flows_of_file(path: Path, engine_hash: str) -> dict[FlowKey, Flow]:
     """Return the flows in a finished file that are still valid; none in one that cannot be read."""
     try:
-        kept = load_flows(path)
+        file_flows = load_flows(path)
     except InputError:
         return {}
-    return {flow.key: flow for flow in kept.flows} if kept.fingerprint == of else {}
+    return {flow.key: flow for flow in file_flows.flows} if file_flows.fingerprint == engine_hash else {}
 
 
 def _holds(path: Path, snapshots: Snapshots, kept: KeptFlows) -> bool:

@@ -62,7 +62,7 @@ def failure_lines(failed: Sequence[FailedCondition]) -> list[str]:
     for failure in failed:
         by_cause.setdefault(failure.cause, []).append(failure)
     lines = [
-        f"not solved: {'; '.join(name_of(one.condition) for one in same)}: {cause}"
+        f"not solved: {'; '.join(name_of(flow.condition) for flow in same)}: {cause}"
         for cause, same in list(by_cause.items())[:LISTED]
     ]
     if len(by_cause) > LISTED:

@@ -46,12 +46,12 @@ class FailedFlow:
 
 def solve_one(engine: Engine, key: FlowKey) -> SolvedFlow | FailedFlow:
     """Solve the flow ``key``, or say why it is outside the engine's reach."""
-    start, of = perf_counter(), fingerprint(engine.inputs())
+    start, digest = perf_counter(), fingerprint(engine.inputs())
     try:
         flow = engine.solve(key)
     except FlowReachError as error:
-        return FailedFlow(key, str(error), of)
-    return SolvedFlow(flow, of, perf_counter() - start)
+        return FailedFlow(key, str(error), digest)
+    return SolvedFlow(flow, digest, perf_counter() - start)
 
 
 def dask_setup(worker: Any) -> None:

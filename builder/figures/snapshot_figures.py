@@ -157,10 +157,10 @@ def force_curves(snapshots: Snapshots) -> Figure:
         axes[1, 1].plot(*running_load(snapshots, int(index[-1])), label=f"M {mach:g}, {angle[-1]:.3g} deg")
     rounded = np.round(snapshots.total_incidence, 6)
     for incidence in _spread(np.unique(rounded), MAX_LINES):
-        here = np.flatnonzero(rounded == incidence)
-        mach, first = np.unique(snapshots.condition[here, 0], return_index=True)
+        same_incidence = np.flatnonzero(rounded == incidence)
+        mach, first = np.unique(snapshots.condition[same_incidence, 0], return_index=True)
         axes[0, 1].plot(
-            mach, axial[here[first]], "o-", markersize=3, label=f"$a_T$ {np.degrees(incidence):.3g} deg"
+            mach, axial[same_incidence[first]], "o-", markersize=3, label=f"$a_T$ {np.degrees(incidence):.3g} deg"
         )
     labels = (
         ("total incidence $a_T$ [deg]", "normal force $C_N$ [1]"),

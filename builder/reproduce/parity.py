@@ -127,14 +127,14 @@ _OF_CASE_1 = {
 
 
 def _of_spectrum(studies: Studies, setup: str, key: str) -> Found:
-    of = studies.gamma[setup]
+    gamma = studies.gamma[setup]
     if key == "eigenvalues":
-        return _one(len(of.eigenvalues))
+        return _one(len(gamma.eigenvalues))
     if key == "decay":
-        return _one(of.eigenvalues[0] / of.eigenvalues[7])
+        return _one(gamma.eigenvalues[0] / gamma.eigenvalues[7])
     if key == "gamma":
-        return _one(of.by_rule["morozov"])
-    return _one(int(np.sum(of.eigenvalues >= (PUBLISHED["gamma"].low or 0.0))))
+        return _one(gamma.by_rule["morozov"])
+    return _one(int(np.sum(gamma.eigenvalues >= (PUBLISHED["gamma"].low or 0.0))))
 
 
 def _of_loads(studies: Studies, setup: str, key: str) -> Found:

@@ -136,10 +136,10 @@ def reproduce_paper(
     assert grid is not None  # the Euler engine's nodes are stations times roll angles
     studies = _studies(stages, snapshots, fine, models, spans, grid)
     with reporter.stage("Figures and report"):
-        of = {"from": stages.made_from("snapshots.h5", "case_1.h5", "case_2.h5", "measurements.json")}
+        inputs = {"from": stages.made_from("snapshots.h5", "case_1.h5", "case_2.h5", "measurements.json")}
         station = stages.vehicle.reference.moment_station_m
         write_report(
-            studies, grid, stages.sizes, station, folder, lambda name, make: stages.ensure(name, of, make)
+            studies, grid, stages.sizes, station, folder, lambda name, make: stages.ensure(name, inputs, make)
         )
     return Reproduction(
         folder=folder, parity=parity_rows(studies), verdicts=verdicts(studies), reused=tuple(stages.reused)

@@ -46,7 +46,7 @@ def influence_coefficients(estimate: Estimate) -> list[tuple[str, FloatArray, Fl
     by_drawing = model.load_strains(model.structure.exactly_built())
     rows = []
     for k, case in enumerate(test.cases):
-        numbers = [n for n, (of, _) in enumerate(model.loads) if of == k]
+        numbers = [n for n, (of_case, _) in enumerate(model.loads) if of_case == k]
         forces = [n for n in numbers if cell_force(model.loads[n][1].load) > 0.0]
         of_mass = [n for n in numbers if n not in forces]
         if len(forces) != 1 or not all(isinstance(model.loads[n][1].load, OF_MASS) for n in of_mass):

@@ -92,12 +92,12 @@ def scene_of(
     InputError
         ``excluded`` names no gauge of the map.
     """
-    one, shown = inverse_map, inverse_map.sensors.is_strain
-    names = tuple(name for name, is_shown in zip(one.gauge_names, shown, strict=True) if is_shown)
+    shown = inverse_map.sensors.is_strain
+    names = tuple(name for name, is_shown in zip(inverse_map.gauge_names, shown, strict=True) if is_shown)
     for name in excluded:
         if name not in names:
             raise InputError(f"excluded: expected gauges of the map, {names[0]} and so on, got '{name}'")
-    position, direction = one.gauge_position[shown], one.gauge_direction[shown]
+    position, direction = inverse_map.gauge_position[shown], inverse_map.gauge_direction[shown]
     states = np.full(len(names), EXCLUDED, dtype=object)
     for kind, chosen in gauge_kinds(position, direction).items():
         states[chosen] = kind
