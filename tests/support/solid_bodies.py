@@ -8,16 +8,23 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import splu
 
-from builder.structure.fourier.meridian_mesh import End, tube_mesh
+from builder.structure.fourier.meridian_mesh import End, MeridianMesh, tube_mesh
 from builder.structure.solid.cyclic import pressure_operator, sector_stiffness
 from builder.structure.solid.elements import CORNERS, Quadrature, boundary_facets, element_edges, reference_nodes
-from builder.structure.solid.nodal_loads import surface_nodes
-from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
-from builder.structure.solid.swept_mesh import GUIDED, REGION, SweptSector, full_mesh, swept_meridian
+from builder.structure.solid.nodal_loads import normals_at_nodes, surface_nodes
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.supports import (
+    Foundation,
+    Restraint,
+    foundation_stiffness,
+    free_motions,
+)
+from builder.structure.solid.swept_mesh import EDGE_NODES, REGION, SweptSector, full_mesh, sweep
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 
 ELEMENT_TYPES = ("hexahedron20", "tetrahedron10", "hexahedron8", "tetrahedron4")
+GUIDED = "guided"
 METAL = Material(110e9, 0.31)
 SIDES = ("x0", "x1", "y0", "y1", "z0", "z1")
 
@@ -72,6 +79,23 @@ def _kuhn() -> list[FloatArray]:
     return tets
 
 
+def swept_meridian(meridian: MeridianMesh, n_sectors: int) -> SweptSector:
+    """Sweep a hollow meridian mesh; its surfaces are external, internal, support (clamped) and guided.
+
+    Raises
+    ------
+    InputError
+        The mesh reaches the axis, or there are too few sectors.
+    """
+    edges = meridian.element[:, EDGE_NODES].reshape(-1, 3)
+    held = {
+        name: edges[np.isin(edges, nodes).all(axis=1)]
+        for name, nodes in ((SUPPORT, meridian.clamped_node), (GUIDED, meridian.guided_node))
+    }
+    named = {EXTERNAL: meridian.outer_edge, INTERNAL: meridian.inner_edge, **held}
+    return sweep(meridian.node, meridian.element, named, n_sectors)
+
+
 def tube(
     length: float,
     inner_radius: float,
@@ -86,6 +110,19 @@ def tube(
     ends = np.array([0.0, length])
     radii = np.full(2, inner_radius), np.full(2, outer_radius)
     return swept_meridian(tube_mesh(ends, *radii, element_length, n_layers, front, aft), n_sectors)
+
+
+def with_planes_of_symmetry(mesh: SolidMesh, *surfaces: str, springs: Foundation | None = None) -> Restraint:
+    """Hold nodes of plane surfaces along their normals; ``springs`` hold besides."""
+    node, direction = [], []
+    for name in surfaces:
+        facet = mesh.named_surface(name)
+        node.append(np.unique(facet))
+        normal = normals_at_nodes(mesh.element_type, mesh.node[facet])[0, 0]
+        direction.append(np.tile(normal, (len(node[-1]), 1)))
+    free = free_motions(mesh.n_nodes, np.concatenate(node), np.concatenate(direction))
+    none = csr_array((mesh.n_dof, mesh.n_dof))
+    return Restraint(free, none if springs is None else foundation_stiffness(mesh, springs))
 
 
 def harmonic_field(

@@ -197,10 +197,10 @@ def cyclic_problem(
         A support's surface does not exist, supports leave a rigid motion free, or the stiffness has no material.
     """
     both = sector_window(sector)
-    stiffness = csr_array(assemble_stiffness(both, materials) + restrain(both, supports).added)
-    # Nodes between two sectors take the normals of both, so the sector before is there too.
-    every = csc_array(restrain(sector_window(sector, before=1), supports).free[sector.n_dof : 2 * sector.n_dof])
-    free = csr_array(every[:, np.diff(every.indptr) > 0])
+    restraint = restrain(both, supports)
+    stiffness = csr_array(assemble_stiffness(both, materials) + restraint.added)
+    of_sector = csc_array(restraint.free[: sector.n_dof])
+    free = csr_array(of_sector[:, np.diff(of_sector.indptr) > 0])
     return CyclicProblem(sector, _symmetric(sector, stiffness).between(csr_array(free.T), free), free)
 
 

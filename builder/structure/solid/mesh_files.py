@@ -8,18 +8,16 @@ Solid meshes with fields at their nodes as .vtu, for ParaView.
 
 from __future__ import annotations
 
-import base64
 import contextlib
 import io
-import zlib
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
 from builder.structure.solid.elements import boundary_facets
 from builder.structure.solid.mesh_checks import check_mesh, match_facets
@@ -35,6 +33,7 @@ ELEMENT_TYPE = {
     "hexahedron": "hexahedron8",
 }
 FACET_CORNERS = {"triangle": 3, "triangle6": 3, "triangle7": 3, "quad": 4, "quad8": 4, "quad9": 4}
+FACET_CELL = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8"}
 NO_VOLUME = (*FACET_CORNERS, "vertex", "line", "line3")
 GROUP_NUMBERS = ("gmsh:physical", "nastran:ref", "medit:ref", "cell_tags")
 DEFAULT_REGION = "wall"
@@ -114,12 +113,17 @@ def read_mesh(
     return mesh
 
 
-def _read(path: Path) -> Any:
-    """Let meshio read the file; it prints and ends the process where it should raise, so both are caught."""
+def _meshio() -> Any:
     try:
         import meshio
     except ImportError as error:
         raise StrainfmuError('foreign meshes need the package meshio: pip install "strainfmu[mesh]"') from error
+    return meshio
+
+
+def _read(path: Path) -> Any:
+    """Let meshio read the file; it prints and ends the process where it should raise, so both are caught."""
+    meshio = _meshio()
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     printed = io.StringIO()
@@ -238,13 +242,6 @@ def _corners(kind: str, facet: IntArray, boundary: IntArray) -> IntArray:
     return wide
 
 
-# Cell types of vtkCellType.h: of the elements and of their facets.
-ELEMENT_CELL = {"hexahedron20": 25, "tetrahedron10": 24, "hexahedron8": 12, "tetrahedron4": 10}
-FACET_CELL = {"hexahedron20": 23, "tetrahedron10": 22, "hexahedron8": 9, "tetrahedron4": 5}
-TYPE_NAME = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
-BLOCK = 1 << 20  # bytes compressed at once
-
-
 def write_mesh(
     path: Path, mesh: SolidMesh, fields: Mapping[str, FloatArray] | None = None, with_surfaces: bool = False
 ) -> None:
@@ -270,36 +267,23 @@ def write_mesh(
     """
     if path.suffix.lower() != ".vtu":
         raise InputError(f"{path}: ending '{path.suffix}' found, must be .vtu")
-    arrays = {name: _checked(name, values, mesh) for name, values in (fields or {}).items()}
-    facets = list(mesh.surface.items()) if with_surfaces else []
-    n_facets = [len(facet) for _, facet in facets]
-    counts = [len(mesh.element), sum(n_facets)]
-    width = np.repeat([mesh.element.shape[1], facets[0][1].shape[1] if facets else 0], counts)
-    cell_arrays = {"region": np.concatenate([mesh.region, np.full(counts[1], -1)]).astype(np.int64)}
-    for i, (name, _) in enumerate(facets):
-        of_surface = np.repeat(np.arange(len(facets)), n_facets) == i
-        cell_arrays[name] = np.concatenate([np.zeros(counts[0], dtype=bool), of_surface]).astype(np.uint8)
+    arrays = {escape(name): _checked(name, values, mesh) for name, values in (fields or {}).items()}
+    names, facets = (tuple(mesh.surface), tuple(mesh.surface.values())) if with_surfaces else ((), ())
+    kind = {name: cell for cell, name in ELEMENT_TYPE.items()}[mesh.element_type]
+    cells = [(kind, mesh.element), *((FACET_CELL[facet.shape[1]], facet) for facet in facets)]
+    regions = [mesh.region.astype(np.int64), *(np.full(len(facet), -1) for facet in facets)]
+    marks = {"region": regions}
+    for number, name in enumerate(names, start=1):
+        marks[escape(name)] = [
+            np.full(len(cell), at == number, dtype=np.uint8) for at, (_, cell) in enumerate(cells)
+        ]
     if with_surfaces and len(mesh.region_names) > 1:
-        for i, name in enumerate(mesh.region_names):
-            cell_arrays[name] = (cell_arrays["region"] == i).astype(np.uint8)
-    cell_type = np.repeat([ELEMENT_CELL[mesh.element_type], FACET_CELL[mesh.element_type]], counts)
-    connectivity = np.concatenate([mesh.element.ravel(), *(facet.ravel() for _, facet in facets)])
-    parts = [
-        '<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" '
-        'header_type="UInt64" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
-        f'<Piece NumberOfPoints="{mesh.n_nodes}" NumberOfCells="{sum(counts)}">\n<PointData>\n',
-        *(_data_array(name, values) for name, values in arrays.items()),
-        "</PointData>\n<CellData>\n",
-        *(_data_array(name, values) for name, values in cell_arrays.items()),
-        "</CellData>\n<Points>\n",
-        _data_array("Points", mesh.node),
-        "</Points>\n<Cells>\n",
-        _data_array("connectivity", connectivity),
-        _data_array("offsets", np.cumsum(width, dtype=np.int64)),
-        _data_array("types", cell_type.astype(np.uint8)),
-        "</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n",
-    ]
-    write_bytes_atomically(path, "".join(parts).encode())
+        for number, name in enumerate(mesh.region_names):
+            marks[escape(name)] = [(region == number).astype(np.uint8) for region in regions]
+    with tempfile.TemporaryDirectory() as folder:  # meshio writes to a path alone
+        file = Path(folder) / "mesh.vtu"
+        _meshio().vtu.write(file, _meshio().Mesh(mesh.node, cells, arrays, marks))
+        write_bytes_atomically(path, file.read_bytes())
 
 
 def _checked(name: str, values: FloatArray, mesh: SolidMesh) -> FloatArray:
@@ -311,18 +295,3 @@ def _checked(name: str, values: FloatArray, mesh: SolidMesh) -> FloatArray:
     if not np.isfinite(field).all():
         raise InputError(f"field '{name}': a value is not finite")
     return field
-
-
-def _data_array(name: str, values: NDArray[np.generic]) -> str:
-    """Return a DataArray element: compressed blocks, base64 (The VTK User's Guide, XML file formats)."""
-    code = values.dtype.str[1:]
-    raw = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes()
-    blocks = [zlib.compress(raw[start : start + BLOCK]) for start in range(0, len(raw), BLOCK)]
-    rest = len(raw) % BLOCK
-    header = np.array([len(blocks), BLOCK, rest, *map(len, blocks)], dtype="<u8").tobytes()
-    text = (base64.b64encode(header) + base64.b64encode(b"".join(blocks))).decode()
-    components = f'NumberOfComponents="{values.shape[1]}" ' if values.ndim == 2 else ""
-    return (
-        f'<DataArray type="{TYPE_NAME[code]}" Name={quoteattr(name)} {components}'
-        f'format="binary">{text}</DataArray>\n'
-    )

@@ -1,4 +1,4 @@
-"""Supports of the body: surfaces that do not move, slide or rest on springs; or none, in free flight.
+"""Supports of the body: surfaces that do not move or rest on springs; or none, in free flight.
 
 Constraints are kept exactly: the displacement is u = free q with q the free motions, so a solver gets
 free^T A free alone. At each held node the free motions are unit vectors, turned where the held directions are.
@@ -13,13 +13,13 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from builder.structure.solid.elements import reference_facet
-from builder.structure.solid.nodal_loads import normals_at_nodes, surface_nodes, vector_area
+from builder.structure.solid.nodal_loads import surface_nodes, vector_area
 from builder.structure.solid.solid_mesh import SolidMesh
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-DISTINCT_NORMALS = 0.05
-"""Fraction of a node's facet normals from which on a direction is held: the value of two planes 26 deg apart."""
+DISTINCT_DIRECTIONS = 0.05
+"""Part of a node's held directions from which on a further one is held: that of two lines 26 deg apart."""
 
 SMALLEST_HOLD = 1e-12
 """Smallest eigenvalue of the supports' hold on rigid motions, over the largest."""
@@ -31,13 +31,6 @@ MOTIONS = (*(f"translation along {axis}" for axis in _AXES), *(f"rotation about 
 @dataclass(frozen=True)
 class Clamped:
     """No node of the surface moves."""
-
-    surface: str
-
-
-@dataclass(frozen=True)
-class Symmetric:
-    """No node of the surface moves along the surface's normal: a plane of symmetry, a guide."""
 
     surface: str
 
@@ -70,7 +63,7 @@ class Foundation:
             )
 
 
-Support = Clamped | Symmetric | Foundation
+Support = Clamped | Foundation
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,38 +107,16 @@ def restrain(mesh: SolidMesh, supports: Sequence[Support]) -> Restraint:
     added = csr_array((mesh.n_dof, mesh.n_dof))
     for support in supports:
         if isinstance(support, Foundation):
-            added = csr_array(added + _foundation_stiffness(mesh, support))
+            added = csr_array(added + foundation_stiffness(mesh, support))
     _refuse_rigid_motion(mesh, node, direction, added)
     return Restraint(free_motions(mesh.n_nodes, node, direction), added)
 
 
 def _held_directions(mesh: SolidMesh, supports: Sequence[Support]) -> tuple[IntArray, FloatArray]:
     """Return nodes (k,) and the unit vectors (k, 3) along which each is held."""
-    nodes: list[IntArray] = [np.zeros(0, dtype=np.int64)]
-    directions: list[FloatArray] = [np.zeros((0, 3))]
-    for support in supports:
-        if isinstance(support, Clamped):
-            held = surface_nodes(mesh, support.surface)
-            nodes.append(np.repeat(held, 3))
-            directions.append(np.tile(np.eye(3), (len(held), 1)))
-        elif isinstance(support, Symmetric):
-            node, direction = _normals_at_nodes(mesh, support.surface)
-            nodes.append(node)
-            directions.append(direction)
-    return np.concatenate(nodes), np.concatenate(directions)
-
-
-def _normals_at_nodes(mesh: SolidMesh, surface: str) -> tuple[IntArray, FloatArray]:
-    """Return nodes (k,) and normals (k, 3) of a surface; a node on its edges comes once per distinct normal."""
-    facet = mesh.named_surface(surface)
-    normal = normals_at_nodes(mesh.element_type, mesh.node[facet])
-    node, index = np.unique(facet, return_inverse=True)
-    spread = np.zeros((len(node), 3, 3))
-    np.add.at(spread, index.reshape(facet.shape), normal[..., :, None] * normal[..., None, :])
-    spread /= np.trace(spread, axis1=1, axis2=2)[:, None, None]
-    fraction, vector = np.linalg.eigh(spread)
-    which, column = np.nonzero(fraction > DISTINCT_NORMALS)
-    return node[which], vector[which, :, column]
+    clamped = [surface_nodes(mesh, one.surface) for one in supports if isinstance(one, Clamped)]
+    node = np.concatenate([np.zeros(0, dtype=np.int64), *clamped])
+    return np.repeat(node, 3), np.tile(np.eye(3), (len(node), 1))
 
 
 def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_array:
@@ -165,7 +136,7 @@ def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_arr
     gram = np.zeros((len(held), 3, 3))
     np.add.at(gram, index, direction[:, :, None] * direction[:, None, :])
     strength, vector = np.linalg.eigh(gram)
-    which, column = np.nonzero(strength < DISTINCT_NORMALS)
+    which, column = np.nonzero(strength < DISTINCT_DIRECTIONS)
     largest = np.take_along_axis(vector, np.abs(vector).argmax(axis=1, keepdims=True), axis=1)
     vector *= np.sign(largest)  # one of two signs, so that unit vectors are positive
     loose = np.setdiff1d(np.arange(n_nodes), held)
@@ -184,7 +155,7 @@ def free_motions(n_nodes: int, node: IntArray, direction: FloatArray) -> csr_arr
     return free
 
 
-def _foundation_stiffness(mesh: SolidMesh, support: Foundation) -> csr_array:
+def foundation_stiffness(mesh: SolidMesh, support: Foundation) -> csr_array:
     """Return (n_dof, n_dof) integral of N_a (k_n n n^T + k_t (I - n n^T)) N_b dS [N/m]."""
     facet = mesh.named_surface(support.surface)
     shape = reference_facet(mesh.element_type).shape

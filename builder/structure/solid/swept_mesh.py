@@ -20,7 +20,6 @@ from itertools import pairwise
 import numpy as np
 
 from builder.structure.fourier.meridian_mesh import (
-    MeridianMesh,
     grid_elements,
     line_edges,
     line_nodes,
@@ -38,10 +37,10 @@ from strainfmu.errors import InputError
 HEXAHEDRON = "hexahedron20"
 MIN_SECTORS = 6
 REGION = "wall"
-GUIDED, BORE = "guided", "tip_bore"
+BORE = "tip_bore"
 
 # Local nodes 3 * along + through of a meridian element on its four edges, and the face of the hexahedron there.
-_EDGE_NODES = ((0, 1, 2), (6, 7, 8), (0, 3, 6), (2, 5, 8))
+EDGE_NODES = ((0, 1, 2), (6, 7, 8), (0, 3, 6), (2, 5, 8))
 _FACE_OF_EDGE = (0, 1, 4, 5)
 
 BORE_FRACTION = 0.1  # radius of the bore through the solid tip over the inner radius of the wall behind it
@@ -172,29 +171,12 @@ def sweep(
 
 def _facets(element: IntArray, meridian_element: IntArray, edge: IntArray) -> IntArray:
     """Return the facets (f, 8) of hexahedra over edges (f, 3) of their meridian elements."""
-    middle = meridian_element[:, [nodes[1] for nodes in _EDGE_NODES]].ravel()
+    middle = meridian_element[:, [nodes[1] for nodes in EDGE_NODES]].ravel()
     order = np.argsort(middle, kind="stable")
     index = order[np.searchsorted(middle[order], edge[:, 1])]
     face = np.array(_FACE_OF_EDGE)[index % 4]
     facet: IntArray = element[(index // 4)[:, None], element_faces(HEXAHEDRON)[face]]
     return facet
-
-
-def swept_meridian(meridian: MeridianMesh, n_sectors: int) -> SweptSector:
-    """Sweep a hollow meridian mesh; its surfaces are external, internal, support (clamped) and guided.
-
-    Raises
-    ------
-    InputError
-        The mesh reaches the axis, or there are too few sectors.
-    """
-    edges = meridian.element[:, _EDGE_NODES].reshape(-1, 3)
-    held = {
-        name: edges[np.isin(edges, nodes).all(axis=1)]
-        for name, nodes in ((SUPPORT, meridian.clamped_node), (GUIDED, meridian.guided_node))
-    }
-    named = {EXTERNAL: meridian.outer_edge, INTERNAL: meridian.inner_edge, **held}
-    return sweep(meridian.node, meridian.element, named, n_sectors)
 
 
 def swept_wall(body: BodyOfRevolution, wall: Wall, resolution: SweptResolution | str = "medium") -> SweptSector:

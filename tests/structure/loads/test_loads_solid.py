@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solid_bodies import swept_meridian
 
 from builder.structure.fourier.meridian_mesh import tube_mesh
 from builder.structure.fourier.ring_gauges import place_gauges
@@ -27,7 +28,7 @@ from builder.structure.loads.temperature import temperature_mode, uniform_temper
 from builder.structure.solid.gauge_rows import gauges_at
 from builder.structure.solid.solid_mesh import SUPPORT
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.swept_mesh import full_mesh, swept_meridian
+from builder.structure.solid.swept_mesh import full_mesh
 from builder.structure.wall import Material
 
 METAL = Material(110e9, 0.31)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
-from solid_bodies import METAL, cube, swept_tube
+from solid_bodies import METAL, cube, swept_tube, with_planes_of_symmetry
 
 from builder.structure.solid.gauge_rows import gauge_rows, gauges_at
 from builder.structure.solid.matter import Matter, determinate_support, free_flight
@@ -18,7 +18,6 @@ from builder.structure.solid.supports import (
     Foundation,
     Restraint,
     Support,
-    Symmetric,
     free_motions,
     restrain,
     rigid_motions,
@@ -31,7 +30,7 @@ pytestmark = pytest.mark.fast
 E, NU = METAL.youngs_modulus, METAL.poisson_ratio
 DENSITY = 4430.0
 MATTER = Matter(material=METAL, density=DENSITY)
-THREE_PLANES: list[Support] = [Symmetric("x0"), Symmetric("y0"), Symmetric("z0")]
+PLANES = ("x0", "y0", "z0")
 
 
 def solve(mesh: SolidMesh, restraint: Restraint, load: np.ndarray) -> np.ndarray:
@@ -51,7 +50,7 @@ def pressed(mesh: SolidMesh, side: str, pressure: float = 1e6) -> np.ndarray:
 def test_planes_of_symmetry_leave_uniaxial_stress(element_type: str) -> None:
     """Cube pressed on one side, three planes of symmetry: u = p (-x, nu y, nu z)/E exactly."""
     mesh = cube(element_type, 2, shake=0.2)
-    u = solve(mesh, restrain(mesh, THREE_PLANES), pressed(mesh, "x1"))
+    u = solve(mesh, with_planes_of_symmetry(mesh, *PLANES), pressed(mesh, "x1"))
     np.testing.assert_allclose(u, 1e6 / E * mesh.node * [-1.0, NU, NU], atol=1e-11)
 
 
@@ -68,24 +67,8 @@ def test_plane_of_symmetry_may_be_inclined() -> None:
         region_names=mesh.region_names,
         surface=mesh.surface,
     )
-    u = solve(turned, restrain(turned, THREE_PLANES), pressed(turned, "x1"))
+    u = solve(turned, with_planes_of_symmetry(turned, *PLANES), pressed(turned, "x1"))
     np.testing.assert_allclose(u, (1e6 / E * mesh.node * [-1.0, NU, NU]) @ turn.T, atol=1e-12)
-
-
-def test_one_surface_round_a_corner_holds_each_of_its_normals() -> None:
-    """Sides x0, y0, z0 under one name: nodes on their edges are held along two, at the corner along three."""
-    mesh = cube("hexahedron20", 2)
-    corner = np.concatenate([mesh.surface[side] for side in ("x0", "y0", "z0")])
-    named = SolidMesh(
-        element_type=mesh.element_type,
-        node=mesh.node,
-        element=mesh.element,
-        region=mesh.region,
-        region_names=mesh.region_names,
-        surface={**mesh.surface, "corner": corner},
-    )
-    u = solve(named, restrain(named, [Symmetric("corner")]), pressed(named, "x1"))
-    np.testing.assert_allclose(u, 1e6 / E * mesh.node * [-1.0, NU, NU], atol=1e-12)
 
 
 def test_clamped_nodes_do_not_move() -> None:
@@ -100,8 +83,8 @@ def test_foundation_gives_way_by_pressure_over_stiffness() -> None:
     """Winkler foundation under a cube in uniaxial stress: the base moves by p/k, tangentially nothing moves."""
     mesh = cube("hexahedron20", 2)
     k = 3e12
-    supports: list[Support] = [Foundation("x0", normal=k), Symmetric("y0"), Symmetric("z0")]
-    u = solve(mesh, restrain(mesh, supports), pressed(mesh, "x1"))
+    held = with_planes_of_symmetry(mesh, "y0", "z0", springs=Foundation("x0", normal=k))
+    u = solve(mesh, held, pressed(mesh, "x1"))
     expected = 1e6 / E * mesh.node * [-1.0, NU, NU] - [1e6 / k, 0.0, 0.0]
     np.testing.assert_allclose(u, expected, atol=1e-12)
 
@@ -118,20 +101,13 @@ def test_stiff_foundation_is_a_clamp() -> None:
     ("supports", "motion"),
     [
         ([], "translation along "),
-        ([Symmetric("x0")], "(translation|rotation)"),
-        ([Symmetric("x0"), Symmetric("y0")], "translation along z"),
+        ([Foundation("x0", normal=1e9), Foundation("y0", normal=1e9)], "translation along z"),
         ([Foundation("x0", normal=1e9)], "(translation|rotation)"),
     ],
 )
 def test_rigid_motion_left_free_is_refused(supports: list[Support], motion: str) -> None:
     with pytest.raises(InputError, match=rf"supports: a rigid motion is left free \({motion}"):
         restrain(cube("hexahedron8", 2), supports)
-
-
-def test_roll_of_a_tube_on_guides_is_refused() -> None:
-    """Sliding on the bore and on the base ring leaves the rotation about the axis."""
-    with pytest.raises(InputError, match="rotation about x"):
-        restrain(swept_tube(), [Symmetric("internal"), Symmetric(SUPPORT)])
 
 
 def test_impossible_foundations_and_unknown_surfaces_are_refused() -> None:
@@ -151,11 +127,12 @@ def test_free_motions_are_orthonormal_and_keep_directions() -> None:
         assert np.abs(held @ free[3 * node : 3 * node + 3].toarray()).max() < 1e-15
 
 
-@pytest.mark.parametrize("supports", [[Clamped("x0")], THREE_PLANES, [Symmetric("internal"), Clamped(SUPPORT)]])
-def test_held_stiffness_is_the_product_with_free_motions(supports: list[Support]) -> None:
+@pytest.mark.parametrize("is_turned", [False, True])
+def test_held_stiffness_is_the_product_with_free_motions(is_turned: bool) -> None:
     """Rows and columns are picked where free motions are unit vectors, and multiplied where they are turned."""
-    mesh = swept_tube(8, 0.1) if Symmetric("internal") in supports else cube("hexahedron20", 2)
-    stiffness, restraint = assemble_stiffness(mesh, {REGION: METAL}), restrain(mesh, supports)
+    mesh = cube("hexahedron20", 2)
+    restraint = determinate_support(mesh) if is_turned else restrain(mesh, [Clamped("x0")])
+    stiffness = assemble_stiffness(mesh, {REGION: METAL})
     expected = restraint.free.T @ (stiffness @ restraint.free)
     difference = np.abs((restraint.held_stiffness(stiffness) - expected).toarray())
     assert difference.max() < 1e-14 * np.abs(stiffness.data).max()

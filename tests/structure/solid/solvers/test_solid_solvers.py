@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.sparse import block_diag, csr_array, eye_array
 from scipy.sparse.linalg import eigsh
-from solid_bodies import METAL, cube, swept_tube
+from solid_bodies import METAL, cube, swept_tube, with_planes_of_symmetry
 
 from builder.structure.solid import linear_solvers
 from builder.structure.solid.linear_solvers import (
@@ -35,7 +35,7 @@ from builder.structure.solid.sparse_problem import (
 )
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.strain_solution import held_problem
-from builder.structure.solid.supports import Clamped, Symmetric
+from builder.structure.solid.supports import Clamped
 from builder.structure.solid.swept_mesh import REGION
 from strainfmu.errors import InputError
 
@@ -193,9 +193,8 @@ def test_multigrid_says_how_far_it_came(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_multigrid_on_guided_nodes() -> None:
     """Nodes held in one direction break the 3 x 3 blocks; the solution is that of superlu to cg's tolerance."""
-    problem = held_problem(
-        cube("tetrahedron10", 4), MATERIALS, [Symmetric("x0"), Symmetric("y0"), Symmetric("z0")]
-    )
+    mesh = cube("tetrahedron10", 4)
+    problem = held_problem(mesh, MATERIALS, with_planes_of_symmetry(mesh, "x0", "y0", "z0"))
     if not importable("pyamg"):
         pytest.skip("pyamg is not installed")
     load = np.ones((problem.n_dof, 1))
