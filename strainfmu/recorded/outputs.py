@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import csv
 import os
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import h5py
 import numpy as np
@@ -35,7 +33,6 @@ from strainfmu.recorded.estimators import (
 
 SCHEMA = "strainfmu.estimates"
 SCHEMA_VERSION = 3
-FORMS = ("plain", "all")
 
 ESTIMATE_COLUMNS: tuple[Column, ...] = (
     ("time", "s"),
@@ -98,16 +95,110 @@ def health_words(states: FloatArray) -> list[str]:
     return [names.get(state, "") for state in states.tolist()]
 
 
-# --- estimates ---------------------------------------------------------------------------------------------------
+# --- files -------------------------------------------------------------------------------------------------------
+
+Container = Generator[None, list[Any] | None, None]
+"""A file that takes the values of each column, then the texts of each text column, and ends with None."""
 
 
-class EstimateWriter(ABC):
+def _csv(
+    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
+) -> Container:
+    with temporary.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([*(f"{name} [{unit}]" for name, unit in columns), *texts])
+        while (table := (yield)) is not None:
+            n = len(columns)
+            writer.writerows(zip(*(values.tolist() for values in table[:n]), *table[n:], strict=True))
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _parquet(
+    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
+) -> Container:
+    """Units are the metadata ``unit`` of each column."""
+    parquet, arrow = (library(name, "pyarrow", "parquet") for name in ("pyarrow.parquet", "pyarrow"))
+    fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in columns]
+    fields += [arrow.field(name, arrow.string()) for name in texts]
+    schema = arrow.schema(fields, metadata={name: str(value) for name, value in attributes.items()})
+    with temporary.open("wb") as stream:
+        writer = parquet.ParquetWriter(stream, schema)
+        while (table := (yield)) is not None:
+            writer.write_table(arrow.table(table, schema=schema))
+        writer.close()
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _hdf5(
+    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
+) -> Container:
+    """A slash, which names of gauges may hold, would begin a group; a text that was never written is empty."""
+    guarded, rows = GuardedFile(temporary), 0
+    try:
+        with h5py.File(guarded, "w", rdcc_nbytes=_CHUNK_BYTES) as file:
+            file.attrs.update(attributes)
+
+            def data_set(name: str, kind: object) -> h5py.Dataset:
+                safe, layout = name.replace("/", _SLASH), {"maxshape": (None,), "chunks": (_CHUNK_ROWS,)}
+                return file.create_dataset(safe, (0,), dtype=kind, **layout)
+
+            items = [data_set(name, "f8") for name, _ in columns]
+            for item, (_, unit) in zip(items, columns, strict=True):
+                item.attrs["unit"] = unit
+            items += [data_set(name, h5py.string_dtype()) for name in texts]
+            while (table := (yield)) is not None:
+                end = rows + len(table[0])
+                for item, values in zip(items, table, strict=True):
+                    item.resize((end,))
+                    if not isinstance(values, list) or any(values):
+                        item[rows:] = values
+                guarded.raise_error()
+                rows = end
+        guarded.sync()
+    finally:
+        guarded.close()
+
+
+def _mf4(
+    temporary: Path, columns: Sequence[Column], texts: Sequence[str], attributes: Mapping[str, Any]
+) -> Container:
+    """One channel group whose times are the column ``time``; a longer text ends on two points."""
+    asammdf, has_rows = library("asammdf", "asammdf", "mf4"), False
+    temporary.touch()  # what cannot be written is refused before the work
+    with asammdf.MDF(version="4.10") as file:
+        file.header.comment = "; ".join(f"{name} = {value}" for name, value in attributes.items())
+        while (table := (yield)) is not None:
+            table = [_fixed(values) if isinstance(values, list) else values for values in table]
+            if has_rows:
+                file.extend(0, [(values, None) for values in table])
+                continue
+            names = [*columns[1:], *((name, "") for name in texts)]
+            signals = [
+                asammdf.Signal(values, table[0], name=name, unit=unit, encoding="utf-8")
+                for values, (name, unit) in zip(table[1:], names, strict=True)
+            ]
+            file.append(signals, comment="strainfmu", common_timebase=True)
+            has_rows = True
+        file.save(temporary, overwrite=True)
+
+
+def _fixed(texts: Sequence[str]) -> Any:
+    """Return texts of one length in bytes."""
+    cut = [text if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 2]}.." for text in texts]
+    return np.array([text.encode() for text in cut], dtype=f"S{_LONGEST_TEXT}")
+
+
+_CONTAINERS = {".csv": _csv, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet, ".mf4": _mf4}
+OUTPUT_SUFFIXES = tuple(_CONTAINERS)
+
+
+class EstimateWriter:
     """Writes blocks of rows to a file: columns of numbers, then columns of text.
 
-    ``path`` is the file that messages name. Rows are collected until there are ``least`` of them.
+    ``path`` is the file that messages name. Rows are collected, but for CSV.
     """
-
-    least = _COLLECTED_ROWS
 
     def __init__(
         self,
@@ -117,10 +208,13 @@ class EstimateWriter(ABC):
         text_columns: Sequence[str],
         attributes: Mapping[str, float],
     ) -> None:
-        self.path, self.columns, self.text_columns = path, tuple(columns), tuple(text_columns)
-        self.rows = 0
+        self.path, self._n, self.text_columns = path, len(columns), tuple(text_columns)
+        suffix = path.suffix.lower()
+        self._least = 1 if suffix == ".csv" else _COLLECTED_ROWS
         self._collected: list[list[Sequence[Any] | FloatArray]] = []
-        self._open(temporary, {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **attributes})
+        stated = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION, **attributes}
+        self._container = _CONTAINERS[suffix](temporary, columns, text_columns, stated)
+        next(self._container)
 
     def write(self, columns: Iterable[FloatArray], texts: Mapping[str, Sequence[str]] | None = None) -> None:
         """Append n rows: the ``columns`` (n,) in their units, and n texts of each text column.
@@ -131,7 +225,7 @@ class EstimateWriter(ABC):
             The file cannot be written.
         """
         self._collected.append([*columns, *((texts or {})[name] for name in self.text_columns)])
-        if sum(len(part[0]) for part in self._collected) >= self.least:
+        if sum(len(part[0]) for part in self._collected) >= self._least:
             with writing(self.path):
                 self._flush()
 
@@ -139,155 +233,20 @@ class EstimateWriter(ABC):
         """Write the rows that are collected."""
         if self._collected:
             parts = [*zip(*self._collected, strict=True)]
-            self._collected, n = [], len(self.columns)
-            values = [np.concatenate(of_column) for of_column in parts[:n]]
-            self._append(values, [[*chain(*of_column)] for of_column in parts[n:]])
-            self.rows += len(values[0])
+            self._collected = []
+            numbers = [np.concatenate(of_column) for of_column in parts[: self._n]]
+            self._container.send([*numbers, *([*chain(*of_column)] for of_column in parts[self._n :])])
 
     def finish(self) -> None:
         """Write what is missing and bring all to the disk; raises OSError if it cannot."""
         self._flush()
-        self._finish()
+        with suppress(StopIteration):
+            self._container.send(None)
 
-    @abstractmethod
-    def _open(self, temporary: Path, attributes: Mapping[str, Any]) -> None:
-        """Begin the file."""
-
-    @abstractmethod
-    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
-        """Append the values of each column behind :attr:`rows` rows, and the texts of each text column."""
-
-    @abstractmethod
-    def _finish(self) -> None:
-        """End the file and bring it to the disk."""
-
-    @abstractmethod
     def close(self) -> None:
         """Close the file, in order or not."""
-
-
-class _StreamWriter(EstimateWriter):
-    """Writes to a stream of Python."""
-
-    _stream: IO[Any]
-
-    def _finish(self) -> None:
-        self._stream.flush()
-        os.fsync(self._stream.fileno())
-
-    def close(self) -> None:
         with suppress(OSError):  # what is missing does not fit either: finish() has raised, or never came
-            self._stream.close()
-
-
-class _CsvWriter(_StreamWriter):
-    least = 1
-
-    def _open(self, temporary: Path, attributes: Mapping[str, Any]) -> None:
-        self._stream = temporary.open("w", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._stream, lineterminator="\n")
-        self._writer.writerow([*(f"{name} [{unit}]" for name, unit in self.columns), *self.text_columns])
-
-    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
-        self._writer.writerows(zip(*(column.tolist() for column in values), *texts, strict=True))
-
-
-class _ParquetWriter(_StreamWriter):
-    """Units are the metadata ``unit`` of each column."""
-
-    def _open(self, temporary: Path, attributes: Mapping[str, Any]) -> None:
-        parquet, arrow = (library(name, "pyarrow", "parquet") for name in ("pyarrow.parquet", "pyarrow"))
-        fields = [arrow.field(name, arrow.float64(), metadata={"unit": unit}) for name, unit in self.columns]
-        fields += [arrow.field(name, arrow.string()) for name in self.text_columns]
-        schema = arrow.schema(fields, metadata={name: str(value) for name, value in attributes.items()})
-        self._table = partial(arrow.table, schema=schema)
-        self._stream = temporary.open("wb")
-        self._writer = parquet.ParquetWriter(self._stream, schema)
-
-    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
-        self._writer.write_table(self._table([*values, *texts]))
-
-    def _finish(self) -> None:
-        self._writer.close()
-        super()._finish()
-
-
-class _Hdf5Writer(EstimateWriter):
-    def _open(self, temporary: Path, attributes: Mapping[str, Any]) -> None:
-        self._guarded = GuardedFile(temporary)
-        self._file = h5py.File(self._guarded, "w", rdcc_nbytes=_CHUNK_BYTES)
-        self._file.attrs.update(attributes)
-        self._sets = [self._data_set(name, "f8") for name, _ in self.columns]
-        for item, (_, unit) in zip(self._sets, self.columns, strict=True):
-            item.attrs["unit"] = unit
-        self._sets += [self._data_set(name, h5py.string_dtype()) for name in self.text_columns]
-
-    def _data_set(self, name: str, kind: object) -> h5py.Dataset:
-        # A slash, which names of gauges may hold, would begin a group.
-        return self._file.create_dataset(
-            name.replace("/", _SLASH), (0,), maxshape=(None,), dtype=kind, chunks=(_CHUNK_ROWS,)
-        )
-
-    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
-        """Append rows; a text that was never written reads as an empty one."""
-        end = self.rows + len(values[0])
-        for item, of_column in zip(self._sets, (*values, *texts), strict=True):
-            item.resize((end,))
-            if not isinstance(of_column, list) or any(of_column):
-                item[self.rows :] = of_column
-        self._guarded.raise_error()
-
-    def _finish(self) -> None:
-        self._file.close()
-        self._guarded.sync()
-
-    def close(self) -> None:
-        self._file.close()
-        self._guarded.close()
-
-
-class _Mf4Writer(EstimateWriter):
-    """One channel group whose times are the column ``time``; a longer text ends on two points."""
-
-    def _open(self, temporary: Path, attributes: Mapping[str, Any]) -> None:
-        asammdf = library("asammdf", "asammdf", "mf4")
-        self._signal, self._temporary = asammdf.Signal, temporary
-        temporary.touch()  # what cannot be written is refused before the work
-        self._file = asammdf.MDF(version="4.10")
-        self._file.header.comment = "; ".join(f"{name} = {value}" for name, value in attributes.items())
-
-    def _append(self, values: list[FloatArray], texts: list[list[str]]) -> None:
-        columns = [*values, *(_fixed(of_column) for of_column in texts)]
-        if self.rows:
-            self._file.extend(0, [(column, None) for column in columns])
-            return
-        names = [*self.columns[1:], *((name, "") for name in self.text_columns)]
-        signals = [
-            self._signal(column, values[0], name=name, unit=unit, encoding="utf-8")
-            for column, (name, unit) in zip(columns[1:], names, strict=True)
-        ]
-        self._file.append(signals, comment="strainfmu", common_timebase=True)
-
-    def _finish(self) -> None:
-        self._file.save(self._temporary, overwrite=True)
-
-    def close(self) -> None:
-        self._file.close()
-
-
-def _fixed(texts: Sequence[str]) -> Any:
-    """Return texts of one length in bytes."""
-    cut = [text if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 2]}.." for text in texts]
-    return np.array([text.encode() for text in cut], dtype=f"S{_LONGEST_TEXT}")
-
-
-_WRITERS: dict[str, type[EstimateWriter]] = {
-    ".csv": _CsvWriter,
-    **dict.fromkeys((".h5", ".hdf5"), _Hdf5Writer),
-    ".parquet": _ParquetWriter,
-    ".mf4": _Mf4Writer,
-}
-OUTPUT_SUFFIXES = tuple(_WRITERS)
+            self._container.close()
 
 
 def check_output(path: Path) -> None:
@@ -321,6 +280,9 @@ def estimate_writer(
         It cannot be written, or the library that writes it is missing; an earlier file remains unchanged.
     """
     check_output(path)
-    kind = _WRITERS[path.suffix.lower()]
-    with whole_file(path, lambda temporary: kind(path, temporary, columns, text_columns, attributes or {})) as one:
-        yield one
+
+    def opened(temporary: Path) -> EstimateWriter:
+        return EstimateWriter(path, temporary, columns, text_columns, attributes or {})
+
+    with whole_file(path, opened) as writer:
+        yield writer
