@@ -64,7 +64,7 @@ from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units
 from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, temperature_quantities
 from strainfmu.recorded.samples import Samples
-from strainfmu.recorded.smoothing import Smoothed, Smoother
+from strainfmu.recorded.smoothing import Filtered, smoothed
 from strainfmu.recorded.strain_level import LevelReference
 
 Column = tuple[str, str]
@@ -98,8 +98,8 @@ _HEALTH: dict[str, Callable[[Estimate], Any]] = {
 HEALTH_COLUMNS: tuple[Column, ...] = tuple((name, "1") for name in _HEALTH)
 
 
-_USED_PREFIX = "navigation_used."
-"""Of the columns that say whether a quantity of navigation is used."""
+AIR_DATA, _IDENTIFIED, _USED_PREFIX = "air_data.", "identified.air_data.", "navigation_used."
+"""Beginnings of columns; of the last ones, which say whether a quantity of navigation is used."""
 
 _FMU_HEALTH = (CHI_SQUARE_LIMIT, VALID_GAUGES, SUSPECT_GAUGE, SUSPECTS, ENVELOPE_SCORE)
 """Outputs of an FMU that state health, in addition to state and chi-square."""
@@ -339,9 +339,8 @@ class MapBlocks(BlockEstimator):
         self.parameter_names = estimator.parameters.names
         sharpens = manifold is not None and manifold.parameters is not None
         self.sharpening = self.parameter_names if sharpens else ()
-        others = _other_series(estimator, residuals)
-        self.other_columns = tuple(column for columns, _ in others for column in columns)
-        self._series = (*_LOAD_SERIES, *others)
+        self._series = _series(estimator, residuals)
+        self.other_columns = tuple(column for columns, _ in self._series[2:] for column in columns)
         self.row_names = inverse_map.gauge_names
         self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
         self.readings = recorded_readings(reading_units(inverse_map))
@@ -350,32 +349,34 @@ class MapBlocks(BlockEstimator):
         self.zero = estimator.zeros.value
         if estimator.filter_time_constant:
             self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": smooth}
-        self._smoother = Smoother(estimator) if smooth else None
+        self._smooths = smooth
 
     def estimate(self, block: Samples, last: float) -> BlockEstimates:
         return self._block_estimates(block, self.estimates(block))
 
     def estimated(self, blocks: Iterable[Samples], check: Check) -> Iterator[tuple[Samples, BlockEstimates]]:
         """Yield each block with its estimates, smoothed ones with loads and air data by those that follow too."""
-        smoother = self._smoother
-        if smoother is None:
+        if not self._smooths:
             yield from super().estimated(blocks, check)
             return
         checked = (check(block, following) for block, following in _with_next(blocks))
-        filtered = ((block, smoother.samples(self.estimates(block), block.time)) for block in checked)
-        for (block, samples), following in _with_next(filtered):
-            smoothed = smoother.smoothed(samples, None if following is None else following[1])
-            yield block, self._block_estimates(block, samples.filtered, smoothed)
+        alone, backward = (self.estimator.filter(t) for t in (0.0, self.estimator.filter_time_constant))
 
-    def _block_estimates(
-        self, block: Samples, estimate: Estimate, smoothed: Smoothed | None = None
-    ) -> BlockEstimates:
-        """Return the estimates of a block as such, loads and air data ``smoothed`` or as they are."""
+        def estimated(block: Samples) -> Filtered:
+            filtered = self.estimates(block)
+            return block.time, filtered, alone.track_again(filtered.sample, filtered.mask, block.time)
+
+        for (block, samples), following in _with_next((block, estimated(block)) for block in checked):
+            loads = smoothed(backward, samples, None if following is None else following[1])
+            yield block, self._block_estimates(block, samples[1], loads)
+
+    def _block_estimates(self, block: Samples, estimate: Estimate, smoothed_loads: Any = None) -> BlockEstimates:
+        """Return the estimates of a block as such, with ``smoothed_loads`` and air data or its own."""
         n = len(estimate)
         values = {name: np.asarray(of_health(estimate), dtype=float) for name, of_health in _HEALTH.items()}
         values[ENVELOPE_SCORE_LIMIT] = np.full(n, self.envelope_score_limit)
         for columns, values_of in self._series:
-            table = np.asarray(values_of(estimate, smoothed or estimate), dtype=float).reshape(n, -1)
+            table = np.asarray(values_of(estimate, smoothed_loads or estimate), dtype=float).reshape(n, -1)
             values |= {name: of_column for (name, _), of_column in zip(columns, table.T, strict=True)}
         valid, suspects, worst, size = self._questioned(estimate)
         contradicted = contradicted_forces(
@@ -385,7 +386,7 @@ class MapBlocks(BlockEstimator):
             estimate.loads_std,
             self.estimator.settings.alarm_scale * chi_square_limit(1),
         )
-        estimates = None if smoothed is not None else estimate
+        estimates = None if smoothed_loads is not None else estimate
         made = BlockEstimates(
             values=values, suspects=suspects, worst=worst, worst_residual=size, estimates=estimates
         )
@@ -518,7 +519,7 @@ def _temperature(block: Samples, sensors: Sequence[str]) -> FloatArray | None:
 
 
 _OTHER_PREFIXES = (
-    *("air_data.", f"{SIGMA}air_data.", "identified.air_data.", _USED_PREFIX),
+    *(AIR_DATA, f"{SIGMA}{AIR_DATA}", _IDENTIFIED, _USED_PREFIX),
     *(LINEAR_LOADS, OUTSIDE_PREFIX),
 )
 """What the names of such outputs begin with, but for loads behind the five."""
@@ -545,60 +546,45 @@ def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
 Series = tuple[Sequence[Column], Callable[[Estimate, Any], FloatArray | BoolArray]]
 """Columns, and what returns their values (n, k) of estimates, and of the same or smoothed ones."""
 
-_LOAD_SERIES: tuple[Series, ...] = (
-    (LOAD_COLUMNS, lambda _, loads: np.hstack([loads.loads, loads.loads_std])),
-    (COEFFICIENT_COLUMNS, lambda _, loads: np.hstack([loads.coefficients, loads.coefficients_std])),
-)
+
+def _columns(prefix: str, names: Sequence[str], units: Sequence[str] = ()) -> list[Column]:
+    return [(f"{prefix}{name}", unit) for name, unit in zip(names, units or ["1"] * len(names), strict=True)]
 
 
-def _other_series(estimator: Estimator, residuals: bool) -> list[Series]:
-    """Return air data, loads behind the five and, between them and their sigma, scores of flow parameters.
-
-    The ``residuals`` of all gauges, behind the alarm level of the largest, come last.
-    """
-    inverse_map, air = estimator.inverse_map, list[Series]()
+def _series(estimator: Estimator, residuals: bool) -> list[Series]:
+    """Return the five loads, coefficients, air data, loads behind the five and scores of flow parameters ahead of
+    their sigma; last the ``residuals`` of all gauges, behind the alarm level of the largest."""
+    inverse_map = estimator.inverse_map
+    series: list[Series] = [
+        (LOAD_COLUMNS, lambda _, loads: np.hstack([loads.loads, loads.loads_std])),
+        (COEFFICIENT_COLUMNS, lambda _, loads: np.hstack([loads.coefficients, loads.coefficients_std])),
+    ]
     if estimator.is_nonlinear:
-        units = [*zip(AIR_DATA_NAMES, AIR_DATA_UNITS, strict=True)]
-        air = [
-            (
-                [(f"air_data.{name}", unit) for name, unit in units],
-                lambda e, s: s.air if s is not e else e.air_data.value,
-            ),
-            (
-                [(f"{SIGMA}air_data.{name}", unit) for name, unit in units],
-                lambda e, s: s.air_std if s is not e else e.air_data.std,
-            ),
-            (
-                [(f"identified.air_data.{name}", "1") for name in AIR_DATA_NAMES],
-                lambda e, _: e.air_data.is_identified,
-            ),
-            ([(f"{_USED_PREFIX}{name}", "1") for name in NAVIGATION], lambda e, _: e.air_data_used),
-            ([("linear_loads", "1")], lambda e, _: e.is_linear),
+        air = AIR_DATA_NAMES, AIR_DATA_UNITS
+        series += [
+            (_columns(AIR_DATA, *air), lambda _, loads: loads.air_data.value),
+            (_columns(f"{SIGMA}{AIR_DATA}", *air), lambda _, loads: loads.air_data.std),
+            (_columns(_IDENTIFIED, AIR_DATA_NAMES), lambda estimate, _: estimate.air_data.is_identified),
+            (_columns(_USED_PREFIX, NAVIGATION), lambda estimate, _: estimate.air_data_used),
+            (_columns("", ["linear_loads"]), lambda estimate, _: estimate.is_linear),
         ]
     arrays = load_arrays(inverse_map.load_groups) if inverse_map.has_other_loads else ()
-    scores = [(f"{OUTSIDE_PREFIX}{name}", "1") for name in estimator.parameters.names]
-    series: list[Series] = [
-        *air,
-        *(_load_series(array) for array in arrays if not array.is_std),
-        (scores, lambda e, _: e.parameter_score),
-        *(_load_series(array) for array in arrays if array.is_std),
-    ]
+    series += [_load_series(array) for array in arrays if not array.is_std]
+    scores = _columns(OUTSIDE_PREFIX, estimator.parameters.names)
+    series += [(scores, lambda estimate, _: estimate.parameter_score)]
+    series += [_load_series(array) for array in arrays if array.is_std]
     if residuals:
-        of_gauges = [(f"{RESIDUAL}{name}", "1") for name in inverse_map.gauge_names]
-        series += [([(RESIDUAL_LIMIT, "1")], lambda e, _: e.residual_limit)]
-        series += [(of_gauges, lambda e, _: e.standardised_residual)]
+        of_gauges = _columns(RESIDUAL, inverse_map.gauge_names)
+        series += [(_columns("", [RESIDUAL_LIMIT]), lambda estimate, _: estimate.residual_limit)]
+        series += [(of_gauges, lambda estimate, _: estimate.standardised_residual)]
     return series
 
 
 def _load_series(array: LoadArray) -> Series:
     """Return the columns of an array of loads behind the five."""
-    columns = [(column, array.unit.replace(".", " ")) for column in array.columns]
-
-    def values(_: Estimate, loads: Any) -> FloatArray:
-        tables = loads.other_loads, loads.other_loads_std, loads.other_coefficients, loads.other_coefficients_std
-        return tables[array.value][..., array.group.rows]
-
-    return columns, values
+    field = f"other_{'coefficients' if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
+    columns = _columns("", array.columns, [array.unit.replace(".", " ")] * len(array.columns))
+    return columns, lambda _, loads: getattr(loads, field)[..., array.group.rows]
 
 
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:

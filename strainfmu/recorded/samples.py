@@ -30,7 +30,7 @@ from strainfmu.recorded.names import (
 )
 from strainfmu.recorded.selection import Selection, computed_pressure, select
 from strainfmu.recorded.strain_level import level_of, likely_units
-from strainfmu.recorded.table import Reading, Table
+from strainfmu.recorded.table import Reading
 
 BLOCK_ROWS = 2000
 """Samples in one block."""
@@ -173,7 +173,7 @@ def open_recording(path: Path, wanted: Wanted, channels: Path | None = None) -> 
         time=(channel_map.time if channel_map else None) or "",
     )
     with open_table(path, reading) as table:
-        yield _recording(table, select(table, wanted, channel_map))
+        yield _recording(select(table, wanted, channel_map))
 
 
 def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], bool]:
@@ -185,8 +185,8 @@ def _known_names(channel_map: ChannelMap, wanted: Wanted) -> Callable[[str], boo
     return lambda name: not known.isdisjoint(endings(name)) or time_rank(name) is not None
 
 
-def _recording(table: Table, selection: Selection) -> Recording:
-    base, tracks = _tracks(table, selection)
+def _recording(selection: Selection) -> Recording:
+    table, (base, tracks) = selection.table, _tracks(selection)
     join, gaps, frame = selection.join or Join(), Gaps(), table.frames[base.frame]
     notes = [*table.remarks, *selection.notes, *_join_notes(table.path, base, tracks, join)]
     keys = (*base.keys, *(key for track in tracks for key in track.keys))
@@ -222,12 +222,12 @@ class _Rows(NamedTuple):
     position: int
 
 
-def _time_name(table: Table, selection: Selection, number: int) -> str:
+def _time_name(selection: Selection, number: int) -> str:
     column = selection.times[number][0]
-    return "time" if column is None else table.frames[number].columns[column].name
+    return "time" if column is None else selection.table.frames[number].columns[column].name
 
 
-def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Rows]:
+def _frame_rows(selection: Selection, number: int) -> Iterator[_Rows]:
     """Yield the rows of a frame, in SI units, piece by piece.
 
     Raises
@@ -235,7 +235,7 @@ def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Ro
     InputError
         A time is none or not later than the one before, or a value is infinite.
     """
-    frame, (time_column, factor) = table.frames[number], selection.times[number]
+    path, frame, (time_column, factor) = selection.path, selection.table.frames[number], selection.times[number]
     sources = [*selection.of_frame(number).values()]
     columns = [source.column for source in sources]
     factors = np.array([source.factor for source in sources])
@@ -247,13 +247,13 @@ def _frame_rows(table: Table, selection: Selection, number: int) -> Iterator[_Ro
         if time_column is not None:
             stated, values = values[0], values[1:]
             time = stated * factor
-            where = f"{table.path}: column '{_time_name(table, selection, number)}', {frame.counted}"
+            where = f"{path}: column '{_time_name(selection, number)}', {frame.counted}"
             _check_time(where, stated, time, piece.places, last)
         table_rows = np.column_stack(values)
         if np.isinf(table_rows).any():  # NaN stands for "no value" in a file, an overflow does not
             of, row = divmod(int(np.argmax(np.isinf(table_rows.T))), n)
             raise InputError(
-                f"{table.path}: column '{frame.columns[columns[of]].full}', {frame.counted} {piece.places[row]}: "
+                f"{path}: column '{frame.columns[columns[of]].full}', {frame.counted} {piece.places[row]}: "
                 f"expected a finite number or NaN, got {table_rows[row, of]:g}"
             )
         read, last = read + n, float(time[-1]) if n else last
@@ -282,8 +282,6 @@ def _check_time(where: str, stated: FloatArray, time: FloatArray, places: IntArr
 class _Track:
     """Columns with times of their own: rows that have been read and not yet used.
 
-    The tracks of a frame are read together.
-
     Attributes
     ----------
     frame, time_name : number of the frame, and the name of its times.
@@ -296,29 +294,22 @@ class _Track:
     """
 
     def __init__(
-        self, table: Table, selection: Selection, number: int, columns: Sequence[int], is_sparse: bool
+        self,
+        selection: Selection,
+        frame: int,
+        columns: Sequence[int],
+        is_sparse: bool,
+        advance: Callable[[], None],
     ) -> None:
-        sources = selection.of_frame(number)
-        self.frame, self.time_name = number, _time_name(table, selection, number)
+        """Take ``columns`` of a frame, whose next rows ``advance`` reads for all its tracks."""
+        sources = selection.of_frame(frame)
+        self.frame, self.time_name, self._columns = frame, _time_name(selection, frame), columns
         self.keys = [[*sources][i] for i in columns]
         self.names = [selection.column(sources[key]).full for key in self.keys]
         self.time, self.places = np.empty(0), np.empty(0, dtype=np.int64)
         self.values = np.empty((0, len(columns)))
         self.position, self.reach, self.period = 0, -np.inf, float("nan")
-        self.is_sparse, self.is_done = is_sparse, False
-        self._tracks: list[_Track] = [self]
-        self._rows: Iterator[_Rows] = iter(())
-        self._columns = None if len(columns) == len(sources) else columns
-
-    def read_with(self, tracks: list[_Track], rows: Iterator[_Rows]) -> None:
-        """Read the ``rows`` of the frame together with all its ``tracks``."""
-        self._tracks, self._rows = tracks, rows
-
-    def advance(self) -> None:
-        """Read the next rows of the frame."""
-        rows = next(self._rows, None)
-        for track in self._tracks:
-            track.take(rows)
+        self.is_sparse, self.is_done, self._advance = is_sparse, False, advance
 
     def take(self, rows: _Rows | None) -> None:
         """Take rows of the frame, None at its end."""
@@ -327,7 +318,7 @@ class _Track:
             return
         time, places, values, self.position = rows
         self.reach = float(time[-1]) if len(time) else self.reach
-        values = values if self._columns is None else values[:, self._columns]
+        values = values if len(self._columns) == values.shape[1] else values[:, self._columns]
         if self.is_sparse:
             has_value = np.isfinite(values[:, 0])
             time, places, values = time[has_value], places[has_value], values[has_value]
@@ -337,7 +328,7 @@ class _Track:
     def next_rows(self) -> _Rows:
         """Return the next block of rows and forget them; none at the end."""
         while len(self.time) < BLOCK_ROWS and not self.is_done:
-            self.advance()
+            self._advance()
         n = BLOCK_ROWS
         rows = _Rows(self.time[:n], self.places[:n], self.values[:n], self.position)
         self._drop(n)
@@ -365,7 +356,7 @@ class _Track:
         while not self.is_done and not (len(self.time) > 1 and self.time[-1] > at[-1] + _SAME * self.period):
             if self.is_sparse and self.reach > at[-1] + 2.0 * np.nan_to_num(self._limit(join)):
                 break
-            self.advance()
+            self._advance()
         if not len(self.time):
             return np.full((len(at), len(self.keys)), np.nan)
         limit = self._limit(join)
@@ -410,56 +401,55 @@ class _Track:
         return np.where(np.abs(weight - 1.0) <= near, values[row + 1], joined)
 
 
-def _frame_tracks(table: Table, selection: Selection, number: int, looks_ahead: bool) -> list[_Track]:
+def _frame_tracks(selection: Selection, number: int, looks_ahead: bool) -> list[_Track]:
     """Return the tracks of a frame: one of its raster, and with a channel file one of each mostly empty column."""
-    frame_rows, ahead, is_done = _frame_rows(table, selection, number), list[_Rows](), False
-    while looks_ahead and not is_done and sum(len(rows.time) for rows in ahead) < LOOK_ROWS:
+    frame_rows, ahead, tracks = _frame_rows(selection, number), list[_Rows | None](), list[_Track]()
+    n = 0
+    while looks_ahead and n < LOOK_ROWS and None not in ahead:
+        ahead.append(next(frame_rows, None))
+        n += 0 if ahead[-1] is None else len(ahead[-1].time)
+
+    def advance() -> None:
         rows = next(frame_rows, None)
-        is_done = rows is None
-        ahead += [] if rows is None else [rows]
+        for track in tracks:
+            track.take(rows)
+
     every, sparse = range(len(selection.of_frame(number))), list[int]()
-    if selection.join is not None and ahead:
-        start = np.vstack([rows.values for rows in ahead])[:LOOK_ROWS]
+    if selection.join is not None and n:
+        start = np.vstack([rows.values for rows in ahead if rows is not None])[:LOOK_ROWS]
         known = np.isfinite(start).sum(axis=0)
         sparse = [i for i in every if known[i] < (1.0 - SPARSE) * len(start)]
-    columns = [[i for i in every if i not in sparse], *([i] for i in sparse)]
-    tracks = list[_Track]()
-    for of in filter(None, columns):
-        tracks.append(_Track(table, selection, number, of, is_sparse=of[0] in sparse))
-    for track in tracks:
-        track.read_with(tracks, frame_rows)
-        for rows_ahead in (*ahead, *([None] if is_done else ())):
-            track.take(rows_ahead)
+    for columns in filter(None, [[i for i in every if i not in sparse], *([i] for i in sparse)]):
+        track = _Track(selection, number, columns, columns[0] in sparse, advance)
+        for rows in ahead:
+            track.take(rows)
         track.look()
+        tracks.append(track)
     return tracks
 
 
-def _tracks(table: Table, selection: Selection) -> tuple[_Track, list[_Track]]:
+def _tracks(selection: Selection) -> tuple[_Track, list[_Track]]:
     """Return the track with the times of the samples, and all others.
 
     The former has the raster that is stated, or of most gauges, of two the slower.
     """
     looks_ahead = selection.join is not None or len(selection.times) > 1
-    tracks = [
-        track for number in selection.times for track in _frame_tracks(table, selection, number, looks_ahead)
-    ]
+    tracks = [track for number in selection.times for track in _frame_tracks(selection, number, looks_ahead)]
     if selection.raster:
         base = next(track for track in tracks if selection.raster in track.keys)
     else:
-        gauges = [len(selection.strain.keys() & set(track.keys)) for track in tracks]
-        counts = [
-            sum(n for like, n in zip(tracks, gauges, strict=True) if like is track or like.is_like(track))
-            if n_own
-            else 0
-            for track, n_own in zip(tracks, gauges, strict=True)
-        ]
-        number = max(range(len(tracks)), key=lambda i: (counts[i], np.nan_to_num(tracks[i].period)))
-        base = tracks[number]
+        gauges = {track: len(selection.strain.keys() & set(track.keys)) for track in tracks}
+
+        def rank(track: _Track) -> tuple[int, float]:
+            alike = (n for other, n in gauges.items() if other is track or other.is_like(track))
+            return sum(alike) if gauges[track] else 0, float(np.nan_to_num(track.period))
+
+        base = max(tracks, key=rank)
     for track in tracks:
         if track is not base and not track.is_sparse and len(track.time) < 2 and not track.is_like(base):
             n = len(track.time)
             expected = f"two samples or more, got {n}" if n else "samples, got none"
-            raise InputError(f"{table.path}: column '{track.names[0]}': expected {expected}")
+            raise InputError(f"{selection.path}: column '{track.names[0]}': expected {expected}")
     return base, [track for track in tracks if track is not base]
 
 

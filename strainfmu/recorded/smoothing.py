@@ -11,7 +11,7 @@ and leaves the part h. What lasts is not averaged.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -23,81 +23,42 @@ from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY
 
 _ROLL_ANGLE = AIR_DATA_NAMES.index("wind_roll_angle")
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Smoothed:
-    """Smoothed estimates of k samples: fields of :class:`~strainfmu.estimator.estimate.Estimate` that change."""
-
-    loads: FloatArray
-    loads_std: FloatArray
-    coefficients: FloatArray
-    coefficients_std: FloatArray
-    other_loads: FloatArray
-    other_loads_std: FloatArray
-    other_coefficients: FloatArray
-    other_coefficients_std: FloatArray
-    air: FloatArray
-    air_std: FloatArray
+Filtered = tuple[FloatArray, Estimate, Estimate]
+"""Successive samples: times (k,) [s], estimates with a filter, and of each alone."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
-    """Samples that the filter has estimated: ``time`` (k,) [s], ``filtered`` estimates, and each ``alone``."""
+def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> SimpleNamespace:
+    """Return loads, coefficients and air data of ``samples``, which a filter as ``backward`` has estimated.
 
-    time: FloatArray
-    filtered: Estimate
-    alone: Estimate
-
-
-class Smoother:
-    """What smooths the samples of an estimator that filters over time."""
-
-    def __init__(self, estimator: Estimator) -> None:
-        """Smooth as ``estimator`` filters."""
-        self._alone, self._backward = estimator.filter(0.0), estimator.filter(estimator.filter_time_constant)
-
-    def samples(self, filtered: Estimate, time: FloatArray) -> Samples:
-        """Return the next samples, at ``time`` (k,) [s], and what each says alone."""
-        return Samples(
-            time=time,
-            filtered=filtered,
-            alone=self._alone.track_again(filtered.sample, filtered.mask, time),
-        )
-
-    def smoothed(self, samples: Samples, later: Samples | None) -> Smoothed:
-        """Return the estimates of ``samples``; those ``later`` follow, None for none."""
-        both = [samples] if later is None else [samples, later]
-        inputs, time = (
-            np.concatenate([block.filtered.sample for block in both]),
-            np.concatenate([block.time for block in both]),
-        )
-        masks = [_mask_of(block.filtered) for block in both]
-        self._backward.restart()
-        estimates = self._backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])
-        backward = estimates[np.arange(len(time))[::-1][: len(samples.time)]]
-        ends = (samples.filtered, backward, samples.alone)
-        forward_left, backward_left = (estimates.noise_left[:, None] for estimates in ends[:2])
-        of_fields = {
-            name: _joined(forward_left, backward_left, [_values(estimates, name) for estimates in ends])
-            for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients", "air")
-        }
-        return Smoothed(
-            **{name: value for name, (value, _) in of_fields.items()},
-            **{f"{name}_std": std for name, (_, std) in of_fields.items()},
-        )
+    Their names are the fields of :class:`~strainfmu.estimator.estimate.Estimate`. ``later`` are the samples that
+    follow, None at the end.
+    """
+    both = [samples] if later is None else [samples, later]
+    time = np.concatenate([at for at, *_ in both])
+    inputs = np.concatenate([filtered.sample for _, filtered, _ in both])
+    masks = np.concatenate([_mask_of(filtered) for _, filtered, _ in both])
+    backward.restart()
+    reverse = backward.track_again(inputs[::-1], masks[::-1], -time[::-1])
+    at, filtered, alone = samples
+    ends = filtered, reverse[np.arange(len(time))[::-1][: len(at)]], alone
+    parts = [estimates.noise_left[:, None] for estimates in ends[:2]]
+    fields = SimpleNamespace()
+    for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients"):
+        of_ends = [(getattr(estimates, name), getattr(estimates, f"{name}_std")) for estimates in ends]
+        value, std = _joined(*parts, of_ends)
+        setattr(fields, name, value)
+        setattr(fields, f"{name}_std", std)
+    air = [(estimates.air_data.value, estimates.air_data.std) for estimates in ends]
+    near = [(_near(value, air[2][0]), std) for value, std in air]
+    value, std = _joined(*parts, near)
+    fields.air_data = SimpleNamespace(value=value, std=std)
+    return fields
 
 
 def _mask_of(estimates: Estimate) -> BoolArray:
     """Return (k, n_d) the gauges that the caller trusts."""
     shape = (len(estimates), estimates.valid.shape[-1])
     return np.ones(shape, dtype=bool) if estimates.mask is None else np.broadcast_to(estimates.mask, shape)
-
-
-def _values(estimates: Estimate, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return the values (k, n) of a field and their standard deviations."""
-    if name == "air":
-        return estimates.air_data.value, estimates.air_data.std
-    return getattr(estimates, name), getattr(estimates, f"{name}_std")
 
 
 def _joined(
@@ -109,8 +70,6 @@ def _joined(
     more certain does.
     """
     (forward, forward_std), (backward, backward_std), (alone, alone_std) = ends
-    if forward.shape[1] == len(AIR_DATA_NAMES):
-        forward, backward = (_near(values, alone) for values in (forward, backward))
     remaining = 1.0 / (1.0 / forward_left + 1.0 / backward_left - 1.0)
     value = remaining * (forward / forward_left + backward / backward_left - alone)
     nearer = forward_left <= backward_left

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Literal
@@ -24,54 +24,6 @@ from strainfmu.recorded.names import QUANTITIES, Wanted
 from strainfmu.recorded.recorder_errors import disagreements, reading_errors
 from strainfmu.recorded.samples import open_recording
 from strainfmu.text_cells import DateOrder
-
-
-@dataclass(frozen=True, kw_only=True)
-class Window:
-    """From ``begin`` to ``end``, both included, by the times of the recording [s]."""
-
-    begin: float
-    end: float
-
-    def __post_init__(self) -> None:
-        if not self.begin < self.end:
-            raise InputError(f"window: expected a begin before its end, got {self.begin:g} to {self.end:g} s")
-
-
-def tare_file(
-    inverse_map: InverseMap,
-    recording: str | PathLike[str],
-    window: Window,
-    limits: TareLimits | None = None,
-    known: KnownStrain | None = None,
-    *,
-    channels: str | PathLike[str] | None = None,
-    date_order: DateOrder | None = None,
-) -> Tare:
-    """Return the zeros of ``inverse_map``'s strain gauges from ``window`` of ``recording``.
-
-    Parameters
-    ----------
-    known : strain of the loads that act meanwhile, None for none.
-    channels : file that states which channel is which gauge (channels.toml).
-    date_order : what stands first in dates of figures, such as 03/04/2026; None where the recording has none.
-
-    Raises
-    ------
-    InputError
-        A file, a column, a unit or a number is wrong, or the window leaves the recording or holds too few samples.
-    StrainfmuError
-        The reader of its kind is not installed, or there is no compiled estimator.
-    """
-    path = Path(recording)
-    time, strain, pressure = _read(
-        inverse_map, path, window, None if channels is None else Path(channels), date_order
-    )
-    try:
-        tare = Estimator(inverse_map.without_tables()).tare(strain, pressure, limits, known)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
-    return replace(tare, notes=(*tare.notes, *disagreements(reading_errors(time, strain), inverse_map)))
 
 
 def tare(
@@ -120,33 +72,45 @@ def tare(
     Raises
     ------
     InputError
-        As :func:`tare_file`.
+        A file, a column, a unit or a number is wrong, or the window leaves the recording or holds too few samples.
     StrainfmuError
-        A check refuses them, and the notes of the error say more; or as :func:`tare_file`.
+        A check refuses them, and the notes of the error say more; the reader of the recording's kind is not
+        installed, or there is no compiled estimator.
     """
-    loaded, between = load_inverse_map(Path(inverse_map)), Window(begin=window[0], end=window[1])
+    loaded, path = load_inverse_map(Path(inverse_map)), Path(recording)
+    if not window[0] < window[1]:
+        raise InputError(f"window: expected a begin before its end, got {window[0]:g} to {window[1]:g} s")
     limits = TareLimits(dynamic_pressure=max_dynamic_pressure, zero=largest_zero, drift=largest_drift)
-    found = tare_file(loaded, recording, between, limits, known, channels=channels, date_order=date_order)
-    against = refusal(found)
+    time, strain, pressure = _read(loaded, path, window, None if channels is None else Path(channels), date_order)
+    try:
+        result = Estimator(loaded.without_tables()).tare(strain, pressure, limits, known)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    result = replace(result, notes=(*result.notes, *disagreements(reading_errors(time, strain), loaded)))
+    against = refusal(result)
     if against and not accept:
-        error = StrainfmuError(f"{recording}: {against}; no zeros written")
-        for note in found.notes:
-            error.add_note(note)
-        raise error
+        refused = StrainfmuError(f"{recording}: {against}; no zeros written")
+        for note in result.notes:
+            refused.add_note(note)
+        raise refused
     made_from: dict[str, str | float] = {
         "recording": str(recording),
-        "from_s": between.begin,
-        "to_s": between.end,
-        "samples": float(found.samples),
+        "from_s": window[0],
+        "to_s": window[1],
+        "samples": float(result.samples),
         **(known_of or {}),
         **({"accepted": against} if against else {}),
     }
-    write_zeros(Path(output), loaded.gauge_names[: loaded.n_strain_gauges], found.zeros, made_from)
-    return found
+    write_zeros(Path(output), loaded.gauge_names[: loaded.n_strain_gauges], result.zeros, made_from)
+    return result
 
 
 def _read(
-    inverse_map: InverseMap, path: Path, window: Window, channels: Path | None, date_order: DateOrder | None
+    inverse_map: InverseMap,
+    path: Path,
+    window: tuple[float, float],
+    channels: Path | None,
+    date_order: DateOrder | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return times (n,), strain (n, n_d) and q_inf (n,) in the window; NaN where there is no q_inf."""
     n, readings = inverse_map.n_strain_gauges, recorded_readings(reading_units(inverse_map))
@@ -165,18 +129,18 @@ def _read(
     with open_recording(path, wanted, channels) as recording:
         for block in recording.blocks:
             times.append(block.time)
-            inside = (block.time >= window.begin) & (block.time <= window.end)
+            inside = (block.time >= window[0]) & (block.time <= window[1])
             strains.append(block.strain[inside])
             pressures.append(block.dynamic_pressure[inside])
-            if block.time[-1] > window.end:
+            if block.time[-1] > window[1]:
                 break
     time = np.concatenate(times)
     # Within a sample's time, which is the median: a recording that paused for long does not reach further.
     reach = 1.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0
-    if len(time) and (window.begin < time[0] - reach or window.end > time[-1] + reach):
+    if len(time) and (window[0] < time[0] - reach or window[1] > time[-1] + reach):
         raise InputError(
             f"{path}: window: expected within the recording, {time[0]:g} to {time[-1]:g} s, got "
-            f"{window.begin:g} to {window.end:g} s"
+            f"{window[0]:g} to {window[1]:g} s"
         )
-    inside = (time >= window.begin) & (time <= window.end)
+    inside = (time >= window[0]) & (time <= window[1])
     return time[inside], np.concatenate(strains), np.concatenate(pressures)

@@ -28,7 +28,7 @@ from strainfmu.estimator.map.inverse_map import (
 from strainfmu.estimator.map.validity import flow_parameters
 from strainfmu.interface.sensor_variables import identifier
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.tare_window import Window, tare_file
+from strainfmu.recorded.tare_window import tare
 
 pytestmark = pytest.mark.fast
 K, BLANK = 22, 8
@@ -150,5 +150,7 @@ def test_zeros_of_a_recording_that_can_be_estimated(
     entries += ["[[flow]]\nname = 'temperature[1]'\nquantity = 'temperature[1]'\nunit = 'K'\n"]
     (tmp_path / "channels.toml").write_text("\n".join(entries))
     channels = tmp_path / "channels.toml" if by_channels else None
-    found = tare_file(held, tmp_path / "d.csv", Window(begin=0.0, end=0.99), channels=channels)
+    save_inverse_map(held, tmp_path / "tare.h5")
+    output = tmp_path / "zeros.toml"
+    found = tare(tmp_path / "tare.h5", tmp_path / "d.csv", (0.0, 0.99), output, channels=channels, accept=True)
     np.testing.assert_allclose(found.zeros.value, strain.mean(axis=0), rtol=0.0, atol=1e-14)

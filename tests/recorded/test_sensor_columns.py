@@ -21,7 +21,7 @@ from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, s
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.sensor_variables import PREFIX, sensor_names
 from strainfmu.recorded.run import estimate_file
-from strainfmu.recorded.tare_window import Window, tare_file
+from strainfmu.recorded.tare_window import tare
 
 pytestmark = pytest.mark.fast
 
@@ -250,7 +250,8 @@ def test_zeros_and_tare_are_those_of_the_gauges(tmp_path: Path) -> None:
     strain = zero + 0.1 * held.noise_std[:n] * random.normal(size=(200, n))
     headings = ["time", *held.gauge_names[:n], "dynamic_pressure", COLUMNS[0]]
     write_csv(tmp_path / "t.csv", headings, 1e-3 * np.arange(200), strain, np.zeros(200), np.full(200, 1e5))
-    found = tare_file(held, tmp_path / "t.csv", Window(begin=0.0, end=0.2))
+    save_inverse_map(held, tmp_path / "tare.h5")
+    found = tare(tmp_path / "tare.h5", tmp_path / "t.csv", (0.0, 0.2), tmp_path / "zeros.toml", accept=True)
     np.testing.assert_allclose(found.zeros.value, strain.mean(axis=0), atol=1e-12)
     assert not found.faults
     with pytest.raises(InputError, match=f"zeros: expected {n} values, got {N}"):

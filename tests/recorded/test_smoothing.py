@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded.smoothing import Samples, Smoothed, Smoother
+from strainfmu.recorded import smoothing
 
 pytestmark = pytest.mark.fast
 DT = 0.01
@@ -22,12 +23,15 @@ STATE = np.array([6.2, 0.06, -0.03, 8.6])
 
 def smoothed(
     inverse_map: InverseMap, strain: np.ndarray, cut: int | None = None, **given: Any
-) -> tuple[Samples, Smoothed]:
-    """Return the samples, and their smoothed estimates, the first ``cut`` before the others."""
+) -> tuple[SimpleNamespace, SimpleNamespace]:
+    """Return estimates filtered and of each sample alone, and smoothed ones; the first ``cut`` come first."""
     estimator, time = Estimator(inverse_map).filter(1.0), DT * np.arange(len(strain))
-    smoother, parts = Smoother(estimator), [slice(0, cut), *([slice(cut, None)] if cut else [])]
-    samples = [smoother.samples(estimator.track(strain[one], time=time[one], **given), time[one]) for one in parts]
-    return samples[0], smoother.smoothed(samples[0], samples[1] if cut else None)
+    alone, samples = estimator.filter(0.0), list[smoothing.Filtered]()
+    for part in [slice(0, cut), *([slice(cut, None)] if cut else [])]:
+        filtered = estimator.track(strain[part], time=time[part], **given)
+        samples.append((time[part], filtered, alone.track_again(filtered.sample, filtered.mask, time[part])))
+    found = smoothing.smoothed(estimator.filter(1.0), samples[0], samples[1] if cut else None)
+    return SimpleNamespace(filtered=samples[0][1], alone=samples[0][2]), found
 
 
 def steady(inverse_map: InverseMap, k: int, seed: int) -> np.ndarray:

@@ -1,0 +1,90 @@
+"""Files of every format with bytes changed, cut or doubled: read, or refused in one line, and never a hang."""
+
+from __future__ import annotations
+
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+import pytest
+from recorded_formats import WRITERS, Group
+
+from strainfmu.errors import StrainfmuError
+from strainfmu.recorded.names import Wanted
+from strainfmu.recorded.samples import open_recording
+
+pytestmark = pytest.mark.slow
+
+MUTATIONS = 500
+LIMIT = 10.0
+"""Processor time that a file of some kB may take in this process [s]; a look in a child has a limit of its own."""
+
+GAUGES = ("a", "b", "c")
+TIME = 0.01 * np.arange(60)
+
+
+class Hang(BaseException):
+    """Not to be caught by libraries that catch every exception."""
+
+
+@contextmanager
+def limited_time() -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise Hang
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LIMIT)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def mutated(content: bytes, random: np.random.Generator) -> bytes:
+    """Return ``content`` with one to three changes, each anywhere; a cut is its last change."""
+    changed = bytearray(content)
+    for _ in range(random.integers(1, 4)):
+        at, size = int(random.integers(len(changed))), int(random.integers(1, 40))
+        match int(random.integers(6)):
+            case 0:
+                changed[at] ^= 1 << int(random.integers(8))
+            case 1:
+                changed[at : at + size] = random.bytes(size)
+            case 2:
+                del changed[at : at + size]
+            case 3:
+                changed[at:at] = changed[at : at + size]
+            case 4:
+                changed[at : at + 8] = int(random.choice([0, 1, -1, 2**31 - 1, 2**62])).to_bytes(
+                    8, "little", signed=True
+                )
+            case _:
+                return bytes(changed[: max(at, 1)])
+    return bytes(changed)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
+    columns = {gauge: (np.sin(TIME + k), "um/m") for k, gauge in enumerate(GAUGES)}
+    source = WRITERS[name](tmp_path, [Group("log", TIME, {**columns, "dynamic_pressure": (1e4 + TIME, "Pa")})])
+    content, random = source.read_bytes(), np.random.default_rng(59)
+    path, outcomes = source.with_stem("mutated"), Counter[str]()
+    wanted = Wanted(gauge_names=GAUGES, ignored=("*",))
+    for number in range(MUTATIONS):
+        path.write_bytes(mutated(content, random))
+        try:
+            with limited_time(), open_recording(path, wanted) as recording:
+                rows = sum(len(block.time) for block in recording.blocks)
+            outcomes["read whole" if rows == len(TIME) else "read in part"] += 1
+        except StrainfmuError as error:
+            outcomes["refused" if "\n" not in str(error) else f"several lines: {error}"] += 1
+        except (Exception, Hang) as error:
+            pytest.fail(f"mutation {number} of {name}: {type(error).__name__}: {error}")
+    print(f"{name}: {dict(outcomes)}")
+    assert {"read whole", "refused"} <= outcomes.keys() <= {"read whole", "read in part", "refused"}
+    assert outcomes.total() == MUTATIONS
