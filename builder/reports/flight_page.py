@@ -13,7 +13,7 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import USABLE_STATES, HealthState
 from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
-from strainfmu.recorded.run import EstimationSummary
+from strainfmu.recorded.summary import EstimationSummary
 
 SUFFIXES = (".html", ".pdf")
 

@@ -13,7 +13,8 @@ from strainfmu.can.log_frames import is_bus_log
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.replay import ReplaySummary, estimate_log
 from strainfmu.errors import InputError
-from strainfmu.recorded.run import EstimationSummary, Progress, estimate_file
+from strainfmu.recorded.run import Progress, estimate_file
+from strainfmu.recorded.summary import EstimationSummary
 
 File = str | PathLike[str]
 

@@ -29,12 +29,12 @@ from strainfmu.estimator.air_inputs import AIR_INPUTS, DYNAMIC_PRESSURE, FLOW_QU
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import output_units
 from strainfmu.interface.health_names import CHI_SQUARE, ENVELOPE_SCORE, STATE, USABLE
-from strainfmu.recorded.estimators import other_outputs_of
 from strainfmu.recorded.outputs import (
     ESTIMATE_COLUMNS,
     EstimateWriter,
     check_output,
     estimate_writer,
+    other_outputs_of,
 )
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")

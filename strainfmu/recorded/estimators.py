@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import isfinite
 from pathlib import Path
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.cosim.estimators.description import outputs_of
 from strainfmu.cosim.estimators.fmu_step import SENSORS, TEMPERATURE, FmuStep
 from strainfmu.cosim.estimators.source import is_fmu
-from strainfmu.cosim.estimators.step import StepRefused, health_name
+from strainfmu.cosim.estimators.step import StepRefused
 from strainfmu.cosim.estimators.zeros_file import load_zeros
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import (
@@ -39,19 +39,16 @@ from strainfmu.estimator.air_inputs import (
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import USABLE_STATES, HealthState, chi_square_limit
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, load_inverse_map
+from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map
 from strainfmu.estimator.map.sensors import LARGEST_CHANNEL, InertiaMap
 from strainfmu.estimator.map.validity import PARAMETER_TOLERANCE
-from strainfmu.estimator.other_loads import SIGMA, LoadArray, column_of, load_arrays
+from strainfmu.estimator.other_loads import SIGMA, LoadArray, load_arrays
 from strainfmu.estimator.settings import default_settings
-from strainfmu.estimator.signal_names import FILTER_TIME_CONSTANT, NOT_KNOWN
-from strainfmu.interface.enumerations import HEALTH_ITEMS
-from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.estimator.signal_names import COEFFICIENT_ARRAY, FILTER_TIME_CONSTANT, NOT_KNOWN
 from strainfmu.interface.health_names import (
     CHI_SQUARE,
     CHI_SQUARE_LIMIT,
     ENVELOPE_SCORE,
-    LINEAR_LOADS,
     STATE,
     SUSPECT_GAUGE,
     SUSPECTS,
@@ -63,43 +60,21 @@ from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX, PREFIX, STD_
 from strainfmu.interface.sensor_variables import PREFIX as SENSOR_PREFIX
 from strainfmu.interface.sensor_variables import THRUST, reading_units
 from strainfmu.recorded.names import FLOW_NAMES, QUANTITIES, temperature_quantities
+from strainfmu.recorded.outputs import (
+    AIR_DATA,
+    COEFFICIENT_COLUMNS,
+    ENVELOPE_SCORE_LIMIT,
+    HEALTH,
+    IDENTIFIED,
+    LOAD_COLUMNS,
+    RESIDUAL,
+    RESIDUAL_LIMIT,
+    USED,
+    Column,
+    other_outputs_of,
+)
 from strainfmu.recorded.samples import Samples
-from strainfmu.recorded.smoothing import Filtered, smoothed
 from strainfmu.recorded.strain_level import LevelReference
-
-Column = tuple[str, str]
-"""Name and unit."""
-
-LOAD_COLUMNS: tuple[Column, ...] = (
-    *((name, load.unit.replace(".", " ")) for name, load in LOADS.items()),
-    *((f"{SIGMA}{name}", load.unit.replace(".", " ")) for name, load in LOADS.items()),
-)
-"""Forces and moments about the reference point, and their standard deviations."""
-
-COEFFICIENT_COLUMNS: tuple[Column, ...] = (
-    *((name, "1") for name in COEFFICIENT_NAMES),
-    *((f"{SIGMA}{name}", "1") for name in COEFFICIENT_NAMES),
-)
-
-RESIDUAL_LIMIT, RESIDUAL = "health.residual_limit", "residual."
-ENVELOPE_SCORE_LIMIT = "health.envelope_score_limit"
-
-_HEALTH: dict[str, Callable[[Estimate], Any]] = {
-    CHI_SQUARE: lambda estimate: estimate.chi_square,
-    STATE: lambda estimate: estimate.health,
-    "gauges_used": lambda estimate: estimate.valid_gauges,
-    CHI_SQUARE_LIMIT: lambda estimate: estimate.chi_square_limit,
-    "health.degrees_of_freedom": lambda estimate: estimate.degrees_of_freedom,
-    SUSPECTS: lambda estimate: estimate.suspect_count,
-    ENVELOPE_SCORE: lambda estimate: estimate.envelope_score,
-    ENVELOPE_SCORE_LIMIT: lambda estimate: np.full(len(estimate), np.nan),
-    USABLE: lambda estimate: np.isin(estimate.health, USABLE_STATES),
-}
-HEALTH_COLUMNS: tuple[Column, ...] = tuple((name, "1") for name in _HEALTH)
-
-
-AIR_DATA, _IDENTIFIED, _USED_PREFIX = "air_data.", "identified.air_data.", "navigation_used."
-"""Beginnings of columns; of the last ones, which say whether a quantity of navigation is used."""
 
 _FMU_HEALTH = (CHI_SQUARE_LIMIT, VALID_GAUGES, SUSPECT_GAUGE, SUSPECTS, ENVELOPE_SCORE)
 """Outputs of an FMU that state health, in addition to state and chi-square."""
@@ -373,7 +348,7 @@ class MapBlocks(BlockEstimator):
     def _block_estimates(self, block: Samples, estimate: Estimate, smoothed_loads: Any = None) -> BlockEstimates:
         """Return the estimates of a block as such, with ``smoothed_loads`` and air data or its own."""
         n = len(estimate)
-        values = {name: np.asarray(of_health(estimate), dtype=float) for name, of_health in _HEALTH.items()}
+        values = {name: np.asarray(of_health(estimate), dtype=float) for name, of_health in HEALTH.items()}
         values[ENVELOPE_SCORE_LIMIT] = np.full(n, self.envelope_score_limit)
         for columns, values_of in self._series:
             table = np.asarray(values_of(estimate, smoothed_loads or estimate), dtype=float).reshape(n, -1)
@@ -515,32 +490,89 @@ def _temperature(block: Samples, sensors: Sequence[str]) -> FloatArray | None:
     return np.column_stack([*block.values(names).values()])
 
 
-# --- columns -----------------------------------------------------------------------------------------------------
+# --- smoothing: the filter from both ends ------------------------------------------------------------------------
+#
+# The filter averages each sample with the samples before it, and, over the samples in reverse, with the samples
+# behind it. Both averages hold the sample itself. With the parts f and g of the variance of its noise that they
+# leave, the one with each sample once is
+#
+#     h (forward / f + backward / g - alone),    1 / h = 1 / f + 1 / g - 1,
+#
+# and leaves the part h. What lasts is not averaged.
+
+_ROLL_ANGLE = AIR_DATA_NAMES.index("wind_roll_angle")
+
+Filtered = tuple[FloatArray, Estimate, Estimate]
+"""Successive samples: times (k,) [s], estimates with a filter, and of each alone."""
 
 
-_OTHER_PREFIXES = (
-    *(AIR_DATA, f"{SIGMA}{AIR_DATA}", _IDENTIFIED, _USED_PREFIX),
-    *(LINEAR_LOADS, OUTSIDE_PREFIX),
-)
-"""What the names of such outputs begin with, but for loads behind the five."""
+def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> SimpleNamespace:
+    """Return loads, coefficients and air data of ``samples``, which a filter as ``backward`` has estimated.
 
-
-def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
-    """Return the columns of the others among ``outputs``, names and units, in the order of the columns of a map.
-
-    Loads stand ahead of their standard deviations; air data have that order already.
+    Their names are the fields of :class:`~strainfmu.estimator.estimate.Estimate`. ``later`` are the samples that
+    follow, None at the end.
     """
-    others = {
-        name: (
-            column_of(name) or ("linear_loads" if name == LINEAR_LOADS else name),
-            unit.replace(".", " "),
-        )
-        for name, unit in outputs
-        if column_of(name) or name.startswith(_OTHER_PREFIXES)
-    }
-    if any(map(column_of, others)):
-        return dict(sorted(others.items(), key=lambda item: item[0].startswith(SIGMA)))
-    return others
+    both = [samples] if later is None else [samples, later]
+    time = np.concatenate([at for at, *_ in both])
+    inputs = np.concatenate([filtered.sample for _, filtered, _ in both])
+    masks = np.concatenate([_mask_of(filtered) for _, filtered, _ in both])
+    backward.restart()
+    reverse = backward.track_again(inputs[::-1], masks[::-1], -time[::-1])
+    at, filtered, alone = samples
+    ends = filtered, reverse[np.arange(len(time))[::-1][: len(at)]], alone
+    remaining = [estimates.noise_left[:, None] for estimates in ends[:2]]
+    fields = SimpleNamespace()
+    for name in ("loads", COEFFICIENT_ARRAY, "other_loads", "other_coefficients"):
+        of_ends = [(getattr(estimates, name), getattr(estimates, f"{name}_std")) for estimates in ends]
+        value, std = _joined(remaining, of_ends)
+        setattr(fields, name, value)
+        setattr(fields, f"{name}_std", std)
+    air = [(estimates.air_data.value, estimates.air_data.std) for estimates in ends]
+    near = [(_near(value, air[2][0]), std) for value, std in air]
+    value, std = _joined(remaining, near)
+    fields.air_data = SimpleNamespace(value=value, std=std)
+    return fields
+
+
+def _mask_of(estimates: Estimate) -> BoolArray:
+    """Return (k, n_d) the gauges that the caller trusts."""
+    shape = (len(estimates), estimates.valid.shape[-1])
+    return np.ones(shape, dtype=bool) if estimates.mask is None else np.broadcast_to(estimates.mask, shape)
+
+
+def _joined(
+    noise_left: Sequence[FloatArray], ends: Sequence[tuple[FloatArray, FloatArray]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return values (k, n) and standard deviations from both ends; ``noise_left`` (k, 1) parts of either.
+
+    ``ends`` are those forward, backward and of the samples alone. Where a sample alone gives none, the end that is
+    more certain does.
+    """
+    (forward, forward_std), (backward, backward_std), (alone, alone_std) = ends
+    forward_left, backward_left = noise_left
+    remaining = 1.0 / (1.0 / forward_left + 1.0 / backward_left - 1.0)
+    value = remaining * (forward / forward_left + backward / backward_left - alone)
+    nearer = forward_left <= backward_left
+    least = np.where(nearer, forward_left, backward_left)
+    averaged = alone_std**2 - np.where(nearer, forward_std, backward_std) ** 2
+    noise = np.maximum(averaged, 0.0) / np.where(least < 1.0, 1.0 - least, 1.0)
+    std = np.sqrt(np.maximum(alone_std**2 - noise * (1.0 - remaining), 0.0))
+    coasts = np.isnan(alone)
+    takes_backward = coasts & ~(forward_std <= backward_std)
+    value = np.where(coasts, np.where(takes_backward, backward, forward), value)
+    return value, np.where(coasts, np.where(takes_backward, backward_std, forward_std), std)
+
+
+def _near(air: FloatArray, alone: FloatArray) -> FloatArray:
+    """Return air data (k, 7) whose roll angle is on the turn of ``alone``; it may leave -pi to pi by less than
+    noise."""
+    near = air.copy()
+    apart = near[:, _ROLL_ANGLE] - alone[:, _ROLL_ANGLE]
+    near[:, _ROLL_ANGLE] -= 2.0 * np.pi * np.round(np.where(np.isnan(apart), 0.0, apart) / (2.0 * np.pi))
+    return near
+
+
+# --- columns -----------------------------------------------------------------------------------------------------
 
 
 Series = tuple[Sequence[Column], Callable[[Estimate, Any], FloatArray | BoolArray]]
@@ -564,8 +596,8 @@ def _series(estimator: Estimator, residuals: bool) -> list[Series]:
         series += [
             (_columns(AIR_DATA, *air), lambda _, loads: loads.air_data.value),
             (_columns(f"{SIGMA}{AIR_DATA}", *air), lambda _, loads: loads.air_data.std),
-            (_columns(_IDENTIFIED, AIR_DATA_NAMES), lambda estimate, _: estimate.air_data.is_identified),
-            (_columns(_USED_PREFIX, NAVIGATION), lambda estimate, _: estimate.air_data_used),
+            (_columns(IDENTIFIED, AIR_DATA_NAMES), lambda estimate, _: estimate.air_data.is_identified),
+            (_columns(USED, NAVIGATION), lambda estimate, _: estimate.air_data_used),
             (_columns("", ["linear_loads"]), lambda estimate, _: estimate.is_linear),
         ]
     arrays = load_arrays(inverse_map.load_groups) if inverse_map.has_other_loads else ()
@@ -603,66 +635,12 @@ def _level_reference(inverse_map: InverseMap) -> LevelReference:
     )
 
 
-# --- account of health -------------------------------------------------------------------------------------------
-
-
-@dataclass(kw_only=True)
-class HealthAccount:
-    """Numbers of samples by state of health.
-
-    Attributes
-    ----------
-    samples : number of samples by state.
-    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
-        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
-        first an input that contradicts the loads. Of OUTSIDE, a flow parameter of the flow that left its range; of
-        DEGRADED, a quantity of navigation that is left out, too.
-    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
-    """
-
-    samples: Counter[str] = field(default_factory=Counter)
-    blamed: dict[str, Counter[str]] = field(default_factory=dict)
-    beyond: int | None = None
-
-    def add(self, estimates: BlockEstimates, envelope_score_limit: float) -> None:
-        """Count the samples of a block; ``envelope_score_limit`` of their estimator."""
-        health = estimates.values[STATE]
-        for state in np.unique(health[np.isfinite(health)]):
-            rows, name = health == state, health_name(int(state))
-            self.samples[name] += int(rows.sum())
-            if state == HealthState.OUTSIDE and np.isfinite(envelope_score_limit):
-                beyond = estimates.values[ENVELOPE_SCORE][rows] > envelope_score_limit
-                self.beyond = int(beyond.sum()) + (self.beyond or 0)
-            counts = {of: int(k) for of, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
-            self.blamed.setdefault(name, Counter()).update(counts)
-
-    def lines(self) -> list[str]:
-        """Return a line for each state other than OK, the most frequent first."""
-        total = sum(self.samples.values())
-        texts = {state.name: text for state, text in HEALTH_ITEMS}
-        lines = []
-        for name, number in self.samples.most_common():
-            if name == HealthState.OK.name:
-                continue
-            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
-            if name in texts:
-                text += f": {texts[name][0].lower()}{texts[name][1:]}"
-            if name == HealthState.OUTSIDE.name and self.beyond is not None:
-                by_flow = number - self.beyond
-                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
-            worst = next(iter(self.blamed[name].most_common(1)), None)
-            if worst is not None:
-                text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
-            lines.append(text)
-        return lines
-
-
 def dropped_navigation(block: Samples, values: Mapping[str, FloatArray]) -> dict[str, BoolArray]:
     """Return (n,) whether each quantity of navigation is given and not used, by its name; {} of a linear map.
 
     A computed dynamic pressure is none. ``values`` are of :class:`BlockEstimates`.
     """
-    used = {name: values[of] for name in NAVIGATION if (of := f"{_USED_PREFIX}{name}") in values}
+    used = {name: values[of] for name in NAVIGATION if (of := f"{USED}{name}") in values}
     if NAVIGATION[0] not in used:
         return {}
     flow = block.values((*NAVIGATION, ALTITUDE, Q_SOURCE))

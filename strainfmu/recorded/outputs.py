@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import chain
 from pathlib import Path
@@ -19,20 +19,62 @@ import numpy as np
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError, library
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE, SAMPLE_INPUTS
-from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.other_loads import SIGMA, is_column
+from strainfmu.estimator.estimate import Estimate
+from strainfmu.estimator.health import USABLE_STATES, HealthState
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
+from strainfmu.estimator.off_deadline import no_field
+from strainfmu.estimator.other_loads import SIGMA, column_of, is_column
 from strainfmu.files import GuardedFile, whole_file, writing
-from strainfmu.recorded.estimators import (
-    COEFFICIENT_COLUMNS,
-    HEALTH_COLUMNS,
-    LOAD_COLUMNS,
-    RESIDUAL,
-    RESIDUAL_LIMIT,
-    Column,
+from strainfmu.interface.estimator_variables import LOADS
+from strainfmu.interface.health_names import (
+    CHI_SQUARE,
+    CHI_SQUARE_LIMIT,
+    ENVELOPE_SCORE,
+    LINEAR_LOADS,
+    STATE,
+    SUSPECTS,
+    USABLE,
 )
+from strainfmu.interface.parameter_variables import OUTSIDE_PREFIX
 
 SCHEMA = "strainfmu.estimates"
 SCHEMA_VERSION = 3
+
+Column = tuple[str, str]
+"""Name and unit."""
+
+LOAD_COLUMNS: tuple[Column, ...] = (
+    *((name, load.unit.replace(".", " ")) for name, load in LOADS.items()),
+    *((f"{SIGMA}{name}", load.unit.replace(".", " ")) for name, load in LOADS.items()),
+)
+"""Forces and moments about the reference point, and their standard deviations."""
+
+COEFFICIENT_COLUMNS: tuple[Column, ...] = (
+    *((name, "1") for name in COEFFICIENT_NAMES),
+    *((f"{SIGMA}{name}", "1") for name in COEFFICIENT_NAMES),
+)
+
+RESIDUAL_LIMIT, RESIDUAL = "health.residual_limit", "residual."
+ENVELOPE_SCORE_LIMIT = "health.envelope_score_limit"
+
+HEALTH: dict[str, Callable[[Estimate], Any]] = {
+    CHI_SQUARE: lambda estimate: estimate.chi_square,
+    STATE: lambda estimate: estimate.health,
+    "gauges_used": lambda estimate: estimate.valid_gauges,
+    CHI_SQUARE_LIMIT: lambda estimate: estimate.chi_square_limit,
+    "health.degrees_of_freedom": lambda estimate: estimate.degrees_of_freedom,
+    SUSPECTS: lambda estimate: estimate.suspect_count,
+    ENVELOPE_SCORE: lambda estimate: estimate.envelope_score,
+    ENVELOPE_SCORE_LIMIT: lambda estimate: np.full(len(estimate), np.nan),
+    USABLE: lambda estimate: np.isin(estimate.health, USABLE_STATES),
+}
+"""Of each column of health, what estimates hold."""
+
+HEALTH_COLUMNS: tuple[Column, ...] = tuple((name, "1") for name in HEALTH)
+
+
+AIR_DATA, IDENTIFIED, USED = "air_data.", "identified.air_data.", "navigation_used."
+"""Beginnings of columns; of the last ones, which say whether a quantity of navigation is used."""
 
 ESTIMATE_COLUMNS: tuple[Column, ...] = (
     ("time", "s"),
@@ -50,7 +92,6 @@ SUSPECTS_COLUMN, FAULTS_COLUMN = "suspect_gauges", "strain_faults"
 HEALTH_COLUMN = "health"
 """Column of text of the plain form: the name of the state; empty for a sample that an FMU refused."""
 
-_AIR_DATA = "air_data."
 _ANGLES = ("air_data.angle_of_attack", "air_data.sideslip_angle")
 _FLOW_UNITS = {quantity.name: quantity.unit for quantity in SAMPLE_INPUTS[1:]}
 _SLASH = "%2F"
@@ -83,7 +124,7 @@ def plain_columns(columns: Sequence[Column]) -> dict[str, Column]:
     plain = dict[str, Column]()
     for name, unit in columns:
         if name.removeprefix(SIGMA) in _ANGLES:
-            plain[name] = name.replace(_AIR_DATA, "", 1), "deg"
+            plain[name] = name.replace(AIR_DATA, "", 1), "deg"
         elif name in loads or is_column(name) or name.startswith((RESIDUAL, RESIDUAL_LIMIT)):
             plain[name] = name, unit
     return plain
@@ -93,6 +134,31 @@ def health_words(states: FloatArray) -> list[str]:
     """Return the name of each state, "" of a sample that an FMU refused."""
     names = {float(state): state.name for state in HealthState}
     return [names.get(state, "") for state in states.tolist()]
+
+
+_OTHER_PREFIXES = (
+    *(AIR_DATA, f"{SIGMA}{AIR_DATA}", IDENTIFIED, USED),
+    *(LINEAR_LOADS, OUTSIDE_PREFIX),
+)
+"""What the names of such outputs begin with, but for loads behind the five."""
+
+
+def other_outputs_of(outputs: Iterable[tuple[str, str]]) -> dict[str, Column]:
+    """Return the columns of the others among ``outputs``, names and units, in the order of the columns of a map.
+
+    Loads stand ahead of their standard deviations; air data have that order already.
+    """
+    others = {
+        name: (
+            column_of(name) or ("linear_loads" if name == LINEAR_LOADS else name),
+            unit.replace(".", " "),
+        )
+        for name, unit in outputs
+        if column_of(name) or name.startswith(_OTHER_PREFIXES)
+    }
+    if any(map(column_of, others)):
+        return dict(sorted(others.items(), key=lambda item: item[0].startswith(SIGMA)))
+    return others
 
 
 # --- files -------------------------------------------------------------------------------------------------------
@@ -285,4 +351,123 @@ def estimate_writer(
         return EstimateWriter(path, temporary, columns, text_columns, attributes or {})
 
     with whole_file(path, opened) as writer:
+        yield writer
+
+
+# --- pressure fields ---------------------------------------------------------------------------------------------
+
+FIELD_SUFFIX = ".vtkhdf"
+_TRIANGLE = 5
+"""VTK_TRIANGLE."""
+
+FIELD_ARRAYS = ("pressure", "sigma_pressure")
+NET_FIELD_ARRAYS = ("net_pressure", "sigma_net_pressure")
+"""Arrays of points [Pa]: absolute pressure, or p - p_inf, with its standard deviation."""
+
+
+def check_field_output(path: Path, inverse_map: InverseMap | None, source: Path) -> None:
+    """Refuse a series that cannot be written before any work begins.
+
+    Raises
+    ------
+    InputError
+        The suffix is another one, ``source`` is no map, or the map holds no pressure field.
+    """
+    if path.suffix.lower() != FIELD_SUFFIX:
+        raise InputError(f"{path}: expected {FIELD_SUFFIX}, got '{path.suffix}'")
+    if inverse_map is None:
+        raise InputError(f"{source}: --field: expected an inverse map, got an FMU")
+    manifold = inverse_map.manifold
+    if not inverse_map.has_field or (manifold is not None and manifold.surface_field is None):
+        raise InputError(f"{source}: --field: {no_field()}")
+
+
+class FieldSeriesWriter:
+    """Writes one field after another into a file in the VTKHDF layout.
+
+    ``path`` is the file that messages name, ``every`` the samples from one field to the next, ``steps`` the number
+    of fields written.
+    """
+
+    def __init__(self, path: Path, temporary: Path, inverse_map: InverseMap, every: int) -> None:
+        self.path, self.every, self.steps, self._passed = path, every, 0, 0
+        point, triangle = inverse_map.point, inverse_map.triangle
+        self._n, n_t = len(point), len(triangle)
+        self._guarded = GuardedFile(temporary)
+        self._file = h5py.File(self._guarded, "w")
+        root = self._file.create_group("VTKHDF", track_order=True)
+        root.attrs["Version"] = np.array([2, 0], dtype="i8")
+        kind = b"UnstructuredGrid"
+        root.attrs.create("Type", kind, dtype=h5py.string_dtype("ascii", len(kind)))
+        counts = {"NumberOfPoints": self._n, "NumberOfCells": n_t, "NumberOfConnectivityIds": 3 * n_t}
+        for name, value in counts.items():
+            root.create_dataset(name, data=np.array([value], dtype="i8"))
+        root.create_dataset("Points", data=point.astype("f4")).attrs["unit"] = "m"
+        root.create_dataset("Connectivity", data=triangle.ravel().astype("i8"))
+        root.create_dataset("Offsets", data=3 * np.arange(n_t + 1, dtype="i8"))
+        root.create_dataset("Types", data=np.full(n_t, _TRIANGLE, dtype="u1"))
+        data, self._steps = root.create_group("PointData"), root.create_group("Steps")
+        layout: dict[str, Any] = {"shape": (0,), "maxshape": (None,), "dtype": "f4", "chunks": (self._n,)}
+        is_net = inverse_map.field_is_net and inverse_map.manifold is None
+        self._arrays = [
+            data.create_dataset(name, **layout, compression="gzip", shuffle=True)
+            for name in (NET_FIELD_ARRAYS if is_net else FIELD_ARRAYS)
+        ]
+        for item in self._arrays:
+            item.attrs["unit"] = "Pa"
+        self._times = self._steps.create_dataset("Values", (0,), maxshape=(None,), dtype="f8", chunks=(1024,))
+        self._times.attrs["unit"] = "s"
+        self._steps.attrs["NSteps"] = 0
+
+    def write(self, time: FloatArray, estimates: Estimate) -> None:
+        """Append the fields of every ``every``-th sample, ``time`` (n,) [s] and n ``estimates`` of a block.
+
+        Raises
+        ------
+        StrainfmuError
+            The file cannot be written.
+        """
+        for row in range((-self._passed) % self.every, len(time), self.every):
+            field, first = estimates[row].pressure(), self.steps * self._n
+            with writing(self.path):
+                for item, values in zip(self._arrays, (field.pressure, field.std), strict=True):
+                    item.resize((first + self._n,))
+                    item[first:] = values.astype("f4")
+                self._times.resize((self.steps + 1,))
+                self._times[self.steps] = time[row]
+                self._guarded.raise_error()
+            self.steps += 1
+        self._passed += len(time)
+
+    def finish(self) -> None:
+        """Write where each step finds its data and bring all to the disk; raises OSError if it cannot."""
+        n, steps = self.steps, self._steps
+        steps.attrs["NSteps"] = n
+        steps.create_dataset("NumberOfParts", data=np.ones(n, dtype="i8"))
+        for name in ("PartOffsets", "PointOffsets"):
+            steps.create_dataset(name, data=np.zeros(n, dtype="i8"))
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            steps.create_dataset(name, data=np.zeros((n, 1), dtype="i8"))
+        offsets = steps.create_group("PointDataOffsets")
+        for item in self._arrays:
+            offsets.create_dataset(str(item.name).rsplit("/", 1)[-1], data=self._n * np.arange(n, dtype="i8"))
+        self._file.close()
+        self._guarded.sync()
+
+    def close(self) -> None:
+        """Close the file, in order or not."""
+        self._file.close()
+        self._guarded.close()
+
+
+@contextmanager
+def field_series_writer(path: Path, inverse_map: InverseMap, every: int = 1) -> Iterator[FieldSeriesWriter]:
+    """Open a series on the surface of ``inverse_map``; it is renamed into place at the end, removed on an error.
+
+    Raises
+    ------
+    StrainfmuError
+        It cannot be written; an earlier file remains unchanged.
+    """
+    with whole_file(path, lambda temporary: FieldSeriesWriter(path, temporary, inverse_map, every)) as writer:
         yield writer

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -23,84 +22,27 @@ from strainfmu.estimator.air_inputs import (
     STD,
     QSource,
 )
-from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
 from strainfmu.recorded.checks import DataChecks
 from strainfmu.recorded.estimators import (
     BlockEstimates,
     BlockEstimator,
-    HealthAccount,
     open_estimator,
 )
-from strainfmu.recorded.field_series import check_field_output, field_series_writer
-from strainfmu.recorded.history import History
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.recorder_errors import RecorderWatch
-from strainfmu.recorded.samples import Gaps, Samples, open_recording
-from strainfmu.records import brief
+from strainfmu.recorded.samples import Samples, open_recording
+from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.text_cells import DateOrder
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 Progress = Callable[[int, int], None]
 
 AUTO = "auto"
 """Stands for all gauges that repeat their reading, among those to leave out."""
-
-
-@dataclass(kw_only=True)
-class EstimationSummary:
-    """Summary of an estimation.
-
-    Attributes
-    ----------
-    samples : number of rows estimated.
-    first, last : times of the first and the last sample [s].
-    missing_strains : number of strains without a value, by gauge.
-    missing_pressure : number of samples without a dynamic pressure that have no coefficients.
-    refused : number of steps that the FMU refused; their outputs are NaN.
-    results : number of samples that have coefficients.
-    fields : number of pressure fields written.
-    account : number of samples by state, and the suspect gauges.
-    history : the course of the flight: when loads are not usable, largest loads, gauges that do not fit.
-    faults : strains that no gauge has measured, by gauge.
-    gaps : gaps between samples, and the time from sample to sample.
-    unused : columns of the data that were not read.
-    notes : remarks on the data.
-    """
-
-    samples: int = 0
-    first: float = float("nan")
-    last: float = float("nan")
-    missing_strains: Counter[str] = field(default_factory=Counter)
-    missing_pressure: int = 0
-    refused: int = 0
-    results: int = 0
-    fields: int = 0
-    account: HealthAccount = field(default_factory=HealthAccount)
-    history: History = field(default_factory=History)
-    faults: DataChecks | None = None
-    gaps: Gaps = field(default_factory=Gaps)
-    unused: tuple[str, ...] = ()
-    notes: list[str] = field(default_factory=list)
-
-    __repr__ = brief
-
-    @property
-    def duration(self) -> float:
-        """From the first to the last sample [s]."""
-        return self.last - self.first
-
-    def plot(self) -> Figure:
-        """Return a figure of the flight; as :meth:`~strainfmu.recorded.history.History.plot`."""
-        return self.history.plot()
-
-    @property
-    def health(self) -> Counter[str]:
-        """Number of samples by state."""
-        return self.account.samples
 
 
 def estimate_file(
@@ -156,7 +98,7 @@ def estimate_file(
         if field_output is not None:
             if time_constant is not None:
                 raise InputError("--field: expected none with --filter, which does not filter the pressure field")
-            check_field_output(Path(field_output), estimator.inverse_map, source)
+            outputs.check_field_output(Path(field_output), estimator.inverse_map, source)
         if channels is not None and ignore_columns:
             raise InputError(f"{data}: --ignore-columns: expected none with --channels, which names what is read")
         wanted = replace(
@@ -201,7 +143,7 @@ def estimate_file(
                 series = stack.enter_context(
                     nullcontext()
                     if field_output is None or estimator.inverse_map is None
-                    else field_series_writer(Path(field_output), estimator.inverse_map, field_every)
+                    else outputs.field_series_writer(Path(field_output), estimator.inverse_map, field_every)
                 )
                 for block, estimates in estimator.estimated(recording.blocks, checks.checked):
                     values = {"time": block.time, **block.flow, **estimates.values}
@@ -210,7 +152,7 @@ def estimate_file(
                         for name, (_, unit) in written.items()
                     ]
                     writer.write(shown, _texts(block, estimates, estimator, is_plain))
-                    _count(summary, block, estimates, estimator)
+                    summary.add(block, estimates, estimator)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:
                         series.write(block.time, estimates.estimates)
@@ -269,19 +211,3 @@ def _texts(
         return {outputs.HEALTH_COLUMN: outputs.health_words(estimates.values[STATE])}
     names = [";".join([estimator.row_names[i] for i in row]) if row else "" for row in estimates.suspects]
     return {outputs.SUSPECTS_COLUMN: names, outputs.FAULTS_COLUMN: block.faults}
-
-
-def _count(
-    summary: EstimationSummary, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator
-) -> None:
-    """Add a block to the summary."""
-    summary.account.add(estimates, estimator.envelope_score_limit)
-    summary.history.add(block, estimates, estimator.row_names)
-    known = np.logical_or.reduce([np.isfinite(estimates.values[name]) for name in COEFFICIENT_NAMES])
-    # The nonlinear estimator has coefficients without it.
-    summary.missing_pressure += int((np.isnan(block.dynamic_pressure) & ~known).sum())
-    summary.refused += int(np.isnan(estimates.values[STATE]).sum())
-    summary.results += int(known.sum())
-    summary.samples += len(block.time)
-    summary.first = float(np.fmin(summary.first, block.time[0]))
-    summary.last = float(block.time[-1])

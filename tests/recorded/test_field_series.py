@@ -92,7 +92,7 @@ def test_series_opens_in_vtk(run: Run, map_path: Path, data: Path, tmp_path: Pat
 
 def test_steps_are_counted_across_blocks(map_path: Path, data: Path, tmp_path: Path) -> None:
     from strainfmu.estimator.estimator import Estimator
-    from strainfmu.recorded.field_series import field_series_writer
+    from strainfmu.recorded.outputs import field_series_writer
 
     held = field_map()
     strain = np.array([exact_response(*state)[:N_D] for state in states()])

@@ -15,7 +15,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, save_inverse_map
 from strainfmu.fmu.export import export_estimator
-from strainfmu.recorded.run import EstimationSummary, estimate_file
+from strainfmu.recorded.run import estimate_file
+from strainfmu.recorded.summary import EstimationSummary
 
 pytestmark = pytest.mark.fast
 

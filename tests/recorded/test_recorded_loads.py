@@ -15,10 +15,10 @@ from synthetic_vehicle import SyntheticFiles, synthetic_inverse_map
 
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.interface.estimator_variables import LOADS
-from strainfmu.recorded.history import MAX_BINS
 from strainfmu.recorded.outputs import OUTPUT_SUFFIXES
 from strainfmu.recorded.run import estimate_file
 from strainfmu.recorded.samples import BLOCK_ROWS
+from strainfmu.recorded.summary import MAX_BINS
 
 pytestmark = pytest.mark.fast
 

@@ -15,7 +15,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.recorded.run import EstimationSummary, estimate_file
+from strainfmu.recorded.run import estimate_file
+from strainfmu.recorded.summary import EstimationSummary
 
 pytestmark = pytest.mark.fast
 MACH, STATIC, STATE = 6.0, 5500.0, (6.0, 0.03, 0.01)

@@ -14,7 +14,7 @@ from scaled_maps import NOMINAL, scaled_map, whole_scaled_map
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.flight_tables import evaluate
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.recorded import smoothing
+from strainfmu.recorded import estimators
 
 pytestmark = pytest.mark.fast
 DT = 0.01
@@ -26,11 +26,11 @@ def smoothed(
 ) -> tuple[SimpleNamespace, SimpleNamespace]:
     """Return estimates filtered and of each sample alone, and smoothed ones; the first ``cut`` come first."""
     estimator, time = Estimator(inverse_map).filter(1.0), DT * np.arange(len(strain))
-    alone, samples = estimator.filter(0.0), list[smoothing.Filtered]()
+    alone, samples = estimator.filter(0.0), list[estimators.Filtered]()
     for part in [slice(0, cut), *([slice(cut, None)] if cut else [])]:
         filtered = estimator.track(strain[part], time=time[part], **given)
         samples.append((time[part], filtered, alone.track_again(filtered.sample, filtered.mask, time[part])))
-    found = smoothing.smoothed(estimator.filter(1.0), samples[0], samples[1] if cut else None)
+    found = estimators.smoothed(estimator.filter(1.0), samples[0], samples[1] if cut else None)
     return SimpleNamespace(filtered=samples[0][1], alone=samples[0][2]), found
 
 

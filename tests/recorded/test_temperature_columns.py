@@ -17,7 +17,8 @@ from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap, save_inverse_map
 from strainfmu.fmu.export import ExportOptions, export_estimator
-from strainfmu.recorded.run import EstimationSummary, estimate_file
+from strainfmu.recorded.run import estimate_file
+from strainfmu.recorded.summary import EstimationSummary
 
 pytestmark = pytest.mark.fast
 

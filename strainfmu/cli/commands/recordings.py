@@ -19,7 +19,7 @@ from strainfmu.errors import InputError, StrainfmuError
 if TYPE_CHECKING:
     from strainfmu.can.replay import ReplaySummary
     from strainfmu.estimator.tare import Tare
-    from strainfmu.recorded.run import EstimationSummary
+    from strainfmu.recorded.summary import EstimationSummary
 
 
 def replay(*, log: Path, output: Path, **options: Any) -> None:

@@ -70,7 +70,7 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
-    columns = {gauge: (np.sin(TIME + k), "um/m") for k, gauge in enumerate(GAUGES)}
+    columns = {gauge: (1e-4 * np.sin(TIME + k), "m/m") for k, gauge in enumerate(GAUGES)}
     source = WRITERS[name](tmp_path, [Group("log", TIME, {**columns, "dynamic_pressure": (1e4 + TIME, "Pa")})])
     content, random = source.read_bytes(), np.random.default_rng(59)
     path, outcomes = source.with_stem("mutated"), Counter[str]()

@@ -1,10 +1,12 @@
-"""The course of a flight in bounded memory: loads with their bands, angles, health, and when loads are not usable.
+"""What an estimation says of a flight: numbers of samples, states of health, and its course in bounded memory.
 
-Samples are collected in bins, at most :data:`MAX_BINS` of them: when there are more, two become one.
+The course is loads with their bands, angles, health, and when loads are not usable. Samples are collected in bins,
+at most :data:`MAX_BINS` of them: when there are more, two become one.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -17,11 +19,15 @@ from strainfmu.cosim.estimators.step import health_name
 from strainfmu.errors import library
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.health import USABLE_STATES, HealthState
+from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES
 from strainfmu.estimator.other_loads import SIGMA
+from strainfmu.interface.enumerations import HEALTH_ITEMS
 from strainfmu.interface.estimator_variables import LOADS
-from strainfmu.interface.health_names import STATE
-from strainfmu.recorded.estimators import BlockEstimates
-from strainfmu.recorded.samples import Samples
+from strainfmu.interface.health_names import ENVELOPE_SCORE, STATE
+from strainfmu.recorded.checks import DataChecks
+from strainfmu.recorded.estimators import BlockEstimates, BlockEstimator
+from strainfmu.recorded.samples import Gaps, Samples
+from strainfmu.records import brief
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -201,6 +207,123 @@ class History:
         i = 3 + 2 * _SHOWN.index(name)
         value, sigma = bins[:, :, i], bins[:, 2, i + 1]
         return np.column_stack([value[:, 0] - 3.0 * sigma, value[:, 1], value[:, 2] + 3.0 * sigma])
+
+
+@dataclass(kw_only=True)
+class HealthAccount:
+    """Numbers of samples by state of health.
+
+    Attributes
+    ----------
+    samples : number of samples by state.
+    blamed : by state, in how many of its samples a gauge was to blame: it was missing where gauges are missing,
+        and a suspect, or else the one of the largest residual, where the strains do not fit; of INCONSISTENT,
+        first an input that contradicts the loads. Of OUTSIDE, a flow parameter of the flow that left its range; of
+        DEGRADED, a quantity of navigation that is left out, too.
+    beyond : number of samples OUTSIDE because of the estimated coefficients; None where that is not known.
+    """
+
+    samples: Counter[str] = field(default_factory=Counter)
+    blamed: dict[str, Counter[str]] = field(default_factory=dict)
+    beyond: int | None = None
+
+    def add(self, estimates: BlockEstimates, envelope_score_limit: float) -> None:
+        """Count the samples of a block; ``envelope_score_limit`` of their estimator."""
+        health = estimates.values[STATE]
+        for state in np.unique(health[np.isfinite(health)]):
+            rows, name = health == state, health_name(int(state))
+            self.samples[name] += int(rows.sum())
+            if state == HealthState.OUTSIDE and np.isfinite(envelope_score_limit):
+                beyond = estimates.values[ENVELOPE_SCORE][rows] > envelope_score_limit
+                self.beyond = int(beyond.sum()) + (self.beyond or 0)
+            counts = {of: int(k) for of, blamed in estimates.blamed.items() if (k := blamed[rows].sum())}
+            self.blamed.setdefault(name, Counter()).update(counts)
+
+    def lines(self) -> list[str]:
+        """Return a line for each state other than OK, the most frequent first."""
+        total = sum(self.samples.values())
+        texts = {state.name: text for state, text in HEALTH_ITEMS}
+        lines = []
+        for name, number in self.samples.most_common():
+            if name == HealthState.OK.name:
+                continue
+            text = f"{name}: {number} of {total} samples ({100.0 * number / total:.3g} %)"
+            if name in texts:
+                text += f": {texts[name][0].lower()}{texts[name][1:]}"
+            if name == HealthState.OUTSIDE.name and self.beyond is not None:
+                by_flow = number - self.beyond
+                text += f"; by the estimated coefficients in {self.beyond}, by the flow alone in {by_flow}"
+            worst = next(iter(self.blamed[name].most_common(1)), None)
+            if worst is not None:
+                text += f"; most often to blame: '{worst[0]}' (in {worst[1]})"
+            lines.append(text)
+        return lines
+
+
+@dataclass(kw_only=True)
+class EstimationSummary:
+    """Summary of an estimation.
+
+    Attributes
+    ----------
+    samples : number of rows estimated.
+    first, last : times of the first and the last sample [s].
+    missing_strains : number of strains without a value, by gauge.
+    missing_pressure : number of samples without a dynamic pressure that have no coefficients.
+    refused : number of steps that the FMU refused; their outputs are NaN.
+    results : number of samples that have coefficients.
+    fields : number of pressure fields written.
+    account : number of samples by state, and the suspect gauges.
+    history : the course of the flight: when loads are not usable, largest loads, gauges that do not fit.
+    faults : strains that no gauge has measured, by gauge.
+    gaps : gaps between samples, and the time from sample to sample.
+    unused : columns of the data that were not read.
+    notes : remarks on the data.
+    """
+
+    samples: int = 0
+    first: float = float("nan")
+    last: float = float("nan")
+    missing_strains: Counter[str] = field(default_factory=Counter)
+    missing_pressure: int = 0
+    refused: int = 0
+    results: int = 0
+    fields: int = 0
+    account: HealthAccount = field(default_factory=HealthAccount)
+    history: History = field(default_factory=History)
+    faults: DataChecks | None = None
+    gaps: Gaps = field(default_factory=Gaps)
+    unused: tuple[str, ...] = ()
+    notes: list[str] = field(default_factory=list)
+
+    __repr__ = brief
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return self.last - self.first
+
+    def plot(self) -> Figure:
+        """Return a figure of the flight; as :meth:`~strainfmu.recorded.summary.History.plot`."""
+        return self.history.plot()
+
+    @property
+    def health(self) -> Counter[str]:
+        """Number of samples by state."""
+        return self.account.samples
+
+    def add(self, block: Samples, estimates: BlockEstimates, estimator: BlockEstimator) -> None:
+        """Take a block and its estimates."""
+        self.account.add(estimates, estimator.envelope_score_limit)
+        self.history.add(block, estimates, estimator.row_names)
+        known = np.logical_or.reduce([np.isfinite(estimates.values[name]) for name in COEFFICIENT_NAMES])
+        # The nonlinear estimator has coefficients without it.
+        self.missing_pressure += int((np.isnan(block.dynamic_pressure) & ~known).sum())
+        self.refused += int(np.isnan(estimates.values[STATE]).sum())
+        self.results += int(known.sum())
+        self.samples += len(block.time)
+        self.first = float(np.fmin(self.first, block.time[0]))
+        self.last = float(block.time[-1])
 
 
 def _reduced(low: FloatArray, mean: FloatArray, high: FloatArray) -> FloatArray:
