@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, replace
-from enum import StrEnum, auto
 from math import ceil, erf, exp, inf, log, sqrt
 
 import numpy as np
@@ -22,15 +21,8 @@ from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
 from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck, LevelReference
 
-
-class RowFault(StrEnum):
-    """Faults of a whole row, as the output names them; of single gauges it names these."""
-
-    HELD = auto()
-    ZERO = auto()
-
-
-HELD, ZERO = (fault.value for fault in RowFault)
+HELD, ZERO = "held", "zero"
+"""Faults of a whole row, as the output names them; of single gauges it names these."""
 
 SHORTEST_HELD, SHORTEST_RAILED = 9, 24
 """Repetitions in a row that count, of all gauges and of one: a recorder may repeat channels that are slower."""

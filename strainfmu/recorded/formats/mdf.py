@@ -19,6 +19,9 @@ from strainfmu.recorded.table import Column, Reading, Stored, Table, of_format, 
 
 MAGIC = (b"MDF ", b"UnFinMF ")
 
+_VIRTUAL = (3, 6)
+"""Types of channels without a place in the records: virtual master, virtual data."""
+
 
 @contextmanager
 def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
@@ -37,6 +40,8 @@ def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
             raise InputError(f"{path}: holds CAN frames, and no channels of gauges: use 'strainfmu replay'")
         remarks: list[str] = []
         with of_format(path, _kind(path)):
+            for group in file.groups:
+                _check_places(path, group)
             rows = [_rows(file, group, path, remarks) for group in range(len(file.groups))]
             stored = []
             for name, at in places.items():
@@ -51,6 +56,21 @@ def mdf_table(path: Path, reading: Reading) -> Iterator[Table]:
                     clock = ("group", group), partial(_times, file, group)
                     stored.append(Stored(column=column, rows=rows[group], read=read, clock=clock))
         yield table_of(path, stored, reading, remarks)
+
+
+def _check_places(path: Path, group: Any) -> None:
+    """Refuse a channel that reaches beyond its records: asammdf's compiled reader would leave its memory."""
+    record = group.channel_group
+    bits = 8 * (record.samples_byte_nr + getattr(record, "invalidation_bytes_nr", 0))
+    for channel in group.channels:
+        if getattr(channel, "channel_type", 0) in _VIRTUAL:
+            continue
+        if hasattr(channel, "start_offset"):  # versions 2 and 3
+            first = channel.start_offset + 8 * getattr(channel, "additional_byte_offset", 0)
+        else:
+            first = channel.bit_offset + 8 * channel.byte_offset
+        if first + channel.bit_count > bits:
+            raise InputError(f"{path}: damaged: channel '{channel.name}' reaches beyond its records")
 
 
 def _group(file: Any, group: int) -> str:

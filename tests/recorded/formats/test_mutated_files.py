@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 from recorded_formats import WRITERS, Group
 
-from strainfmu.errors import StrainfmuError
+from strainfmu.errors import InputError, StrainfmuError
 from strainfmu.recorded.names import Wanted
 from strainfmu.recorded.samples import open_recording
-
-pytestmark = pytest.mark.slow
 
 MUTATIONS = 500
 LIMIT = 10.0
@@ -68,6 +66,7 @@ def mutated(content: bytes, random: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path) -> None:
     columns = {gauge: (1e-4 * np.sin(TIME + k), "m/m") for k, gauge in enumerate(GAUGES)}
@@ -88,3 +87,23 @@ def test_a_mutated_file_is_read_or_refused_in_one_line(name: str, tmp_path: Path
     print(f"{name}: {dict(outcomes)}")
     assert {"read whole", "refused"} <= outcomes.keys() <= {"read whole", "read in part", "refused"}
     assert outcomes.total() == MUTATIONS
+
+
+def test_a_channel_beyond_the_records_of_an_mdf_file_is_refused(tmp_path: Path) -> None:
+    """asammdf's compiled reader would read and write beyond its memory."""
+    asammdf = pytest.importorskip("asammdf")
+    columns = {gauge: (1e-4 * np.sin(TIME + k), "m/m") for k, gauge in enumerate(GAUGES)}
+    path = WRITERS["mf4"](tmp_path, [Group("log", TIME, {**columns, "dynamic_pressure": (1e4 + TIME, "Pa")})])
+    with asammdf.MDF(path) as file:
+        channel = next(one for one in file.groups[0].channels if one.name == "c")
+        # Block of a channel: header and links of 24 + 8 n bytes, four types of a byte each, then the offset.
+        at, offset = channel.address + 24 + 8 * channel.links_nr + 4, channel.byte_offset
+    content = bytearray(path.read_bytes())
+    assert int.from_bytes(content[at : at + 4], "little") == offset
+    content[at : at + 4] = (offset + 2048).to_bytes(4, "little")
+    path.write_bytes(content)
+    with (
+        pytest.raises(InputError, match="damaged: channel 'c' reaches beyond its records"),
+        open_recording(path, Wanted(gauge_names=GAUGES, ignored=("*",))) as recording,
+    ):
+        sum(len(block.time) for block in recording.blocks)
