@@ -320,7 +320,14 @@ class MapBlocks(BlockEstimator):
         self.gauge_names = self.row_names[: inverse_map.n_strain_gauges]
         self.readings = recorded_readings(reading_units(inverse_map))
         self.sensor_names = inverse_map.thermal.sensor_names
-        self.reference = _level_reference(inverse_map)
+        low, high = inverse_map.dynamic_pressure_range.tolist()
+        self.reference = LevelReference(
+            strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
+            noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
+            dynamic_pressure=inverse_map.nominal_dynamic_pressure,
+            sensor_range=default_settings(inverse_map).sensor_range,
+            pressure_range=(low, high) if isfinite(high) else None,
+        )
         self.zero = estimator.zeros.value
         if estimator.filter_time_constant:
             self.attributes = {FILTER_TIME_CONSTANT: estimator.filter_time_constant, "smoothed": smooth}
@@ -515,9 +522,12 @@ def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> 
     both = [samples] if later is None else [samples, later]
     time = np.concatenate([at for at, *_ in both])
     inputs = np.concatenate([filtered.sample for _, filtered, _ in both])
-    masks = np.concatenate([_mask_of(filtered) for _, filtered, _ in both])
+    masks = [
+        np.broadcast_to(True if filtered.mask is None else filtered.mask, filtered.valid.shape)
+        for _, filtered, _ in both
+    ]
     backward.restart()
-    reverse = backward.track_again(inputs[::-1], masks[::-1], -time[::-1])
+    reverse = backward.track_again(inputs[::-1], np.concatenate(masks)[::-1], -time[::-1])
     at, filtered, alone = samples
     ends = filtered, reverse[np.arange(len(time))[::-1][: len(at)]], alone
     remaining = [estimates.noise_left[:, None] for estimates in ends[:2]]
@@ -527,17 +537,16 @@ def smoothed(backward: Estimator, samples: Filtered, later: Filtered | None) -> 
         value, std = _joined(remaining, of_ends)
         setattr(fields, name, value)
         setattr(fields, f"{name}_std", std)
-    air = [(estimates.air_data.value, estimates.air_data.std) for estimates in ends]
-    near = [(_near(value, air[2][0]), std) for value, std in air]
+    air, near = [estimates.air_data for estimates in ends], list[tuple[FloatArray, FloatArray]]()
+    for of_end in air:
+        # Roll angles on the turn of the sample alone: they may leave -pi to pi by less than noise.
+        value = of_end.value.copy()
+        apart = np.nan_to_num(value[:, _ROLL_ANGLE] - air[2].value[:, _ROLL_ANGLE])
+        value[:, _ROLL_ANGLE] -= 2.0 * np.pi * np.round(apart / (2.0 * np.pi))
+        near.append((value, of_end.std))
     value, std = _joined(remaining, near)
     fields.air_data = SimpleNamespace(value=value, std=std)
     return fields
-
-
-def _mask_of(estimates: Estimate) -> BoolArray:
-    """Return (k, n_d) the gauges that the caller trusts."""
-    shape = (len(estimates), estimates.valid.shape[-1])
-    return np.ones(shape, dtype=bool) if estimates.mask is None else np.broadcast_to(estimates.mask, shape)
 
 
 def _joined(
@@ -561,15 +570,6 @@ def _joined(
     takes_backward = coasts & ~(forward_std <= backward_std)
     value = np.where(coasts, np.where(takes_backward, backward, forward), value)
     return value, np.where(coasts, np.where(takes_backward, backward_std, forward_std), std)
-
-
-def _near(air: FloatArray, alone: FloatArray) -> FloatArray:
-    """Return air data (k, 7) whose roll angle is on the turn of ``alone``; it may leave -pi to pi by less than
-    noise."""
-    near = air.copy()
-    apart = near[:, _ROLL_ANGLE] - alone[:, _ROLL_ANGLE]
-    near[:, _ROLL_ANGLE] -= 2.0 * np.pi * np.round(np.where(np.isnan(apart), 0.0, apart) / (2.0 * np.pi))
-    return near
 
 
 # --- columns -----------------------------------------------------------------------------------------------------
@@ -622,17 +622,6 @@ def _load_series(array: LoadArray) -> Series:
 def recorded_readings(units: Mapping[str, str]) -> dict[str, str]:
     """Return the units of auxiliary sensors and of thrust by the names of columns, inputs less the prefix."""
     return {name.removeprefix(SENSOR_PREFIX): unit for name, unit in units.items()}
-
-
-def _level_reference(inverse_map: InverseMap) -> LevelReference:
-    low, high = inverse_map.dynamic_pressure_range.tolist()
-    return LevelReference(
-        strain_range=inverse_map.strain_range[: inverse_map.n_strain_gauges],
-        noise_std=inverse_map.noise_std[: inverse_map.n_strain_gauges],
-        dynamic_pressure=inverse_map.nominal_dynamic_pressure,
-        sensor_range=default_settings(inverse_map).sensor_range,
-        pressure_range=(low, high) if isfinite(high) else None,
-    )
 
 
 def dropped_navigation(block: Samples, values: Mapping[str, FloatArray]) -> dict[str, BoolArray]:

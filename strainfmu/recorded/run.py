@@ -26,13 +26,12 @@ from strainfmu.interface.health_names import STATE
 from strainfmu.recorded import outputs
 from strainfmu.recorded.checks import DataChecks
 from strainfmu.recorded.estimators import (
-    BlockEstimates,
     BlockEstimator,
     open_estimator,
 )
 from strainfmu.recorded.names import FLOW_NAMES, Wanted
 from strainfmu.recorded.recorder_errors import RecorderWatch
-from strainfmu.recorded.samples import Samples, open_recording
+from strainfmu.recorded.samples import open_recording
 from strainfmu.recorded.summary import EstimationSummary
 from strainfmu.text_cells import DateOrder
 
@@ -151,7 +150,13 @@ def estimate_file(
                         np.degrees(values[name]) if unit == "deg" else values[name]
                         for name, (_, unit) in written.items()
                     ]
-                    writer.write(shown, _texts(block, estimates, estimator, is_plain))
+                    if is_plain:
+                        writer.write(shown, {outputs.HEALTH_COLUMN: outputs.health_words(values[STATE])})
+                    else:
+                        suspects = [";".join(estimator.row_names[i] for i in row) for row in estimates.suspects]
+                        writer.write(
+                            shown, {outputs.SUSPECTS_COLUMN: suspects, outputs.FAULTS_COLUMN: block.faults}
+                        )
                     summary.add(block, estimates, estimator)
                     watch.add(block, estimates.values[STATE])
                     if series is not None and estimates.estimates is not None:
@@ -201,13 +206,3 @@ def _wanted(
         reference=estimator.reference,
         sensors=estimator.sensor_names,
     )
-
-
-def _texts(
-    block: Samples, estimates: BlockEstimates, estimator: BlockEstimator, is_plain: bool
-) -> dict[str, Sequence[str]]:
-    """Return the texts of the rows of a block."""
-    if is_plain:
-        return {outputs.HEALTH_COLUMN: outputs.health_words(estimates.values[STATE])}
-    names = [";".join([estimator.row_names[i] for i in row]) if row else "" for row in estimates.suspects]
-    return {outputs.SUSPECTS_COLUMN: names, outputs.FAULTS_COLUMN: block.faults}

@@ -335,17 +335,12 @@ def _reduced(low: FloatArray, mean: FloatArray, high: FloatArray) -> FloatArray:
     return np.stack([ends[0], middle, ends[1]], axis=1)
 
 
-def _with_breaks(time: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return times and values (n, k) with a row of NaN in each gap, in which no line is to be drawn."""
+def _draw(axis: Any, time: FloatArray, values: FloatArray, label: str) -> None:
+    """Draw a quantity (n, 3) with its band; no line is drawn in a gap."""
     steps = np.diff(time)
     gaps = np.flatnonzero(steps > 5.0 * np.median(steps)) + 1 if len(steps) else np.empty(0, dtype=int)
-    middle = 0.5 * (time[gaps - 1] + time[gaps])
-    return np.insert(time, gaps, middle), np.insert(values, gaps, np.nan, axis=0)
-
-
-def _draw(axis: Any, time: FloatArray, values: FloatArray, label: str) -> None:
-    """Draw a quantity with its band."""
-    time, values = _with_breaks(time, values)
+    time = np.insert(time, gaps, 0.5 * (time[gaps - 1] + time[gaps]))
+    values = np.insert(values, gaps, np.nan, axis=0)
     axis.fill_between(time, values[:, 0], values[:, 2], color="#9ecae1", linewidth=0.0)
     axis.plot(time, values[:, 1], color="#08519c", linewidth=0.9)
     axis.set_ylabel(label, fontsize="small")

@@ -70,12 +70,12 @@ def _names(series: Sequence[dict[str, Any]]) -> list[str]:
     stated = [_text(data.get("id1")) for data in series]
     if all(stated) and len(set(stated)) == len(stated):
         return stated
-    return [_degree_of_freedom(data) for data in series]
-
-
-def _degree_of_freedom(data: dict[str, Any]) -> str:
-    entity, node = _text(data.get("rsp_ent_name")), int(data.get("rsp_node", 0))
-    return f"{f'{entity}:' if entity else ''}{node}{_DIRECTIONS.get(int(data.get('rsp_dir', 0)), '')}"
+    names = []
+    for data in series:
+        entity, node = _text(data.get("rsp_ent_name")), int(data.get("rsp_node", 0))
+        direction = _DIRECTIONS.get(int(data.get("rsp_dir", 0)), "")
+        names.append(f"{entity}:{node}{direction}" if entity else f"{node}{direction}")
+    return names
 
 
 def _text(value: Any) -> str:
