@@ -153,7 +153,10 @@ def estimate_file(
                     if is_plain:
                         writer.write(shown, {outputs.HEALTH_COLUMN: outputs.health_words(values[STATE])})
                     else:
-                        suspects = [";".join(estimator.row_names[i] for i in row) for row in estimates.suspects]
+                        row_names = estimator.row_names
+                        suspects = [
+                            ";".join([row_names[i] for i in row]) if row else "" for row in estimates.suspects
+                        ]
                         writer.write(
                             shown, {outputs.SUSPECTS_COLUMN: suspects, outputs.FAULTS_COLUMN: block.faults}
                         )
