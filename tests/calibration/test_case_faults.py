@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from drawn_tests import applied_by, blank_test, drawn_readings
 
-from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.estimated_vehicle import usable
 from builder.calibration.estimate.ground_test_faults import Fault, calibrate_with_faults, named_faults, too_many
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
+from builder.calibration.estimate.remarks import unexplained
 from builder.calibration.ground_test.load_changes import hanging
 from builder.calibration.ground_test.load_test import LoadErrors
 from builder.calibration.score.ground_rows import GAUGE_SPOILS, Spoil, case_spoils, with_another

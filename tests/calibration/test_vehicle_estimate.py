@@ -11,12 +11,11 @@ import pytest
 from drawn_tests import blank_test
 
 from builder.calibration.after_test.calibrated_map import remaining_after
-from builder.calibration.estimate.disagreement import unexplained
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults, load_shifts
 from builder.calibration.estimate.outside_terms import outside_model
 from builder.calibration.estimate.readings_model import ReadingsModel
-from builder.calibration.estimate.remarks import remarks
+from builder.calibration.estimate.remarks import remarks, unexplained
 from builder.calibration.ground_test.load_test import KnownLoad, LoadCase, LoadErrors, LoadTest
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.pipeline.load_test_proposal import write_template
