@@ -33,7 +33,7 @@ from builder.pipeline.calibrate import (
     write_zeros_of,
 )
 from builder.pipeline.demonstration.flight_scores import SCORE_VERSION, Flown, flown_estimators
-from builder.pipeline.demonstration.flown_shape import FLIGHT, make_flight_model, make_numbers
+from builder.pipeline.demonstration.flown_shape import FLIGHT, make_numbers
 from builder.pipeline.map_files import true_structure_of
 from builder.pipeline.measured_levels import alarm_levels_wanted
 from builder.pipeline.pipeline import Pipeline
@@ -42,11 +42,9 @@ from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_b
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
 from builder.structure.as_built.counts import counts_of
 from builder.structure.loads.applied import Weight
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
-from builder.truth.revolution.strain import flight_model
+from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray
 from strainfmu.cosim.estimators.zeros_file import load_zeros
-from strainfmu.cosim.models.flight_model import FlightModel
 from strainfmu.cosim.systems.recording import Recording
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map
 
@@ -176,14 +174,6 @@ class AsBuiltRun:
         for note in notes:
             self.pipeline.reporter.note(note)
         return found
-
-    def make_flight_model(self) -> None:
-        """Make the flight model of the vehicle as built."""
-
-        def model(flows: FlowTable, noise_std: float) -> FlightModel:
-            return flight_model(self.pipeline.vehicle, flows, self.truth, self.built, noise_std)
-
-        make_flight_model(self.pipeline, self.inputs, model)
 
     def start_values(self) -> dict[str, float]:
         """Return the zeros that the estimator takes off what the plant reads."""

@@ -17,7 +17,6 @@ from builder.campaign.snapshots import load_snapshots
 from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save
-from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.chosen_estimator import with_estimator
 from builder.pipeline.demonstration.as_built_demo import CALIBRATED, AsBuiltRun
 from builder.pipeline.demonstration.flight_scores import (
@@ -56,11 +55,10 @@ from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES
 from builder.truth.flights import drawn
 from builder.truth.independent_model import FlownPhysics, flown_physics, refuse_without_independent_model
-from builder.truth.revolution.flow_table import FlowTable, truth_knots
-from builder.truth.revolution.strain import flight_model
+from builder.truth.revolution.flow_table import truth_knots
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import surface_grid
-from strainfmu.cosim.models.flight_model import FlightModel, check_envelope
+from strainfmu.cosim.models.flight_model import check_envelope
 from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory
 from strainfmu.cosim.systems.master import matching_connections, simulate
 from strainfmu.cosim.systems.recording import Recording
@@ -220,21 +218,22 @@ def _flown(
         return _result(pipeline, MAP, recording, physics)
     reporter.note(physics.sentence)
     if ground_test is None:
-        _flight_model(pipeline, vehicle_as_built(vehicle, as_built), as_built)
+        built = vehicle_as_built(vehicle, as_built)
+        inputs, seed = {"as built": built.record(IN_NOISE)}, None if as_built is None else [as_built, 1]
+        make_flight_model(pipeline, inputs, lambda: true_structure_of(pipeline), built, seed)
         recording = _flight(pipeline, MAP, path, {})
     else:
         run = AsBuiltRun(pipeline=pipeline, vehicle_path=vehicle_path, seed=ground_test)
         run.make_test()
         run.make_maps()
-        run.make_flight_model()
+        make_flight_model(pipeline, run.inputs, lambda: run.truth, run.built)
         recording = _flight(pipeline, CALIBRATED, path, run.start_values())
     more = {"held_out": _held_out(pipeline) if snapshots.engine == "table" else {}}
     title = vehicle.name + ("" if physics.is_that_of_map else f" (flies {physics.model})")
     _figures(pipeline, recording, title)
     if ground_test is None:
-        return _result(
-            pipeline, MAP, recording, physics, **more, estimators=_estimators(pipeline, recording, title)
-        )
+        more["estimators"] = _estimators(pipeline, recording, title)
+        return _result(pipeline, MAP, recording, physics, **more)
     return _result(pipeline, CALIBRATED, recording, physics, **more, as_built=run.score(recording))
 
 
@@ -260,19 +259,6 @@ def _result(
         errors_in_sigma=errors_in_sigma(inverse_map),
         summary=summary,
     )
-
-
-def _flight_model(pipeline: Pipeline, built: AsBuilt, seed: int | None) -> None:
-    """Make the flight model of a vehicle as ``built``; ``seed`` draws the errors of its auxiliary sensors."""
-
-    def model(flows: FlowTable, noise_std: float) -> FlightModel:
-        vehicle, structure = pipeline.vehicle, true_structure_of(pipeline)
-        found = flown_sensors(vehicle, structure.surface)
-        random = None if seed is None else np.random.default_rng([seed, 1])
-        sensors = None if found is None else found.built(built, random)
-        return flight_model(vehicle, flows, structure, built, noise_std, sensors)
-
-    make_flight_model(pipeline, {"as built": built.record(IN_NOISE)}, model)
 
 
 def errors_in_sigma(inverse_map: InverseMap) -> tuple[str, ...]:

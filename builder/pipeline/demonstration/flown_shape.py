@@ -22,21 +22,24 @@ from builder.figures.drawing.canvas import save
 from builder.figures.scene.free_shape import shape_with_gauges
 from builder.figures.scene.picture_files import write_picture
 from builder.figures.scene.scene import scene_of_snapshot
+from builder.pipeline.built_sensors import flown_sensors
 from builder.pipeline.map_files import make_independent_flows
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS, STRUCTURE
+from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.structure_file import load_structure
 from builder.trial.readings import ANGLES
 from builder.trial.score import ROLLING
-from builder.truth.revolution.flow_table import FlowTable, load_flow_table
+from builder.truth.revolution.flow_table import load_flow_table
+from builder.truth.revolution.strain import TrueStructure, flight_model
 from builder.truth.shape import flights_along, flows_along, flying_structure
 from builder.vehicle.doubtful_entries import is_in_radians
 from builder.vehicle.file import Vehicle
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models import flight_model as flight_model_file
-from strainfmu.cosim.models.flight_model import FlightModel, save_flight_model
+from strainfmu.cosim.models.flight_model import save_flight_model
 from strainfmu.cosim.models.trajectory import Trajectory
 from strainfmu.cosim.systems.recording import Recording, load_recording, save_csv, save_hdf5
 from strainfmu.errors import FaultsError
@@ -74,14 +77,24 @@ def make_estimator(pipeline: Pipeline, map_name: str = MAP, takes_zeros: bool = 
 
 
 def make_flight_model(
-    pipeline: Pipeline, inputs: dict[str, Any], model: Callable[[FlowTable, float], FlightModel]
+    pipeline: Pipeline,
+    inputs: dict[str, Any],
+    solved: Callable[[], TrueStructure | AsBuiltStructure],
+    built: AsBuilt,
+    seed: list[int] | None = None,
 ) -> None:
-    """Make the flight model that ``model`` returns, of the flows and the gauge noise [m/m]."""
+    """Make the flight model of a vehicle as ``built``, of the structure that is ``solved``; ``seed`` draws the
+    errors of its auxiliary sensors."""
     make_independent_flows(pipeline)
 
     def write(path: Path) -> None:
-        noise_std = float(load_inverse_map(pipeline.path(MAP)).noise_std[0])
-        save_flight_model(model(load_flow_table(pipeline.path(FLOWS)), noise_std), path)
+        vehicle, structure = pipeline.vehicle, solved()
+        found = flown_sensors(vehicle, structure.surface)
+        sensors = (
+            None if found is None else found.built(built, None if seed is None else np.random.default_rng(seed))
+        )
+        flows, noise = load_flow_table(pipeline.path(FLOWS)), load_inverse_map(pipeline.path(MAP)).noise_std
+        save_flight_model(flight_model(vehicle, flows, structure, built, float(noise[0]), sensors), path)
 
     made_from = {"map": pipeline.made_from(MAP), "flows": pipeline.made_from(FLOWS)}
     inputs = {"schema_version": flight_model_file.SCHEMA_VERSION, **made_from, **inputs}
