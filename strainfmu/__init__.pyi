@@ -28,14 +28,14 @@ from strainfmu.estimator.tare import TareLimits as TareLimits
 from strainfmu.cosim.estimators.zeros_file import load_zeros as load_zeros
 
 # Recordings
-from strainfmu.can.estimates import estimate as estimate
+from strainfmu.any_recording import estimate as estimate
 from strainfmu.recorded.channel_draft import channels as channels
 from strainfmu.recorded.tare_window import tare as tare
 from strainfmu.recorded.run import estimate_file as estimate_file
 
 # FMUs
-from strainfmu.can.export import export as export
-from strainfmu.can.export import plant as plant
+from strainfmu.packaging.packages import export as export
+from strainfmu.packaging.packages import plant as plant
 from strainfmu.fmu.checks.crosscheck import crosscheck as crosscheck
 from strainfmu.fmu.flight_export import fly as fly
 from strainfmu.cli.bench import bench as bench
@@ -56,7 +56,7 @@ from strainfmu.can.commands import bridge as bridge
 from strainfmu.can.commands import dbc as dbc
 from strainfmu.can.commands import dbc_template as dbc_template
 from strainfmu.can.commands import send as send
-from strainfmu.can.estimates import replay as replay
+from strainfmu.can.commands import replay as replay
 from strainfmu.monitor.server import serve_monitor as serve_monitor
 from strainfmu.can.load_listener import LoadListener as LoadListener
 from strainfmu.can.profiles import profile_layout as profile_layout

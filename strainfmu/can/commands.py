@@ -1,9 +1,9 @@
-"""Commands of the bus as functions: ``bridge``, ``dbc`` and ``send``."""
+"""Commands of the bus as functions: ``bridge``, ``dbc``, ``send`` and ``replay``."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from itertools import islice
@@ -13,17 +13,19 @@ from time import sleep
 from typing import Any
 
 from strainfmu.can.authentic import FIRST_TRIP, freshness_file, next_trip
-from strainfmu.can.bus_file import BusDescription, bus_template, read_bus
+from strainfmu.can.bus_file import bus_template, read_bus
 from strainfmu.can.listener import BridgeSummary
 from strainfmu.can.observed import ObservedBridge, observed_bridge
 from strainfmu.can.opening import VIRTUAL, VIRTUAL_TEXT, BusSettings, bus_settings, open_bus, shut_down
 from strainfmu.can.options import BridgeOptions
+from strainfmu.can.replay import ReplaySummary, replay_described
 from strainfmu.can.result_frames import result_layouts
 from strainfmu.can.sender import Answers, Score, Sender, SentFlight, score_answers, send_flight
 from strainfmu.can.setup import map_input_layout, result_form, stated_in, write_dbc
 from strainfmu.can.strain_sources import FlownSample, plant_samples, recorded_samples, scenario_samples
 from strainfmu.errors import InputError
 from strainfmu.files import write_bytes_atomically
+from strainfmu.recorded.run import Progress
 from strainfmu.written_files import check_outputs
 
 File = str | PathLike[str]
@@ -89,15 +91,8 @@ def bridge(
     InputError, StrainfmuError
         A file or an entry is wrong, the interface cannot be opened, or the bridge fails.
     """
-    described = _described(
-        bus,
-        settings,
-        {"record.file": record},
-        interface=interface,
-        channel=channel,
-        option=option,
-        profile=profile,
-    )
+    given = _of_bus(interface, channel, option, profile) | {"record.file": record}
+    described = read_bus(_path(bus), settings, given)
     options, say = described.options(), say or (lambda line: None)
     check_outputs({"fmu": fmu, "bus": bus, "record": described.record, "zeros": options.zeros})
     with observed_bridge(
@@ -209,15 +204,8 @@ def send(
     """
     if (plant is None) == (data is None):
         raise InputError(f"DATA, --plant: expected one of them, got {'none' if plant is None else 'both'}")
-    described = _described(
-        bus,
-        settings,
-        {"input.gauges": _path(gauges)},
-        interface=interface,
-        channel=channel,
-        option=option,
-        profile=profile,
-    )
+    given = _of_bus(interface, channel, option, profile) | {"input.gauges": _path(gauges)}
+    described = read_bus(_path(bus), settings, given)
     options, source = described.options(), described.gauges
     if source is None:
         raise InputError("--map: expected the map or FMU of the gauges, or input.gauges of the bus file, got none")
@@ -258,6 +246,43 @@ def send(
     return found
 
 
+def replay(
+    log: File,
+    fmu: File,
+    output: File,
+    *,
+    bus: File | None = None,
+    settings: Sequence[str] = (),
+    profile: str | None = None,
+    progress: Progress | None = None,
+) -> ReplaySummary:
+    """Compute the results of a recorded run again, off line, from its time stamps.
+
+    A log of ``strainfmu bridge --record`` needs no options; other logs need the bus file of the bridge.
+
+    On the command line::
+
+        strainfmu replay run.blf estimator.fmu -o run.csv
+        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-le --set input.cycle_time_ms=20
+        strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
+
+    Parameters
+    ----------
+    log : recording of a bus: BLF, ASC, candump, TRC, CSV or MF4; .gz.
+    fmu : estimator FMU, or inverse map.
+    output : results to write: CSV or HDF5.
+    bus, settings, profile : as :func:`bridge` takes them, for a log that no bridge recorded.
+    progress : takes how much is done, and how much there is.
+
+    Raises
+    ------
+    InputError, StrainfmuError
+        A file or an entry is wrong.
+    """
+    described = read_bus(_path(bus), settings, {"input.profile": profile})
+    return replay_described(Path(log), fmu, output, described, progress)
+
+
 def _send(
     settings: BusSettings,
     options: Any,
@@ -268,7 +293,10 @@ def _send(
     stopped: Callable[[], bool],
 ) -> SentStrains:
     """Open the bus twice, to send and to listen; return what was sent, and what came back."""
-    sender = Sender(layout, _first_trip(options, layout))
+    trip = FIRST_TRIP
+    if layout.key is not None:
+        trip = next_trip(options.freshness_file or freshness_file(options.key_file, "sender"), layout.key)
+    sender = Sender(layout, trip)
     results = result_layouts(result_form(options, layout), options.identifiers, layout.cycle_time)
     named = layout.trailer or layout.first_of_cycle
     modulus = 0 if named.layout.protection is None else named.layout.protection.counter_modulus
@@ -286,32 +314,18 @@ def _send(
         shut_down(heard)
 
 
-def _first_trip(options: Any, layout: Any) -> int:
-    """Return the trip counter of authenticated frames."""
-    if layout.key is None:
-        return FIRST_TRIP
-    return next_trip(options.freshness_file or freshness_file(options.key_file, "sender"), layout.key)
-
-
 def _path(file: File | None) -> Path | None:
     return None if file is None else Path(file)
 
 
-def _described(
-    bus: File | None,
-    settings: Sequence[str],
-    given: Mapping[str, Any],
-    *,
-    interface: str | None,
-    channel: str | None,
-    option: Sequence[str],
-    profile: str | None,
-) -> BusDescription:
-    """Return the bus that a bus file and other arguments state."""
-    stated = {
+def _of_bus(
+    interface: str | None, channel: str | None, option: Sequence[str], profile: str | None
+) -> dict[str, Any]:
+    """Return entries of a bus file that other arguments state."""
+    options = tuple(option) or None
+    return {
         "bus.interface": interface,
         "bus.channel": channel,
-        "bus.options": tuple(option) if option else None,
+        "bus.options": options,
         "input.profile": profile,
     }
-    return read_bus(_path(bus), settings, {**stated, **given})

@@ -183,10 +183,13 @@ def mapped_layout(
         "sensors": ("sensor", {one.removeprefix(SENSOR_PREFIX): one for one in readings if one != THRUST}),
         "parameter": ("name", by_name),
     }
-    deviations = {by_name[name]: one for name, one in std_by_name.items() if name in by_name}
-    deviations |= {quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names}
+    stds = {by_name[name]: one for name, one in std_by_name.items() if name in by_name}
+    stds |= {quantity: std for quantity, std in FLOW_STDS.items() if std in flow_names}
     mapped = tuple(name for name in MAPPED_QUANTITIES if name in flow_names)
-    return _Mapper(database, mapping, gauge_names, name, others, deviations, mapped, readings).layout()
+    mapper = _Mapper(
+        *(database, mapping, gauge_names, name), others=others, stds=stds, mapped=mapped, readings=readings
+    )
+    return mapper.layout()
 
 
 class _Mapper:
@@ -195,7 +198,7 @@ class _Mapper:
     Parameters
     ----------
     others : by table of the mapping: what its entries are, and the estimator's inputs by the names of these.
-    deviations : by input: the input for the standard deviation that may be stated next to its signal.
+    stds : by input: the input for the standard deviation that may be stated next to its signal.
     mapped : quantities of the flow that a mapping alone gives, and that the estimator takes.
     readings : units of auxiliary sensors and of thrust by name of the estimator's input.
     """
@@ -207,7 +210,7 @@ class _Mapper:
         gauge_names: Sequence[str],
         name: str,
         others: Mapping[str, tuple[str, Mapping[str, str]]],
-        deviations: Mapping[str, str],
+        stds: Mapping[str, str],
         mapped: Sequence[str],
         readings: Mapping[str, str],
     ) -> None:
@@ -219,7 +222,7 @@ class _Mapper:
             table: (kind, {**inputs, **{one: one for one in inputs.values()}})
             for table, (kind, inputs) in others.items()
         }
-        self._deviations, self._mapped, self._readings = deviations, mapped, readings
+        self._stds, self._mapped, self._readings = stds, mapped, readings
         self._constants: dict[str, float] = {}
         self._frames_in_use, self._with_timeout, self._signals_with_unit = set[str](), set[str](), set[str]()
         self._checked: set[str] = set()
@@ -493,7 +496,7 @@ class _Mapper:
             raise self._refusal(where, f"expected 'signal' and 'std', got {', '.join(entry) or 'none'}")
         if "std" not in entry:
             return entry["signal"], {}
-        of_std, std = self._deviations.get(quantity), entry["std"]
+        of_std, std = self._stds.get(quantity), entry["std"]
         if of_std is None:
             raise self._refusal(where, "std: expected none, the estimator does not take it")
         if isinstance(std, str):

@@ -165,11 +165,6 @@ class Frame:
 _without_fields = object.__new__
 
 
-def frame_key(identifier: int, is_extended: bool) -> int:
-    """Return identifier and its width in one number."""
-    return identifier | EXTENDED_FLAG if is_extended else identifier
-
-
 def from_message(message: Any, time: float) -> Frame:
     """Return python-can's ``message``, received at ``time`` on the local monotonic clock [s].
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from strainfmu.can.authentic import AuthenticationKey, Secured
-from strainfmu.can.frame import Protection, frame_key
+from strainfmu.can.frame import EXTENDED_FLAG, Protection
 from strainfmu.estimator.air_inputs import AIR_INPUTS, FLOW_INPUTS, SAMPLE_INPUTS, STD
 from strainfmu.estimator.air_inputs import ALTITUDE as ALTITUDE
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE as DYNAMIC_PRESSURE
@@ -139,7 +139,7 @@ class FrameLayout:
     @property
     def key(self) -> int:
         """Identifier and its width in one number."""
-        return frame_key(self.identifier, self.is_extended)
+        return self.identifier | EXTENDED_FLAG if self.is_extended else self.identifier
 
     def index_of(self, name: str) -> int:
         """Return the index of the signal ``name``."""

@@ -54,8 +54,11 @@ class Taps:
 
 @dataclass(kw_only=True, eq=False)
 class ResultCounts:
-    """Results by quality, estimates by state of health, and number of results with Mach number and altitude."""
+    """Results by quality, estimates by state of health, and number of results with Mach number and altitude; of a
+    run or a log of a ``duration`` [s], with the account of all its frames."""
 
+    duration: float = 0.0
+    account: FrameAccount = field(default_factory=FrameAccount)
     qualities: Counter[Quality] = field(default_factory=Counter)
     healths: Counter[int] = field(default_factory=Counter)
     navigated: int = 0
@@ -74,8 +77,7 @@ class BridgeSummary(ResultCounts):
 
     Attributes
     ----------
-    duration, cpu : of the run, and processor time of the whole process in it [s].
-    account : of all frames.
+    cpu : processor time of the whole process in the run [s].
     latency : from the last frame of a cycle to its results on the bus [s], the latest ones.
     sent, send_failures, failures, reconnects : frames sent and not sent, failed receptions, buses reopened.
     malformed, last_malformed : number of messages that were no frames, and why the last one was none.
@@ -84,9 +86,7 @@ class BridgeSummary(ResultCounts):
     last_fault : last failure of the bus.
     """
 
-    duration: float = 0.0
     cpu: float = 0.0
-    account: FrameAccount = field(default_factory=FrameAccount)
     latency: deque[float] = field(default_factory=lambda: deque(maxlen=_LATENCIES))
     sent: int = 0
     send_failures: int = 0

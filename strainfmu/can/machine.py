@@ -264,7 +264,7 @@ class Machine:
     def receive(self, frame: Frame) -> list[Result]:
         """Take in one frame; return the results that are ready with it, in order."""
         slot = self._slots.get(frame.key)
-        results = self.advance(frame.time)
+        results = self.advance(frame.time) if self.next_event <= frame.time else []
         if slot is None or frame.is_error or frame.is_remote:
             self._refuse(frame)
             return results
@@ -386,12 +386,13 @@ class Machine:
         time, arrival, _, _, _, stated, sample_time, counter, silent, n_used, *_, request = self._result.item()
         strain, reasons = self._strain.copy(), self._reason.copy()
         valid = self._every if n_used == len(strain) else self._valid.copy()
-        known = dict(zip(self.plan.quantities, self._flow.tolist(), strict=True))
+        known = dict(zip(self.plan.quantities, self._flow.tolist(), strict=True)) | self._constants
         on_bus = known.pop(DYNAMIC_PRESSURE, nan)
         pressure = on_bus if self._fixed != self._fixed else self._fixed
+        navigation = {name: known.pop(name, nan) for name in NAVIGATION}
         step, is_finite, health = None, False, -1
         if n_used:
-            step = self._step(strain, pressure, known | self._constants, valid, time)
+            step = self._step(strain, pressure, navigation, known, valid, time)
         if step is not None:
             health = _NO_COEFFICIENTS if self._needs_pressure and pressure != pressure else step.health
             is_finite = _is_finite(step)
@@ -402,8 +403,8 @@ class Machine:
         result.time, result.quality, result.causes = time, _QUALITIES[quality], Cause(causes)
         result.usable, result.valid, result.strain, result.reasons = usable != 0, valid, strain, reasons
         result.dynamic_pressure = pressure if not silent else nan
-        result.mach_number, result.altitude = known.pop(MACH_NUMBER, nan), known.pop(ALTITUDE, nan)
-        result.other_inputs, result.gap = known | self._constants, nan
+        result.mach_number, result.altitude = navigation[MACH_NUMBER], navigation[ALTITUDE]
+        result.other_inputs, result.gap = known, nan
         result.age, result.age_uncertainty, result.held, result.arrival = age, uncertainty, held, arrival
         result.sample_time = None if sample_time < 0 else sample_time
         result.counter = None if counter < 0 else counter
@@ -457,14 +458,19 @@ class _Stepper:
         self._last: float | None = None
 
     def __call__(
-        self, strain: FloatArray, pressure: float, known: dict[str, float], valid: BoolArray, now: float
+        self,
+        strain: FloatArray,
+        pressure: float,
+        navigation: dict[str, float],
+        others: dict[str, float],
+        valid: BoolArray,
+        now: float,
     ) -> Any:
         """Return the outputs at ``now`` [s], None if the estimator refused."""
-        others = {name: value for name, value in known.items() if name not in NAVIGATION}
-        others |= {name: known.get(name, nan) for name in self._navigation}
+        taken = {name: navigation[name] for name in self._navigation}
         mask = (valid.tobytes(),) if self._takes_mask else ()
         try:
-            return self._step(strain, pressure, self._size(now), *mask, **others)
+            return self._step(strain, pressure, self._size(now), *mask, **others, **taken)
         except StepRefused:
             return None
 

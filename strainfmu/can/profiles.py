@@ -164,13 +164,8 @@ def placed_signal(stated: Mapping[str, Any], first_bit: int, byte_order: str, **
     return SignalLayout(**{**fields, "start": start, "choices": choices})
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Measured:
-    """A gauge by its number, or another input of the estimator by its name; its signal, and its unit if stated."""
-
-    source: int | str
-    name: str
-    unit: str = ""
+_Measured = tuple[int | str, str, str]
+"""A gauge by its number, or another input of the estimator by its name; its signal, and its unit if stated."""
 
 
 def profile_layout(
@@ -202,10 +197,10 @@ def profile_layout(
     identifiers, readings = identifiers or Identifiers(), readings or {}
     names = signal_names(gauge_names)
     reading_names = signal_names([one.removeprefix(SENSOR_PREFIX) for one in readings], "Sensor")
-    held = {
-        STRAIN: [_Measured(source=index, name=name) for index, name in enumerate(names)],
+    held: dict[str, list[_Measured]] = {
+        STRAIN: [(index, name, "") for index, name in enumerate(names)],
         _READING: [
-            _Measured(source=one, name=name, unit=_UNITS.get(unit, unit))
+            (one, name, _UNITS.get(unit, unit))
             for (one, unit), name in zip(readings.items(), reading_names, strict=True)
         ],
     }
@@ -276,7 +271,7 @@ class _Maker:
         indices = tuple(range(first, first + len(chosen))) if STRAIN in roles else ()
         flow = [(one, roles[one]) for one in roles if one in FLOW_QUANTITIES]
         if _READING in roles:
-            flow = [(str(one.source), first + index) for index, one in enumerate(chosen)]
+            flow = [(str(source), first + index) for index, (source, _, _) in enumerate(chosen)]
         layout = FrameLayout(
             name=name,
             identifier=self.identifiers.base + place,
@@ -293,7 +288,7 @@ class _Maker:
         return InputFrame(
             layout=layout,
             indices=indices,
-            gauges=tuple(int(one.source) for one in chosen) if indices else (),
+            gauges=tuple(int(source) for source, _, _ in chosen) if indices else (),
             to_strain=tuple(STRAIN_UNITS[signals[index].unit] for index in indices),
             flow=tuple(FlowSignal(quantity=quantity, index=index) for quantity, index in flow),
             tick=tick,
@@ -315,11 +310,11 @@ class _Maker:
                 definition,
                 first_bit + definition["length"] * index,
                 order,
-                name=one.name,
-                unit=one.unit or definition.get("unit", ""),
-                comment=definition["comment"].replace("INPUT", str(one.source)),
+                name=name,
+                unit=unit or definition.get("unit", ""),
+                comment=definition["comment"].replace("INPUT", str(source)),
             )
-            for index, one in enumerate(chosen)
+            for index, (source, name, unit) in enumerate(chosen)
         ]
 
     def _protected(

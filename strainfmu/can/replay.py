@@ -7,11 +7,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from strainfmu.can.bus_file import BusDescription
 from strainfmu.can.frame import Frame
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.listener import ResultCounts
@@ -19,7 +21,7 @@ from strainfmu.can.log_description import load_description
 from strainfmu.can.log_frames import LogState, log_frames
 from strainfmu.can.machine import Machine, Result
 from strainfmu.can.options import BridgeOptions
-from strainfmu.can.quality import Cause, FrameAccount
+from strainfmu.can.quality import Cause
 from strainfmu.can.result_frames import ResultFrames
 from strainfmu.can.setup import make_machine
 from strainfmu.can.signals import SignalPlan
@@ -36,6 +38,9 @@ from strainfmu.recorded.outputs import (
     estimate_writer,
     other_outputs_of,
 )
+from strainfmu.recorded.run import Progress
+
+File = str | PathLike[str]
 
 _OF_THE_MOMENT = ("E2E_CRC", "Age")
 """Signals of a result that depend on when it was sent, which no replay knows."""
@@ -56,15 +61,11 @@ class ReplaySummary(ResultCounts):
 
     Attributes
     ----------
-    duration : of the log [s].
-    account : of all frames.
     compared, equal : number of result frames in the log, and of those that the replay repeated bit by bit, except
         for the age at the time of sending and the CRC over it.
     notes : lines for the user.
     """
 
-    duration: float = 0.0
-    account: FrameAccount = field(default_factory=FrameAccount)
     compared: int = 0
     equal: int = 0
     notes: list[str] = field(default_factory=list)
@@ -82,7 +83,7 @@ def replay_log(
     gauge_names: Sequence[str],
     options: Callable[[BridgeOptions | None], BridgeOptions],
     on_result: Callable[[Result], None],
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> ReplaySummary:
     """Send the received frames of ``log`` through a machine; call ``on_result`` with every result.
 
@@ -269,26 +270,32 @@ _SIGMAS = tuple(f"sigma.{name}" for name in COEFFICIENT_NAMES)
 _BLOCK = 2000
 
 
+def replay_described(
+    log: Path, source: File, output: File, described: BusDescription, progress: Progress | None
+) -> ReplaySummary:
+    """Replay a log; what ``described`` does not state is as in the recorded run."""
+
+    def options(recorded: BridgeOptions | None) -> BridgeOptions:
+        return described.options(recorded or BridgeOptions(interface="replay", channel=log.name))
+
+    return estimate_log(Path(source), log, Path(output), options, progress)
+
+
 def estimate_log(
     source: Path,
     log: Path,
     output: Path,
     options: Callable[[BridgeOptions | None], BridgeOptions],
-    progress: Callable[[int, int], None] | None = None,
-    zeros: Path | None = None,
+    progress: Progress | None = None,
 ) -> ReplaySummary:
-    """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``.
-
-    ``zeros`` is the file of what the gauges read without strain (zeros.toml), None for the recorded run's.
-    """
+    """Replay ``log`` with the FMU or map ``source`` and write every result to ``output``; ``options`` as of
+    :func:`replay_log`."""
     check_output(output)
     recorded = load_description(log)
-    if zeros is None and recorded is not None:
-        zeros = recorded["options"].zeros
+    zeros = options(None if recorded is None else recorded["options"]).zeros
     with open_step(source, zeros, with_loads=True) as ready:
         others = other_outputs_of(output_units(load_groups_of(ready.step)).items())
-        columns = (*LOG_COLUMNS, *others.values())
-        with estimate_writer(output, columns) as writer:
+        with estimate_writer(output, (*LOG_COLUMNS, *others.values())) as writer:
             rows = _Rows(writer, [*others])
             summary = replay_log(
                 log,

@@ -217,7 +217,6 @@ def send_flight(
     clock: Callable[[], float] = time.monotonic,
     sleep: Callable[[float], None] = time.sleep,
     stopped: Callable[[], bool] = lambda: False,
-    trip: int = FIRST_TRIP,
     tare_at: float | None = None,
     sender: Any = None,
 ) -> SentFlight:
@@ -228,7 +227,6 @@ def send_flight(
 
     Parameters
     ----------
-    trip : trip counter of authenticated frames.
     tare_at : when a tare is asked for [s]; None for never.
     sender : what composes the frames, as :class:`Sender` does; None for that.
 
@@ -237,7 +235,7 @@ def send_flight(
     StrainfmuError
         The bus accepts no frames any more.
     """
-    sender = sender or Sender(layout, trip, clock)
+    sender = sender or Sender(layout, clock=clock)
     can = import_can()
     sent = SentFlight()
     start = sender.start = clock()

@@ -182,7 +182,7 @@ def export_estimator(
     """Write the estimator FMU of the map at ``map_path`` to ``fmu_path``; None takes the native kind of FMI 2.0.
 
     Returns which estimator it holds. Of kind "c" ``fmu_path`` is a new folder. ``bus`` returns for a map what puts
-    its FMU on a bus, as :func:`strainfmu.can.ecu.export_ecu` does.
+    its FMU on a bus, as :func:`strainfmu.packaging.nodes.export_ecu` does.
 
     Raises
     ------

@@ -74,7 +74,7 @@ def export_native_plant(
     platforms : as for the estimator's export; None for all.
     seed : start value of the noise's.
     fmi_version : "2" for FMI 2.0, "3" for FMI 3.0.
-    bus : puts it on a bus, in FMI 3.0, as :func:`strainfmu.can.nodes.sender_part` does; None for none.
+    bus : puts it on a bus, in FMI 3.0, as :func:`strainfmu.packaging.nodes.sender_part` does; None for none.
 
     Raises
     ------

@@ -18,6 +18,7 @@ from functools import partial
 import can
 import numpy as np
 import pytest
+from multicast import free_port
 from running_bridge import CYCLE, PATIENCE, Running
 
 from strainfmu.can.bridge import ERRORS_PER_SECOND, HAND_OVER
@@ -50,14 +51,6 @@ def multicast() -> Iterator[Running]:
         running.port = settings.options["port"]
         yield running
         running.bridge.stop()
-
-
-def free_port() -> int:
-    """Return a UDP port that is free now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 @pytest.mark.fast

@@ -23,7 +23,6 @@ from virtual_bus import (
 )
 
 from strainfmu.can.bus_file import read_bus
-from strainfmu.can.ecu import export_ecu
 from strainfmu.can.encoder import StrainEncoder
 from strainfmu.can.frame import Frame
 from strainfmu.can.options import BridgeOptions
@@ -36,6 +35,7 @@ from strainfmu.cosim.estimators.source import open_step
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.fmu.export import ExportOptions
+from strainfmu.packaging.ecu import export_ecu
 
 CYCLE, RESPONSE = 0.01, 5e-4
 BUS = """[trust]

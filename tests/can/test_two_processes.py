@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bridge_table import LATENCY, BridgeTable
+from multicast import free_port
 from sender_process import FOREIGN
 from state_estimates import state_gain
 from synthetic_vehicle import synthetic_inverse_map
@@ -74,9 +75,9 @@ def flight(inverse_map: InverseMap, n_cycles: int) -> tuple[np.ndarray, np.ndarr
     return inverse_map.mean_strain + state @ inverse_map.state_operator.T, 9e4 + 5.0 * (cycle[:, 0] % 1000)
 
 
-def fly(vehicle: tuple[InverseMap, Path], port: int, cycle_time: float, n_cycles: int, *mode: str) -> Run:
-    """Start the bridge, then the sender; end the bridge by SIGTERM."""
-    inverse_map, fmu = vehicle
+def fly(vehicle: tuple[InverseMap, Path], cycle_time: float, n_cycles: int, *mode: str) -> Run:
+    """Start the bridge, then the sender, on a port of their own; end the bridge by SIGTERM."""
+    (inverse_map, fmu), port = vehicle, free_port()
     given, out = fmu.with_name(f"given_{port}.npz"), fmu.with_name(f"results_{port}.npz")
     strain, pressure = flight(inverse_map, n_cycles)
     np.savez(given, names=np.array(gauge_names_of(fmu)), strain=strain, pressure=pressure)
@@ -176,14 +177,14 @@ def largest_error(inverse_map: InverseMap, n_cycles: int, cycles: np.ndarray, fo
 
 
 def test_three_seconds_at_100_hz(vehicle: tuple[InverseMap, Path]) -> None:
-    run = fly(vehicle, 43211, 0.01, 300)
+    run = fly(vehicle, 0.01, 300)
     check(run, vehicle, 0.01, 300, lossless=True)
 
 
 def test_foreign_frames_and_malformed_datagrams_between_the_cycles(
     vehicle: tuple[InverseMap, Path],
 ) -> None:
-    run = fly(vehicle, 43212, 0.01, 150, "flood")
+    run = fly(vehicle, 0.01, 150, "flood")
     check(run, vehicle, 0.01, 150, lossless=True)
     assert run.bridge.number("frames: unknown identifier") == 75 * FOREIGN
     assert run.bridge.number("messages that are no frames") == 75
@@ -191,7 +192,7 @@ def test_foreign_frames_and_malformed_datagrams_between_the_cycles(
 
 @pytest.mark.slow
 def test_one_minute_at_100_hz(vehicle: tuple[InverseMap, Path]) -> None:
-    run = fly(vehicle, 43213, 0.01, 6000)
+    run = fly(vehicle, 0.01, 6000)
     check(run, vehicle, 0.01, 6000, lossless=True)
 
 
@@ -199,5 +200,5 @@ def test_one_minute_at_100_hz(vehicle: tuple[InverseMap, Path]) -> None:
 def test_one_minute_at_1_khz_with_all_losses_accounted_for(
     vehicle: tuple[InverseMap, Path],
 ) -> None:
-    run = fly(vehicle, 43214, 0.001, 60_000)
+    run = fly(vehicle, 0.001, 60_000)
     check(run, vehicle, 0.001, 60_000, lossless=False)

@@ -134,7 +134,9 @@ def test_every_quality_is_the_same_at_every_outlet(
 
     monkeypatch.setattr(replay, "replay_log", replayed)
     output = tmp_path / "out.csv"
-    replay.estimate_log(tmp_path / "map.h5", tmp_path / "no.blf", output, lambda _: BridgeOptions())
+    replay.estimate_log(
+        tmp_path / "map.h5", tmp_path / "no.blf", output, lambda _: BridgeOptions(interface="", channel="")
+    )
     columns = read_csv(output)
     in_columns = zip(columns["quality [1]"].tolist(), columns["health.usable [1]"].tolist(), strict=True)
     assert [(int(quality), bool(usable)) for quality, usable in in_columns] == truth

@@ -28,9 +28,7 @@ from virtual_bus import (
 )
 
 from strainfmu.can.dbc_files import E2E_DATA_ID
-from strainfmu.can.ecu import export_ecu
 from strainfmu.can.encoder import StrainEncoder
-from strainfmu.can.export import plant
 from strainfmu.can.frame import Frame
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.profiles import profile_layout
@@ -40,6 +38,8 @@ from strainfmu.can.signals import SignalPlan
 from strainfmu.errors import InputError
 from strainfmu.fmu.export import ExportOptions
 from strainfmu.fmu.plant_export import export_can_bus
+from strainfmu.packaging.ecu import export_ecu
+from strainfmu.packaging.packages import plant
 from tests.can.test_ecu import CYCLE, Reference, bytes_of, replies_to_rubbish
 
 HERE = ["linux64"]

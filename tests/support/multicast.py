@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+
 import pytest
 
 from builder.pipeline.demonstration.bus_flight import check_multicast, private_port
@@ -14,3 +16,11 @@ def skip_without_multicast() -> None:
         check_multicast(private_port())
     except StrainfmuError as error:
         pytest.skip(str(error))  # some containers have no multicast; the error says what fails
+
+
+def free_port() -> int:
+    """Return a UDP port that no process of this machine uses now, so that runs do not hear each other."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("", 0))
+        port: int = probe.getsockname()[1]
+    return port

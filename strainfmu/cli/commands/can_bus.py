@@ -17,9 +17,8 @@ from strainfmu.cli.commands.printed import say
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES
 
 if TYPE_CHECKING:
-    from strainfmu.can.listener import BridgeSummary
+    from strainfmu.can.listener import BridgeSummary, ResultCounts
     from strainfmu.can.observed import ObservedBridge
-    from strainfmu.can.replay import ReplaySummary
     from strainfmu.can.sender import Score, SentFlight
 
 
@@ -63,7 +62,7 @@ def summary_rows(summary: BridgeSummary) -> list[tuple[str, str]]:
     return rows
 
 
-def result_rows(summary: BridgeSummary | ReplaySummary) -> list[tuple[str, str]]:
+def result_rows(summary: ResultCounts) -> list[tuple[str, str]]:
     """Return rows of results by quality, estimates by state of health, and of all frames by their class."""
     from strainfmu.cosim.estimators.step import health_name
 

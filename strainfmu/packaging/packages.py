@@ -80,7 +80,7 @@ def export(
     )
     if bus is None:
         return export_estimator(inverse_map, output, options)
-    from strainfmu.can.ecu import export_ecu
+    from strainfmu.packaging.ecu import export_ecu
 
     return export_ecu(Path(inverse_map), Path(output), Path(bus), options)
 
@@ -145,7 +145,7 @@ def plant(
         raise InputError("--bus: expected with --fmi 3, which alone has clocks")
     sending = None
     if bus is not None:
-        from strainfmu.can.nodes import export_recording, sender_part
+        from strainfmu.packaging.nodes import export_recording, sender_part
 
         if recording is not None:
             return export_recording(Path(recording), Path(flight_model), Path(output), Path(bus))

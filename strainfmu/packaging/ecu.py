@@ -16,7 +16,6 @@ from strainfmu.can.bus_file import BusDescription
 from strainfmu.can.dbc_writer import dbc_text
 from strainfmu.can.frame_layout import FrameLayout
 from strainfmu.can.machine import Machine
-from strainfmu.can.nodes import bus_of_fmu, frame_table, node_part
 from strainfmu.can.options import BridgeOptions
 from strainfmu.can.result_frames import STATUS_PERIOD, composition
 from strainfmu.can.setup import all_layouts, make_machine
@@ -31,6 +30,7 @@ from strainfmu.fmu.description.port import BusPart
 from strainfmu.fmu.export import ExportOptions, export_estimator
 from strainfmu.interface.estimator_variables import estimator_interface
 from strainfmu.interface.fmi_variables import value_references
+from strainfmu.packaging.nodes import bus_of_fmu, frame_table, node_part
 
 _SETUP = np.dtype(
     [

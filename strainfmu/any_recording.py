@@ -1,4 +1,4 @@
-"""Estimates of any recording: the log of a bus computed again, and columns of a recorder."""
+"""Estimates of any recording: of the columns of a recorder, or of the log of a bus, which is computed again."""
 
 from __future__ import annotations
 
@@ -8,64 +8,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Literal
 
-from strainfmu.can.bus_file import BusDescription, read_bus
+from strainfmu.can.bus_file import read_bus
 from strainfmu.can.log_frames import is_bus_log
-from strainfmu.can.options import BridgeOptions
-from strainfmu.can.replay import ReplaySummary, estimate_log
+from strainfmu.can.replay import ReplaySummary, replay_described
 from strainfmu.errors import InputError
 from strainfmu.recorded.run import Progress, estimate_file
 from strainfmu.recorded.summary import EstimationSummary
 
 File = str | PathLike[str]
-
-
-def replay(
-    log: File,
-    fmu: File,
-    output: File,
-    *,
-    bus: File | None = None,
-    settings: Sequence[str] = (),
-    profile: str | None = None,
-    progress: Progress | None = None,
-) -> ReplaySummary:
-    """Compute the results of a recorded run again, off line, from its time stamps.
-
-    A log of ``strainfmu bridge --record`` needs no options; other logs need the bus file of the bridge.
-
-    On the command line::
-
-        strainfmu replay run.blf estimator.fmu -o run.csv
-        strainfmu replay foreign.asc estimator.fmu -o run.h5 --profile classic-le --set input.cycle_time_ms=20
-        strainfmu replay rack.blf map.h5 -o run.csv --bus bus.toml
-
-    Parameters
-    ----------
-    log : recording of a bus: BLF, ASC, candump, TRC, CSV or MF4; .gz.
-    fmu : estimator FMU, or inverse map.
-    output : results to write: CSV or HDF5.
-    bus, settings, profile : as :func:`bridge` takes them, for a log that no bridge recorded.
-    progress : takes how much is done, and how much there is.
-
-    Raises
-    ------
-    InputError, StrainfmuError
-        A file or an entry is wrong.
-    """
-    described = read_bus(None if bus is None else Path(bus), settings, {"input.profile": profile})
-    return _replayed(Path(log), fmu, output, described, progress)
-
-
-def _replayed(
-    log: Path, fmu: File, output: File, described: BusDescription, progress: Progress | None
-) -> ReplaySummary:
-    """Replay a log; what ``described`` does not state is as in the recorded run."""
-
-    def options(recorded: BridgeOptions | None) -> BridgeOptions:
-        return described.options(recorded or BridgeOptions(interface="replay", channel=log.name))
-
-    zeros = described.stated.get("zeros")
-    return estimate_log(Path(fmu), log, output=Path(output), options=options, progress=progress, zeros=zeros)
 
 
 def estimate(
@@ -162,7 +112,7 @@ def estimate(
             raise InputError(f"{path}: --dynamic-pressure: expected a pressure with a CAN log, got nan")
         given = {"input.dynamic_pressure_pa": dynamic_pressure, "zeros.file": zeros and Path(zeros)}
         described = read_bus(None if bus is None else Path(bus), (), given)
-        return _replayed(path, source, output, described, progress)
+        return replay_described(path, source, output, described, progress)
     if bus is not None:
         raise InputError(f"{path}: --bus: expected with a CAN log, got it with columns")
     return estimate_file(

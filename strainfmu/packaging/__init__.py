@@ -1,0 +1,1 @@
+"""Packages of an estimator and of a vehicle: FMUs and C sources, and the same as nodes of a CAN bus."""
