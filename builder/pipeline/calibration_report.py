@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from builder.calibration.after_test.calibrated_map import calibrated_structure
-from builder.calibration.estimate.check_loads import check_loads
-from builder.calibration.estimate.cross_validation import cross_validation
+from builder.calibration.estimate.check_loads import check_loads, cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import Fault
 from builder.calibration.estimate.load_equations import load_equations

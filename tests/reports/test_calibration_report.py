@@ -13,8 +13,7 @@ from drawn_tests import blank_test
 from page_checks import read_page
 
 from builder.calibration.after_test.calibrated_map import calibrated_structure
-from builder.calibration.estimate.check_loads import check_loads
-from builder.calibration.estimate.cross_validation import cross_validation
+from builder.calibration.estimate.check_loads import check_loads, cross_validation
 from builder.calibration.estimate.estimated_vehicle import Estimate, estimate, usable
 from builder.calibration.estimate.ground_test_faults import calibrate_with_faults
 from builder.calibration.estimate.load_equations import load_equations

@@ -1,4 +1,5 @@
-"""Check loads: cases that were applied and not fitted, predicted by the calibrated vehicle.
+"""Check loads: cases that were applied and not fitted, predicted by the calibrated vehicle; cross-validation: each
+case that was fitted, predicted from the others.
 
 The readings of a check load determine the factor on its loads that fits them best, by generalised least squares
 with the covariance of the prediction: what the test left unknown, where the pads stand, noise. The factor over one
@@ -117,3 +118,45 @@ def _check_load(
         by_equations=np.array([float(one.value(without_zero[None])[0]) for one in equations] or [np.nan] * 5),
         loads=loads,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class LeftOut:
+    """One case predicted from all others.
+
+    Attributes
+    ----------
+    case : its name.
+    rms : of measured less predicted [m/m].
+    stated : what that should be by the covariance without the case [m/m].
+    chi_square : per reading [1].
+    """
+
+    case: str
+    rms: float
+    stated: float
+    chi_square: float
+
+
+def cross_validation(found: Estimate) -> list[LeftOut]:
+    """Return every used case, predicted by an estimate without it, with the derivatives of the whole one.
+
+    It shows whether the calibration foretells what it has not seen.
+    """
+    model, used = found.model, found.used
+    linear, of_case, rows = found.linear, np.argwhere(used)[:, 0], list[LeftOut]()
+    for k, case in enumerate(model.test.cases):
+        at = np.flatnonzero(of_case == k)
+        if not len(at):
+            continue
+        left, covariance = linear.without(at)
+        noise = model.test.reading_stds[k, used[k]]
+        rows.append(
+            LeftOut(
+                case=case.name,
+                rms=float(np.sqrt(np.mean((noise * left) ** 2))),
+                stated=float(np.sqrt(np.mean(noise**2 * np.diag(covariance)))),
+                chi_square=float(left @ linear.weighted[at]) / len(at),
+            )
+        )
+    return rows

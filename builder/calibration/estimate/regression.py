@@ -52,13 +52,6 @@ class LoadEquation:
     residual_std: float
     left_out: FloatArray
 
-    @property
-    def least_t(self) -> float:
-        """Least |T| of the coefficients; NaN for an equation without gauges."""
-        if not self.gauges:
-            return float("nan")
-        return float(np.min(np.abs(self.coefficient / self.standard_error)))
-
     def value(self, strain: FloatArray) -> FloatArray:
         """Return the load (n,) of strains (n, n_d)."""
         return np.asarray(strain[:, list(self.gauges)] @ self.coefficient)

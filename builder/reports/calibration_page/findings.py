@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from builder.calibration.estimate.check_loads import CheckLoad
-from builder.calibration.estimate.cross_validation import LeftOut
+from builder.calibration.estimate.check_loads import CheckLoad, LeftOut
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import Fault
 from builder.calibration.estimate.load_steps import SteppedCase

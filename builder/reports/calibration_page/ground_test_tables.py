@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from builder.calibration.estimate.check_loads import CheckLoad
-from builder.calibration.estimate.cross_validation import LeftOut
+from builder.calibration.estimate.check_loads import CheckLoad, LeftOut
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.ground_test_faults import load_shifts
 from builder.calibration.estimate.load_steps import SteppedCase
