@@ -17,7 +17,13 @@ import numpy as np
 
 from builder.aero.cfd.units import METRES
 from builder.structure.gauge_placement import gauge_mesh
-from builder.structure.solid.checks import WallElements, fourier_can, fourier_reference_strain, layers_needed
+from builder.structure.solid.checks import (
+    WallElements,
+    fourier_can,
+    fourier_reference_strain,
+    layers_needed,
+    swept_elements,
+)
 from builder.structure.solid.gauge_layouts import (
     check_table,
     displaced_gauges,
@@ -41,7 +47,6 @@ from builder.structure.solid.mesh_choice import (
 from builder.structure.solid.solid_mesh import INTERNAL, SUPPORT, SolidMesh
 from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.solid.swept_mesh import (
-    HEXAHEDRON,
     RESOLUTIONS,
     AnyMesh,
     SweptMesh,
@@ -173,15 +178,21 @@ def wall_elements(case: SolidCase) -> WallElements:
     mesh, radius = case.mesh, case.bending_radius
     if isinstance(mesh, SweptSector):
         # A support facet spans one element through the wall.
-        size, layers = 2.0 * np.pi * radius / mesh.n_sectors, len(mesh.surface["support"])
-        return WallElements(element_type=HEXAHEDRON, size=size, layers=layers, quadrature=SweptMesh.quadrature)
+        layers = len(mesh.surface["support"])
+        return swept_elements(case.of_revolution[1], radius=radius, n_sectors=mesh.n_sectors, layers=layers)
     if case.body is not None and case.model == "imported":
         size = facet_size(mesh, INTERNAL)
     else:
         size = facet_size_round_axis(mesh, INTERNAL, radius)
-    quadrature = mesh.quadrature if isinstance(mesh, SweptMesh) else "full"
-    layers = max(1, round(case.thickness / size))
-    return WallElements(element_type=mesh.element_type, size=size, layers=layers, quadrature=quadrature)
+    return WallElements(
+        element_type=mesh.element_type,
+        size=size,
+        layers=max(1, round(case.thickness / size)),
+        radius=radius,
+        thickness=case.thickness,
+        material=case.matter.material,
+        quadrature=mesh.quadrature if isinstance(mesh, SweptMesh) else "full",
+    )
 
 
 def _material_record(matter: Matter) -> dict[str, Any]:
@@ -192,22 +203,10 @@ def _material_record(matter: Matter) -> dict[str, Any]:
     }
 
 
-def free_case(
-    vehicle: Vehicle,
-    layouts: list[str],
-    resolution: str | None = None,
-    solver: str | None = None,
-    allow_locking: bool = False,
+def _free_case(
+    vehicle: Vehicle, layouts: list[str], resolution: str | None, solver: str | None, allow_locking: bool
 ) -> SolidCase:
-    """Return what the solid model of a vehicle given by sections or a surface is made of.
-
-    Raises
-    ------
-    InputError
-        A mesh is missing or wrong, the wall does not fit the sections, or a gauge is not on its surface.
-    StrainfmuError
-        Gmsh or meshio is needed and not installed, or fails.
-    """
+    """Return the case of a vehicle that is given by sections or a surface."""
     for name in layouts:
         check_table(vehicle, name)
     mesh, other, model, source = _meshes(vehicle, resolution or vehicle.structure.resolution)
@@ -356,7 +355,7 @@ def structure_case(
         raise InputError(f"--model: expected none with shape.{kind}, got '{mesh.source}'; structure.mesh names it")
     _check_layouts(vehicle, layouts)
     resolution = None if mesh is None else mesh.resolution
-    return free_case(vehicle, layouts, resolution, solver, allow_locking)
+    return _free_case(vehicle, layouts, resolution, solver, allow_locking)
 
 
 def _check_layouts(vehicle: Vehicle, layouts: list[str]) -> None:

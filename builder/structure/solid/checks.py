@@ -169,13 +169,15 @@ class LockingWarning(UserWarning):
 
 @dataclass(frozen=True, kw_only=True)
 class WallElements:
-    """Elements of the wall.
+    """Elements of the wall, where the locking check is run on them.
 
     Attributes
     ----------
     element_type : kind of the elements.
     size : their length round the axis [m].
     layers : elements through the wall.
+    radius, thickness : outer radius of the wall and its thickness [m].
+    material : of the wall.
     quadrature : how :mod:`builder.structure.solid.stiffness` integrates their stiffness: ``"thin_wall"``
         for swept hexahedra, ``"full"`` for all others.
     """
@@ -183,6 +185,9 @@ class WallElements:
     element_type: str
     size: float
     layers: int
+    radius: float
+    thickness: float
+    material: Material
     quadrature: Quadrature = "full"
 
 
@@ -217,25 +222,19 @@ def inner_hoop_strain(inner_radius: float, outer_radius: float, harmonic: int, m
     return float(plane * (inner[2] @ amplitude))
 
 
-def locking_ratios(
-    elements: WallElements, radius: float, thickness: float, material: Material
-) -> dict[int, float]:
+@cache
+def locking_ratios(elements: WallElements) -> Mapping[int, float]:
     """Return hoop strain on the inner face over the closed form's, per harmonic of :data:`HARMONICS`.
 
     The ring is two elements wide and of the wall's outer radius and thickness; no node moves along x. The strain
     is read by a gauge per element round the inner face and projected on cos(n phi).
-
-    Parameters
-    ----------
-    elements : how the wall is meshed.
-    radius, thickness : outer radius of the wall and its thickness [m].
-    material : of the wall.
 
     Raises
     ------
     InputError
         A length or number is not positive, or the wall is thicker than its radius.
     """
+    radius, thickness, material = elements.radius, elements.thickness, elements.material
     if not (0.0 < elements.size < np.inf and elements.layers >= 1 and 0.0 < thickness < radius):
         raise InputError(
             f"locking check: element size {elements.size:g} m, {elements.layers} layers, thickness {thickness:g} "
@@ -284,10 +283,8 @@ def _plane_strain(mesh: SolidMesh) -> tuple[IntArray, FloatArray]:
     return node, np.concatenate([np.tile(x, (mesh.n_nodes, 1)), [y, y, z]])
 
 
-def check_locking(
-    elements: WallElements, radius: float, thickness: float, material: Material, allow_locking: bool = False
-) -> Mapping[int, float]:
-    """Warn of, or refuse, elements that lose bending strain; arguments as in :func:`locking_ratios`.
+def check_locking(elements: WallElements, allow_locking: bool = False) -> Mapping[int, float]:
+    """Warn of, or refuse, elements that lose bending strain.
 
     A loss above 2 % of the closed form in any harmonic gives a :class:`LockingWarning`, above 10 % an error unless
     ``allow_locking``.
@@ -301,13 +298,14 @@ def check_locking(
     InputError
         The loss is above 10 %, or an argument is wrong.
     """
-    ratios = locking_ratios(elements, radius, thickness, material)
+    ratios = locking_ratios(elements)
     worst = min(ratios, key=lambda n: ratios[n])
     if ratios[worst] >= WARN_BELOW:
         return ratios
     text = (
         f"locking: {elements.element_type} ({elements.quadrature} quadrature), {1e3 * elements.size:.3g} mm round "
-        f"the axis, {elements.layers} through a wall of {1e3 * thickness:.3g} mm at radius {1e3 * radius:.4g} mm, "
+        f"the axis, {elements.layers} through a wall of {1e3 * elements.thickness:.3g} mm at radius "
+        f"{1e3 * elements.radius:.4g} mm, "
         f"give {100.0 * ratios[worst]:.3g} % of the hoop strain under cos({worst} phi)"
     )
     if ratios[worst] < REFUSE_BELOW and not allow_locking:
@@ -355,21 +353,23 @@ def layers_needed(wall: Wall, radius: FloatArray, n_sectors: int, fewest: int = 
     # The smallest radius needs most layers, the largest has the longest elements round the axis.
     ends = sorted({max(at_least, float(np.min(radius))), max(at_least, float(np.max(radius)))})
     for layers in range(fewest, MOST_LAYERS):
-        if all(_kept(wall.thickness, wall.material, one, n_sectors, layers) >= WARN_BELOW for one in ends):
+        rings = (swept_elements(wall, radius=one, n_sectors=n_sectors, layers=layers) for one in ends)
+        if all(min(locking_ratios(ring).values()) >= WARN_BELOW for ring in rings):
             return layers
     return MOST_LAYERS
 
 
-@cache
-def _kept(thickness: float, material: Material, radius: float, n_sectors: int, layers: int) -> float:
-    """Return the smallest fraction of the hoop strain over the harmonics of the locking check."""
-    elements = WallElements(
+def swept_elements(wall: Wall, *, radius: float, n_sectors: int, layers: int) -> WallElements:
+    """Return the elements of a swept mesh where the wall has an outer ``radius`` [m]."""
+    return WallElements(
         element_type=HEXAHEDRON,
         size=2.0 * np.pi * radius / n_sectors,
         layers=layers,
+        radius=radius,
+        thickness=wall.thickness,
+        material=wall.material,
         quadrature=SweptMesh.quadrature,
     )
-    return min(locking_ratios(elements, radius, thickness, material).values())
 
 
 def examination(

@@ -11,7 +11,6 @@ One interface to all solvers, and the choice among them.
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -237,7 +236,7 @@ def choose_solver(problem: SparseProblem, name: str | None = None) -> SparseSolv
     return SparseSolver(problem, SUPERLU if name is None else named_back_end(name))
 
 
-def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackEnd:
+def named_back_end(name: str) -> BackEnd:
     """Return the back end of that name.
 
     Raises
@@ -245,8 +244,8 @@ def named_back_end(name: str, back_ends: Sequence[BackEnd] = BACK_ENDS) -> BackE
     InputError
         There is none; the message lists the names.
     """
-    for back_end in back_ends:
+    for back_end in BACK_ENDS:
         if back_end.name == name:
             return back_end
-    known = ", ".join((CYCLIC, *(back_end.name for back_end in back_ends)))
+    known = ", ".join((CYCLIC, *(back_end.name for back_end in BACK_ENDS)))
     raise InputError(f"solver '{name}' found, must be one of {known}")

@@ -17,7 +17,6 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 NODES_PER_ELEMENT = {"hexahedron20": 20, "tetrahedron10": 10, "hexahedron8": 8, "tetrahedron4": 4}
-NODES_PER_FACET = {"hexahedron20": 8, "tetrahedron10": 6, "hexahedron8": 4, "tetrahedron4": 3}
 QUADRATIC = ("hexahedron20", "tetrahedron10")
 """Results are taken from these alone: linear elements lock under the bending of a thin wall."""
 

@@ -166,7 +166,7 @@ def on_other_mesh(
     )
 
 
-def strain_per_force(case: SolidCase, progress: Progress | None = None) -> tuple[SolidMesh, FloatArray]:
+def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
     """Return the whole mesh and the strain (n_d, n_p, 3) [1/N] of all layouts per force at its external nodes.
 
     Raises
@@ -175,7 +175,7 @@ def strain_per_force(case: SolidCase, progress: Progress | None = None) -> tuple
         As :func:`solve_solid_structure`; checks and the locking of the mesh are that function's.
     """
     rows = _rows_of_layouts(case.mesh, case.layouts)
-    solved = _solved(case, case.mesh, rows, case.solver, progress, of_forces=True)
+    solved = _solved(case, case.mesh, rows, case.solver, None, of_forces=True)
     return case.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
 
 
@@ -192,7 +192,7 @@ def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[st
 
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
     """Check the mesh and describe it; return the settings that follow."""
-    mesh, material = case.whole, case.matter.material
+    mesh = case.whole
     exact = None if case.body is None else exact_wall(*case.of_revolution)
     with reporter.stage("Mesh checks and report"):
         check_mesh(mesh, case.length, hollow=case.body is not None)
@@ -207,8 +207,7 @@ def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
                 "mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks"
             )
             return {}
-        elements = wall_elements(case)
-        return check_locking(elements, case.bending_radius, case.thickness, material, case.allow_locking)
+        return check_locking(wall_elements(case), case.allow_locking)
 
     return examination(report, locking, reporter)
 

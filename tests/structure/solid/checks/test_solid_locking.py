@@ -1,6 +1,7 @@
 """The locking check: closed forms against an independent model, quadratic elements pass, linear ones do not."""
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +22,13 @@ from strainfmu.errors import InputError
 
 METAL = Material(70e9, 0.33)
 RADIUS, SIZE = 0.13, 0.0065
+
+
+def wall(element_type: str, thickness: float = 0.006, layers: int = 1, size: float = SIZE) -> WallElements:
+    """Elements of a wall of this radius and metal."""
+    return WallElements(
+        element_type=element_type, size=size, layers=layers, radius=RADIUS, thickness=thickness, material=METAL
+    )
 
 
 @pytest.mark.parametrize("harmonic", [0, 2, 4])
@@ -58,9 +66,7 @@ def test_quadratic_elements_pass(element_type: str, thickness: float) -> None:
     """One layer, 6.5 mm round the axis: within 0.5 %, n = 4 on the thick wall 1.1 %."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        ratios = check_locking(
-            WallElements(element_type=element_type, size=SIZE, layers=1), RADIUS, thickness, METAL
-        )
+        ratios = check_locking(wall(element_type, thickness))
     assert ratios[0] == pytest.approx(1.0, abs=5e-4)
     assert ratios[2] == pytest.approx(1.0, abs=5e-3)
     assert ratios[4] == pytest.approx(1.0, abs=1.1e-2)
@@ -82,9 +88,7 @@ def test_linear_elements_lose_the_bending(
     element_type: str, thickness: float, layers: int, measured: float
 ) -> None:
     """Ratios at n = 2 against those of another program of the same elements (its mesh and patch differ): 5 %."""
-    ratios = locking_ratios(
-        WallElements(element_type=element_type, size=SIZE, layers=layers), RADIUS, thickness, METAL
-    )
+    ratios = locking_ratios(wall(element_type, thickness, layers))
     assert ratios[0] == pytest.approx(1.0, abs=0.01)
     assert ratios[2] == pytest.approx(measured, rel=0.05)
     assert ratios[4] == pytest.approx(ratios[2], rel=0.05)
@@ -92,14 +96,15 @@ def test_linear_elements_lose_the_bending(
 
 def test_long_elements_lock_unless_integrated_for_a_thin_wall() -> None:
     """Elements longer than sqrt(R t) = 26 mm: full quadrature locks, that of swept meshes does not."""
-    metal, size, radius, thickness = Material(110e9, 0.31), 0.03, 0.165, 0.004
-    full = locking_ratios(WallElements(element_type="hexahedron20", size=size, layers=1), radius, thickness, metal)
-    swept = locking_ratios(
-        WallElements(element_type="hexahedron20", size=size, layers=1, quadrature="thin_wall"),
-        radius,
-        thickness,
-        metal,
+    elements = WallElements(
+        element_type="hexahedron20",
+        size=0.03,
+        layers=1,
+        radius=0.165,
+        thickness=0.004,
+        material=Material(110e9, 0.31),
     )
+    full, swept = locking_ratios(elements), locking_ratios(replace(elements, quadrature="thin_wall"))
     assert full[0] == pytest.approx(1.0, abs=1e-4)
     assert full[2] < 0.93
     assert swept[2] == pytest.approx(1.0, abs=1e-3)
@@ -107,34 +112,28 @@ def test_long_elements_lock_unless_integrated_for_a_thin_wall() -> None:
 
 
 def test_linear_tetrahedra_are_refused_unless_allowed() -> None:
-    elements = WallElements(element_type="tetrahedron4", size=SIZE, layers=1)
+    elements = wall("tetrahedron4")
     with pytest.raises(
         InputError,
         match=r"tetrahedron4 \(full quadrature\), 6.5 mm round the axis.*% of the hoop strain under cos\(",
     ):
-        check_locking(elements, RADIUS, 0.006, METAL)
+        check_locking(elements)
     with pytest.warns(LockingWarning, match="tetrahedron4"):
-        ratios = check_locking(elements, RADIUS, 0.006, METAL, allow_locking=True)
+        ratios = check_locking(elements, allow_locking=True)
     assert ratios[2] < 0.25
 
 
 def test_coarse_quadratic_elements_give_a_warning() -> None:
     """Seven elements per wave of n = 4."""
     with pytest.warns(LockingWarning, match=r"under cos\(4 phi\)"):
-        ratios = check_locking(
-            WallElements(element_type="hexahedron20", size=0.029, layers=1), RADIUS, 0.012, METAL
-        )
+        ratios = check_locking(wall("hexahedron20", 0.012, size=0.029))
     assert 0.9 < ratios[4] < 0.98
 
 
 def test_impossible_rings_are_refused() -> None:
-    for elements, thickness in (
-        (WallElements(element_type="hexahedron20", size=0.0, layers=1), 0.006),
-        (WallElements(element_type="hexahedron20", size=SIZE, layers=0), 0.006),
-        (WallElements(element_type="hexahedron20", size=SIZE, layers=1), 0.13),
-        (WallElements(element_type="hexahedron20", size=float("nan"), layers=1), 0.006),
-    ):
+    sound = wall("hexahedron20")
+    for wrong in ({"size": 0.0}, {"layers": 0}, {"thickness": 0.13}, {"size": float("nan")}):
         with pytest.raises(InputError, match="locking check: element size"):
-            locking_ratios(elements, RADIUS, thickness, METAL)
+            locking_ratios(replace(sound, **wrong))
     with pytest.raises(InputError, match="harmonic 1 found"):
         inner_hoop_strain(0.1, 0.12, 1, METAL)
