@@ -250,13 +250,9 @@ def free_gauges(vehicle: Vehicle, layout: str, mesh: SolidMesh) -> Gauges:
     surface = _surface_of(mesh, entry.surface or "inner", where)
     table = read_gauge_table(vehicle.beside(entry.file))
     placed = [_table_gauge(one, surface, 1e-3 * entry.largest_distance_mm) for one in table]
-    return Gauges(
-        name=tuple(one.name for one in table),
-        position=np.array([position for position, _ in placed]),
-        direction=np.array([direction for _, direction in placed]),
-        length=np.full(len(table), 1e-3 * (entry.length_mm or 0.0)),
-        surface=(surface.name,) * len(table),
-    )
+    position, direction = (np.array(part) for part in zip(*placed, strict=True))
+    length = 1e-3 * (entry.length_mm or 0.0)
+    return gauges_at(position, direction, [one.name for one in table], length, surface.name)
 
 
 def _surface_of(mesh: SolidMesh, side: str, where: str) -> GaugeSurface:
@@ -287,14 +283,7 @@ def _mesh_row(row: GaugeRow, surface: GaugeSurface, where: str) -> Gauges:
             name.append(f"{kind}_{row.roll_angle_deg:g}deg_{number}{end}")
             position.append(foot.point)
             direction.append(along if kind == "axial" else across)
-    n = len(name)
-    return Gauges(
-        name=tuple(name),
-        position=np.array(position),
-        direction=np.array(direction),
-        length=np.full(n, 1e-3 * row.length_mm),
-        surface=(surface.name,) * n,
-    )
+    return gauges_at(np.array(position), np.array(direction), name, 1e-3 * row.length_mm, surface.name)
 
 
 def _table_gauge(gauge: TableGauge, surface: GaugeSurface, tolerance: float) -> tuple[FloatArray, FloatArray]:

@@ -141,6 +141,7 @@ def mesh_volumes(gmsh: Any, what: str, region: dict[int, str], stretch: float = 
     )
 
 
+CREASE_ANGLE = np.deg2rad(20.0)  # between triangles, above which their edge is an edge of the body
 MIN_SIZE = 0.02  # of the element length, on the axis of graded meshes
 
 
@@ -190,7 +191,6 @@ def stl_mesh(
     path: Path,
     element_length: float,
     file_unit: float,
-    crease_angle: float = np.deg2rad(20.0),
     graded_from: float | None = None,
 ) -> SolidMesh:
     """Mesh the volume inside the closed surface of an STL file with tetrahedra of ten nodes.
@@ -203,7 +203,6 @@ def stl_mesh(
     path : the STL file, ASCII or binary, in our axes.
     element_length : element edge [m].
     file_unit : length of the file's unit [m]: STL files have none.
-    crease_angle : angle between triangles [rad] above which their edge is kept as an edge of the body.
     graded_from : as in :func:`step_mesh`.
 
     Raises
@@ -221,7 +220,7 @@ def stl_mesh(
         gmsh.model.mesh.removeDuplicateNodes()
         _refuse_open_surface(gmsh, path)
         gmsh.model.mesh.affineTransform(np.hstack([np.diag([file_unit] * 3), np.zeros((3, 1))]).ravel())
-        gmsh.model.mesh.classifySurfaces(crease_angle, True, True, np.pi)
+        gmsh.model.mesh.classifySurfaces(CREASE_ANGLE, True, True, np.pi)
         gmsh.model.mesh.createGeometry()
         loops = [gmsh.model.geo.addSurfaceLoop(shell) for shell in _shells(gmsh)]
         gmsh.model.geo.addVolume(loops)

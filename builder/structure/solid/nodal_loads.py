@@ -160,7 +160,7 @@ def facet_triangles(facet: IntArray) -> IntArray:
     return facet[:, np.array(_TRIANGLES[facet.shape[1]])].reshape(-1, 3)
 
 
-def split_surface(mesh: SolidMesh, name: str, angle: float = SHARP_EDGE) -> tuple[SurfaceMesh, IntArray]:
+def split_surface(mesh: SolidMesh, name: str) -> tuple[SurfaceMesh, IntArray]:
     """Return :func:`split_facets` of a named surface of a mesh.
 
     Raises
@@ -170,7 +170,7 @@ def split_surface(mesh: SolidMesh, name: str, angle: float = SHARP_EDGE) -> tupl
     """
     facet, node = mesh.named_surface(name), surface_nodes(mesh, name)
     try:
-        return split_facets(mesh.node[node], np.searchsorted(node, facet), angle)
+        return split_facets(mesh.node[node], np.searchsorted(node, facet))
     except InputError as error:
         raise InputError(f"surface '{name}': {error}") from error
 

@@ -169,9 +169,7 @@ def probe_loads(free: csr_array) -> FloatArray:
     return np.hstack([free.T @ along, random])
 
 
-def refuse_indefinite(
-    name: str, matrix: csr_array, solve: Callable[[Any], Any], probe: FloatArray, bound: float = PROBE_BOUND
-) -> float:
+def refuse_indefinite(name: str, matrix: csr_array, solve: Callable[[Any], Any], probe: FloatArray) -> float:
     """Refuse a factorised matrix that is singular or not positive definite; return the probes' relative residual.
 
     Gauge rows sum to no force, so their solutions may look right while a rigid motion is free. Probes do not sum
@@ -184,7 +182,6 @@ def refuse_indefinite(
     matrix : (n, n) symmetric or Hermitian.
     solve : (n, k) to A^-1 times it.
     probe : (n, k) loads, such as :func:`probe_loads` gives.
-    bound : largest relative residual of a probe.
 
     Raises
     ------
@@ -196,7 +193,7 @@ def refuse_indefinite(
     load = probe[:, np.linalg.norm(probe, axis=0) > 0.0].astype(matrix.dtype)
     load = np.linalg.qr(load)[0]
     answer = solve(load)
-    residual = checked_residual(name, matrix, answer, load, bound)
+    residual = checked_residual(name, matrix, answer, load, PROBE_BOUND)
     for work in (load.conj().T @ answer, load.conj().T @ (matrix @ load)):
         if not np.linalg.eigvalsh(0.5 * (work + work.conj().T)).min() > 0.0:
             raise SolverError(f"solver {name}: the stiffness is not positive definite (negative work found)")

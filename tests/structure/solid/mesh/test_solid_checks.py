@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from builder.structure.solid.checks import FRONT, ring_mesh
-from builder.structure.solid.elements import determinant_ratio, reference_nodes, scaled_jacobian, straighten_folded
+from builder.structure.solid.elements import (
+    determinant_ratio,
+    element_faces,
+    reference_nodes,
+    scaled_jacobian,
+    straighten_folded,
+)
 from builder.structure.solid.mesh_checks import check_mesh, refuse_doubled_nodes
 from builder.structure.solid.solid_mesh import (
     EXTERNAL,
     INTERNAL,
     NODES_PER_ELEMENT,
-    NODES_PER_FACET,
     SolidMesh,
 )
 from strainfmu.errors import InputError
@@ -30,7 +35,7 @@ def ring(element_type: str = "tetrahedron10") -> SolidMesh:
 def test_sound_mesh_passes(element_type: str) -> None:
     mesh = ring(element_type)
     check_mesh(mesh, length=0.3)
-    assert {facet.shape[1] for facet in mesh.surface.values()} == {NODES_PER_FACET[element_type]}
+    assert {facet.shape[1] for facet in mesh.surface.values()} == {element_faces(element_type).shape[1]}
 
 
 @pytest.mark.parametrize("element_type", TYPES)
