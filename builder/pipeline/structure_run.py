@@ -53,7 +53,7 @@ def run_structure(
     """Compute the strain of gauges per surface pressure by three-dimensional elasticity.
 
     The mesh is checked, described and tested for locking before anything is solved. A file that is up to date
-    is not computed again, nor is one that another command left in the cache next to the vehicle file; after a
+    is not computed again, nor is one that another command left in the cache next to the vehicle file. After a
     change of gauges the mesh is not checked again.
 
     On the command line::

@@ -3,7 +3,7 @@
     A = [[D, E], [E', F]],  S = F - E' D^-1 E,  T = D^-1 E,
     A^-1 = [[D^-1 + T S^-1 T', -T S^-1], [-S^-1 T', S^-1]],
 
-D of one block for each gauge, by the parameters that its readings alone depend on, F by those of all readings.
+D of one block for each gauge, by the parameters that its readings alone depend on; F by the common parameters.
 Work and memory grow in proportion to the number of gauges.
 
 Source: Golub & Van Loan, Matrix Computations, 4th edition, section 4.3.
@@ -26,7 +26,7 @@ JITTER = 1e-9
 class Arrow:
     """The matrix by its blocks, (n_g, p, p), (n_g, p, c) and (c, c); rows of blocks that are not full are zero.
 
-    ``own`` (k,) is the gauge of each row of the matrix, -1 of those of all.
+    ``own`` (k,) is the gauge of each row of the matrix, -1 of a common parameter.
     """
 
     def __init__(self, own: IntArray, blocks: FloatArray, border: FloatArray, common: FloatArray) -> None:
@@ -159,7 +159,7 @@ class Arrow:
 
 
 def _order_in_gauge(own: IntArray) -> IntArray:
-    """Return (k,) the number of each row among those of the same gauge, or of none."""
+    """Return (k,) the number of each row among the rows of its gauge."""
     order, found = np.argsort(own, kind="stable"), np.zeros(len(own), dtype=np.int64)
     in_order = own[order]
     found[order] = np.arange(len(own)) - np.searchsorted(in_order, in_order)

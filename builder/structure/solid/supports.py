@@ -19,7 +19,7 @@ from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 DISTINCT_DIRECTIONS = 0.05
-"""Part of a node's held directions from which on a further one is held: that of two lines 26 deg apart."""
+"""Part of a node's held directions from which on a further one is held, as for two lines 26 deg apart."""
 
 SMALLEST_HOLD = 1e-12
 """Smallest eigenvalue of the supports' hold on rigid motions, over the largest."""

@@ -72,7 +72,7 @@ _SETUP = np.dtype(
 """``NodeSetup`` of ``core/ports.h``."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class BusPart:
     """What puts an FMU on a bus.
 
