@@ -1,7 +1,7 @@
 """The CAN bridge: strain frames in, coefficients out.
 
-Rooms from the ground up: ``wire`` (frames, signals, CRC, DBC files), ``e2e`` (end-to-end checks and the sender's
-clock), ``cycle`` (frames assembled to cycles, judged, stepped through the estimator; no threads, no sockets),
-``bridge`` (the cycle on a live bus), ``tools`` (send, inject faults, record, replay). ``settings`` holds limits
-and times.
+A frame comes as a message of python-can (``listener``) or of a log (``log_frames``) to the compiled ``machine``,
+whose ``plan`` follows from a profile (``profiles``) or a user's DBC file (``dbc_mapping``). Results go out as
+frames (``result_frames``), to a page (``publisher``) and into columns (``replay``). ``bridge`` is a listener with
+a loop, ``bus_file`` describes all of it, ``commands`` are what a user calls.
 """
