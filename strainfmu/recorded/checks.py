@@ -16,13 +16,14 @@ from math import ceil, erf, exp, inf, log, sqrt
 import numpy as np
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
+from strainfmu.estimator.signal_names import ZERO
 from strainfmu.recorded.names import some_of
 from strainfmu.recorded.samples import Samples
 from strainfmu.recorded.selection import Selection, flown_pressure
 from strainfmu.recorded.strain_level import TOO_HIGH, LevelCheck, LevelReference
 
-HELD, ZERO = "held", "zero"
-"""Faults of a whole row, as the output names them; of single gauges it names these."""
+HELD = "held"
+"""Fault of a whole row, as :data:`ZERO` is one, in the output; of single gauges it names these."""
 
 SHORTEST_HELD, SHORTEST_RAILED = 9, 24
 """Repetitions in a row that count, of all gauges and of one: a recorder may repeat channels that are slower."""

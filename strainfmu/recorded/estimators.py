@@ -614,7 +614,7 @@ def _series(estimator: Estimator, residuals: bool) -> list[Series]:
 
 def _load_series(array: LoadArray) -> Series:
     """Return the columns of an array of loads behind the five."""
-    field = f"other_{'coefficients' if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
+    field = f"other_{COEFFICIENT_ARRAY if array.is_coefficient else 'loads'}{'_std' if array.is_std else ''}"
     columns = _columns("", array.columns, [array.unit.replace(".", " ")] * len(array.columns))
     return columns, lambda _, loads: getattr(loads, field)[..., array.group.rows]
 
