@@ -19,7 +19,7 @@
 
 enum { QUEUE = 16, N_LOADS_SENT = 5, NO_COEFFICIENTS = 2 };
 
-/* --- the tables of resources/bus.bin, as strainfmu/can/ecu.py writes them ------------------------------------------ */
+/* --- the tables of resources/bus.bin, as strainfmu/packaging/ecu.py writes them ------------------------------------------ */
 
 enum { SETUP, PLAN, SLOT, SIGNAL, CODE, CHANGE, KEY, QUANTITY, CONSTANT, OTHER, FRAME, SENT, SOURCE };
 

@@ -21,7 +21,7 @@ typedef struct {
     double value;
 } SenderSource;
 
-/* The tables of resources/sender.bin, as strainfmu/can/nodes.py writes them: set-up; frames, their signals and sources;
+/* The tables of resources/sender.bin, as strainfmu/packaging/nodes.py writes them: set-up; frames, their signals and sources;
    and of the answer the signals of: counter of the cycle that it answers, its own counter, its sample time if any. */
 enum { SETUP, FRAME, SENT, SOURCE, ANSWER };
 

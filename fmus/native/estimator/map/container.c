@@ -11,7 +11,7 @@
    last array ended, no bytes left at the end, finite numbers. So later functions may trust offsets. map_read then
    checks name, kind, shape and values against the rows of map_layout.h and notes the first fault; map_close refuses
    arrays that nobody has read, which have a wrong name. docs/developers/native.md, "The map file";
-   strainfmu/estimator/resource/container.py writes it. */
+   strainfmu/estimator/resource/map_file.py writes it. */
 
 #include "container.h"
 

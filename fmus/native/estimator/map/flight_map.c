@@ -6,7 +6,7 @@
    factors of its harmonics; terms are listed by ascending row without a gap, which lets flight_tables.c walk through
    them once. Numbers that C uses as an index are checked to be whole and in range here.
    docs/explanation/nonlinear_estimator.md, "Model" and "Model discrepancy";
-   strainfmu/estimator/tables/manifold_map.py has quantities and units. */
+   strainfmu/estimator/map/nonlinear_map.py has quantities and units. */
 
 #include "flight_map.h"
 

@@ -1,4 +1,4 @@
-/* The tables over the flight state, part "flight" of resources/map.bin. strainfmu/estimator/tables/channel_tables.py has
+/* The tables over the flight state, part "flight" of resources/map.bin. strainfmu/estimator/resource/compact_tables.py has
    the formulas. */
 
 #ifndef FLIGHT_MAP_H
@@ -20,7 +20,7 @@ typedef struct {
     MAP_MEMBERS(TABLES)
 } TableMap;
 
-/* Quantities and units: strainfmu/estimator/tables/manifold_map.py. */
+/* Quantities and units: strainfmu/estimator/map/nonlinear_map.py. */
 typedef struct {
     TableMap tables;     /* of strains, then loads */
     TableMap considered; /* of strains, then all loads, of a considered error; no rows in maps without */

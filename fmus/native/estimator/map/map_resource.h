@@ -18,7 +18,7 @@ typedef struct {
 } Envelope;
 
 /* What scales with the pressure ratio, and what does not: docs/explanation/dynamic_pressure.md and
-   strainfmu/estimator/map/proportional_errors.py. In form "absolute" the ratio is 1, and all errors are noise. */
+   strainfmu/estimator/reference/linear.py. In form "absolute" the ratio is 1, and all errors are noise. */
 typedef struct {
     size_t n_free;              /* free states, which are the first directions, */
     size_t n_fixed;             /* and directions of whose loads none follow the ratio: all in form "absolute" */

@@ -21,7 +21,7 @@
    the slope of the power times an error of variance k (1 - k). The two parts k (1 - k), along the tables, and (1 -
    k)^2, of the spread, are the remaining variance 1 - k: with k = 0 the errors of the mean come back, with k = 1 the
    error of the parameter is gone. docs/explanation/nonlinear_estimator.md, "Any shape";
-   strainfmu/estimator/tables/parameter_tables.py.
+   strainfmu/estimator/map/nonlinear_map.py.
 
    Tables with parameters have two channels for each row, factors of cos m phi and of sin m phi: gauges that are
    rotations of each other no longer share one where a fin deflects. Their cells are sums of parts (flight_tables.c),

@@ -1,6 +1,6 @@
 /* Parameters of the flow that are known with a standard deviation: tables and errors about what is known of them.
 
-   The C counterpart of strainfmu/estimator/tables/parameter_tables.py. Tables are the mean's plus p_inf times a
+   The C counterpart of strainfmu/estimator/map/nonlinear_map.py. Tables are the mean's plus p_inf times a
    sum over powers of the parameters; errors are products, so that what is known weighs them. */
 
 #ifndef FLIGHT_KNOWN_H

@@ -23,7 +23,7 @@
 #include "../sample/air_data.h"
 #include "../sample/readings.h"
 
-/* Smallest standard deviation of a value of navigation, relative: LEAST_RELATIVE_STD of navigation.py. */
+/* Smallest standard deviation of a value of navigation, relative. */
 #define MIN_RELATIVE_STD 1e-3
 
 /* Relative standard deviations of a total temperature without its own, and of the standard atmosphere's temperature,

@@ -42,7 +42,7 @@
 #define SMALLEST_PRESSURE 10.0 /* [Pa] of a start */
 #define LARGEST_PRESSURE 5e5
 #define NEIGHBOURHOOD 1.5 /* distances of two incidences of the search within which a minimum is another one's */
-#define LARGEST_EXCESS 5.0 /* of ln of a start's pressure over the range of the tables: solve.py */
+#define LARGEST_EXCESS 5.0 /* of ln of a start's pressure over the range of the tables */
 
 static const double TWO_PI = 6.2831853071795862;
 

@@ -18,7 +18,7 @@
    and alike by w; d/d ln p is the row less y_fixed. cos m phi and sin m phi follow from each other by addition
    theorems, so that a row costs no sine. Cells of known flow parameters are sums of parts and made when a state
    first needs them: flight_known.c. docs/explanation/nonlinear_estimator.md, "Model";
-   strainfmu/estimator/tables/flight_tables.py. */
+   strainfmu/estimator/map/flight_tables.py. */
 
 #include "flight_tables.h"
 

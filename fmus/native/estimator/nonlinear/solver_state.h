@@ -19,7 +19,7 @@ typedef struct {
     double precision[N_MEASURED]; /* 0 where not known */
 } Sample;
 
-/* States of the search, in the order of starts.py: incidences, of each the best is a start; Mach numbers; roll angles. */
+/* States of the search, in their order: incidences, of each the best is a start; Mach numbers; roll angles. */
 #define SEARCH_STARTS 6
 #define SEARCH_MACHS 3
 #define SEARCH_ROLLS 16

@@ -213,8 +213,7 @@ double smallest_singular_value(size_t n, double *a) {
 
    then L = D l and L^-1 = l^-1 D^-1, where row i of l^-1 is the unit row less the rows above times l_ik, over l_ii.
    A rest that is not positive means that C is no covariance: the result is 0. docs/explanation/dynamic_pressure.md,
-   "Weights at any dynamic pressure", has L; the same as numpy's cholesky in
-   strainfmu/estimator/numerics/whitening.py. */
+   "Weights at any dynamic pressure", has L. */
 
 /* Where the diagonal of a triangle lies in row i. */
 static size_t diagonal(size_t i) {

@@ -15,10 +15,10 @@
 
 #include <math.h>
 
-/* Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one: navigation.py. */
+/* Difference of two sums of squares from which the quantity that leaves the larger one is not the wrong one. */
 #define DISCERNED 16.0
 
-/* Standardised residual from which a static pressure that nothing confirms is doubted: navigation.py. */
+/* Standardised residual from which a static pressure that nothing confirms is doubted. */
 #define UNLIKELY_PRESSURE 1.5
 
 /* Whether another quantity may be the wrong one, or none, where one is dropped; of their residuals. */

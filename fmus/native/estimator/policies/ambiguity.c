@@ -30,7 +30,7 @@
 #include "../nonlinear/flight_solve.h"
 #include "../numerics/cholesky.h"
 
-/* Those of ambiguity.py and solve.py. */
+/* Limits in chi-square and in standard deviations: docs/explanation/nonlinear_estimator.md. */
 #define KNOWN_PRECISION 100.0
 #define ASIDE 3.0
 #define LARGEST_ASIDE 3.0

@@ -19,7 +19,7 @@
 #include "../numerics/cholesky.h"
 #include "air_data_faults.h"
 
-#define LARGEST_REST 1.0 /* standard deviations that the next iteration may move the state by: flight_health.py */
+#define LARGEST_REST 1.0 /* standard deviations that the next iteration may move the state by */
 
 /* Loads and coefficients at the references of the settings. */
 static void set_loads(Flight *flight) {

@@ -8,7 +8,7 @@
        xx = -(w_y^2 + w_z^2),   yy = -(w_x^2 + w_z^2),   zz = -(w_x^2 + w_y^2),   xy = w_x w_y,   xz = w_x w_z,   yz = w_y w_z.
 
    A channel is NaN where one of its inputs is not known: its mode then has its prior variance
-   (temperature/thermal.c). strainfmu/estimator/map/inertia.py derives the modes. */
+   (temperature/thermal.c). strainfmu/estimator/map/sensors.py derives the modes. */
 
 #include "inertia.h"
 

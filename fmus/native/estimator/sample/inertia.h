@@ -1,5 +1,5 @@
 /* What an inertial unit measures becomes channels: specific force, angular acceleration, and the products of angular
-   rates that turn with the body. Each is an amplitude of a mode of strain; strainfmu/estimator/map/inertia.py has the
+   rates that turn with the body. Each is an amplitude of a mode of strain; strainfmu/estimator/map/sensors.py has the
    formulas. */
 
 #ifndef INERTIA_H

@@ -30,7 +30,7 @@ static inline double without_thrust(const SensorRows *rows, size_t which, double
 /* Part "parameters" of map.bin: ranges of flow parameters. The score of a value is its distance from the range over
    the span, 0 inside, for NaN and for a value that is not known; a score above the tolerance puts health to OUTSIDE.
    The linear estimate itself does not use the values. docs/howto/settings_and_health.md;
-   strainfmu/estimator/map/flow_parameters.py. */
+   strainfmu/estimator/map/validity.py. */
 #define PARAMETER_NAME_SIZE 48 /* bytes of a name in the file, with its final zero */
 
 typedef struct {

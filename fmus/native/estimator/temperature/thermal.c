@@ -21,7 +21,7 @@
    Inertia uses the same machine: its modes are amplitudes of channels of an inertial unit (sample/inertia.c), the
    last sensors. The standard deviation of vibration modes is an input, in steps of sqrt 2 over its prior, so that
    matrices stay while it changes little. docs/explanation/temperature.md, "The model";
-   strainfmu/estimator/map/temperature.py; amplitudes and rows_of in strainfmu/estimator/reference/readings.py. */
+   strainfmu/estimator/map/sensors.py; amplitudes and rows_of in strainfmu/estimator/reference/readings.py. */
 
 #include "thermal.h"
 
