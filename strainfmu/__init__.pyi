@@ -16,7 +16,7 @@ from strainfmu.estimator.estimator import Estimator as Estimator
 from strainfmu.estimator.estimator import load as load
 from strainfmu.estimator.estimate import Estimate as Estimate
 from strainfmu.estimator.settings import EstimatorSettings as EstimatorSettings
-from strainfmu.estimator.air_inputs import AirData as AirData
+from strainfmu.estimator.air_data import AirData as AirData
 from strainfmu.estimator.air_inputs import QSource as QSource
 from strainfmu.estimator.health import HealthState as HealthState
 

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 
 from strainfmu.arrays import BoolArray, FloatArray, IntArray, component, float_or_array
 from strainfmu.errors import InputError
-from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AirData
+from strainfmu.estimator.air_data import AirData
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.notebook import html_table
 from strainfmu.estimator.other_loads import SECTIONS, LoadGroup, names_of, rows_of

@@ -9,7 +9,8 @@ import pytest
 from random_map import map_of, random_model
 
 import strainfmu
-from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_INPUT_NAMES, INERTIAL_NAMES, AirData
+from strainfmu.estimator.air_data import AirData
+from strainfmu.estimator.air_inputs import AIR_DATA_NAMES, AIR_INPUT_NAMES, INERTIAL_NAMES
 from strainfmu.estimator.arguments import SampleInputs
 from strainfmu.estimator.signal_names import COEFFICIENT_NAMES, LOAD_NAMES
 
