@@ -61,11 +61,6 @@ from strainfmu.estimator.signal_names import ZERO
 ZEROS = "_zeros.toml"
 """End of the name of the file of zeros next to the map."""
 
-CONDITIONS, VEHICLES = 2000, 32
-"""Flight conditions that alarm levels are measured at, and vehicles in each. Those that a test allows resemble
-each other: over six draws of both, levels of the shipped vehicle scatter by 2 to 6 %, as with 20 vehicles at 4000
-conditions; with 50 there, by 2 to 4 %."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IndependentModel:
@@ -412,7 +407,7 @@ def with_levels(made: InverseMap, parts: CalibrationParts, remaining: Remaining,
         vehicle=calibrated_vehicle(vehicle), structure=model.structure, flows=model.flows, inverse_map=made
     )
     fly = partial(allowed_flights, world, parts.structure, remaining)
-    return with_measured_levels(world, reporter, fly=fly, conditions=CONDITIONS, vehicles=VEHICLES)
+    return with_measured_levels(world, reporter, fly=fly)
 
 
 def with_levels_of(made: InverseMap, drawn: InverseMap) -> InverseMap:
