@@ -79,7 +79,7 @@ def exchanged(
     """
     sites, forced = greedy(model, rules, chosen), set(rules.forced)
     for number in range(LARGEST_PASSES):
-        posterior = Posterior(model, sites)  # anew in every pass: errors of the updates do not add up
+        posterior = Posterior(model, sites)  # new in every pass: errors of updates do not add up
         value, changed = model.value(sites), False
         for place, site in enumerate(sites):
             if site in forced:

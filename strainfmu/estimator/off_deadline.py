@@ -338,7 +338,7 @@ def flight_pressure(
     by_state = table.jacobian - gain @ whitened[:, 1:]
     prior = pressure * pressure * _relative_variance(field, state)
     left = np.maximum(prior - np.einsum("pn,pn->p", gain, gain), MIN_LEFT * prior)
-    # Errors of ln p_inf are normal, those of p_inf reach further.
+    # Errors of ln p_inf are normal; p_inf has a longer tail.
     of_log = float(np.sqrt(state_covariance[LOG_PRESSURE, LOG_PRESSURE]))
     wider = (float(lognormal_std(np.array(of_log))) / of_log) ** 2
     variance = wider * np.einsum("px,xy,py->p", by_state, state_covariance, by_state) + left

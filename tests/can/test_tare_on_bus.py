@@ -177,7 +177,7 @@ def test_strain_of_known_loads_is_taken_off(synthetic: SyntheticFiles, tmp_path:
 
 def test_what_shows_a_pressure_is_told_of_zeros(synthetic: SyntheticFiles, tmp_path: Path) -> None:
     """Of those given at the start, and of those of a tare."""
-    told = list[GaugeZeros]()
+    reported = list[GaugeZeros]()
     given, taken = (GaugeZeros(value=factor * ZERO, std=np.full(N_GAUGES, 1e-7)) for factor in (1.0, 2.0))
     write_zeros(tmp_path / "given.toml", NAMES, given, {})
     options = BridgeOptions(
@@ -188,10 +188,10 @@ def test_what_shows_a_pressure_is_told_of_zeros(synthetic: SyntheticFiles, tmp_p
         tare=synthetic.map_1,
         tare_output=tmp_path / "taken.toml",
     )
-    with observed_bridge(synthetic.estimator_1, options, on_zeros=told.append) as ready:
+    with observed_bridge(synthetic.estimator_1, options, on_zeros=reported.append) as ready:
         assert ready.zeros is not None
         ready.zeros.ended(TareEnd(text="", zeros=taken, samples=100))
-    np.testing.assert_allclose([one.value for one in told], [given.value, taken.value], rtol=1e-8)
+    np.testing.assert_allclose([one.value for one in reported], [given.value, taken.value], rtol=1e-8)
 
 
 def test_without_a_command_or_the_option_nothing_happens(synthetic: SyntheticFiles, tmp_path: Path) -> None:

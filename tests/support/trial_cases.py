@@ -12,7 +12,7 @@ from builder.vehicle.file import Vehicle
 
 def other_world(world: World, **changes: object) -> World:
     """Return a world with other parts, and nothing made yet."""
-    return replace(world, **changes, _made={})  # type: ignore[arg-type]
+    return replace(world, **changes, _made={})  # type: ignore[arg-type]  # changes are of any field
 
 
 def case_of(vehicle: Vehicle, error: str, size: str = "", trial: str = "stress") -> Case:

@@ -42,24 +42,24 @@ class Arrow:
         blocks = np.zeros((int(own.max(initial=0)) + 1, size, size))
         border, common = np.zeros((len(blocks), size, n_c)), np.zeros((n_c, n_c))
         product = (rows.T @ rows).tocoo()
-        (one, other), value = product.coords, product.data
-        inside, beside, outside = (
-            is_own[one] & is_own[other],
-            is_own[one] & ~is_own[other],
-            ~(is_own[one] | is_own[other]),
+        (row, column), value = product.coords, product.data
+        in_gauge, in_border, in_common = (
+            is_own[row] & is_own[column],
+            is_own[row] & ~is_own[column],
+            ~(is_own[row] | is_own[column]),
         )
-        blocks[own[one[inside]], slot[one[inside]], slot[other[inside]]] = value[inside]
-        border[own[one[beside]], slot[one[beside]], slot[other[beside]]] = value[beside]
-        common[slot[one[outside]], slot[other[outside]]] = value[outside]
+        blocks[own[row[in_gauge]], slot[row[in_gauge]], slot[column[in_gauge]]] = value[in_gauge]
+        border[own[row[in_border]], slot[row[in_border]], slot[column[in_border]]] = value[in_border]
+        common[slot[row[in_common]], slot[column[in_common]]] = value[in_common]
         return cls(own, blocks, border, common)
 
     @property
     def diagonal(self) -> FloatArray:
-        """(k,)."""
-        found = np.zeros(len(self.own))
-        found[self.of_gauges] = np.diagonal(self.blocks, axis1=1, axis2=2).ravel()[self.place]
-        found[self.of_all] = np.diag(self.common)
-        return found
+        """Diagonal of the matrix (k,)."""
+        values = np.zeros(len(self.own))
+        values[self.of_gauges] = np.diagonal(self.blocks, axis1=1, axis2=2).ravel()[self.place]
+        values[self.of_all] = np.diag(self.common)
+        return values
 
     def changed(self, factor: float, added: FloatArray) -> Arrow:
         """Return ``factor`` times the matrix with ``added`` (k,) on its diagonal."""
