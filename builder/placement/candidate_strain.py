@@ -13,7 +13,8 @@ from builder.inverse.noise.gauge_derivatives import WALL_STEP
 from builder.inverse.noise.thermal import HARMONICS, thermal_map, thermal_properties
 from builder.placement.pressure_basis import PressureBasis
 from builder.reporting import Progress
-from builder.structure.as_built.revolved import SHIFT, with_wall
+from builder.structure.as_built.as_built_structure import SHIFT
+from builder.structure.as_built.revolved import with_wall
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import NO_NODES, MeridianMesh
 from builder.structure.fourier.ring_gauges import PlacedGauges, place_gauges

@@ -123,6 +123,7 @@ def test_the_modulus_of_all_regions_is_that_of_the_wall(vehicle: Vehicle, as_bui
     unknown = vehicle.model_copy(update={"calibration": entry})
     structure = as_built_structure(unknown, LAYOUT, coarse, TITANIUM, max_harmonic=4)
     nominal = structure.exactly_built()
+    assert not structure.operator_slopes(nominal, [("mass", 0)])["mass", 0].any()
     stiffer = nominal.changed(region_modulus=np.full(structure.n_regions, 0.03))
     for load in (SectionLoad(station=2.0, force=(0.0, 0.0, -1e3)), WEIGHTS[0]):
         plain, found = (structure.load_strain(one, [load]) for one in (nominal, stiffer))

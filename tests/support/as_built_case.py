@@ -6,8 +6,13 @@ import numpy as np
 import pytest
 
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
-from builder.structure.as_built.as_built_vehicle import AsBuilt, slices
-from builder.structure.as_built.derivatives import of_gauges, parameter_derivatives, uncertain_keys
+from builder.structure.as_built.as_built_vehicle import (
+    AsBuilt,
+    of_gauges,
+    parameter_derivatives,
+    slices,
+    uncertain_keys,
+)
 from builder.structure.loads.loaded_structure import LoadProperties
 from builder.vehicle.file import Vehicle
 

@@ -17,9 +17,9 @@ from builder.aero.engines.euler import pieces
 from builder.aero.engines.surface_pressure import pressure_at_stations
 from builder.aero.loads.operator import coefficients_of, load_operator
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
+from builder.structure.as_built.as_built_structure import SHIFT
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
-from builder.structure.as_built.counts import counts_in_flight
-from builder.structure.as_built.revolved import SHIFT
+from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.inner_surface import inner_surface_points

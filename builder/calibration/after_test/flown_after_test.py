@@ -13,8 +13,7 @@ import numpy as np
 
 from builder.calibration.after_test.left_by_test import Remaining
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
-from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built, slices
-from builder.structure.as_built.derivatives import of_gauges
+from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built, of_gauges, slices
 from builder.trial.readings import World
 from builder.truth.revolution.flow_table import FlowTable, by_parity, flow_states, knot_weights
 from builder.truth.revolution.strain import TrueFlights, reading_of, strain_per_pressure

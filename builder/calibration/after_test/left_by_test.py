@@ -16,10 +16,11 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm
-from builder.structure.as_built.as_built_vehicle import AsBuilt, slices
-from builder.structure.as_built.derivatives import (
+from builder.structure.as_built.as_built_vehicle import (
+    AsBuilt,
     Key,
     of_gauges,
+    slices,
     uncertain_keys,
 )
 from builder.structure.as_built.displaced_structure import AnyAsBuilt

@@ -25,7 +25,7 @@ from scipy.special import chdtrc
 
 from builder.calibration.estimate.estimated_vehicle import Estimate
 from builder.calibration.estimate.gaussian import GaussianModel
-from builder.structure.as_built.derivatives import Key
+from builder.structure.as_built.as_built_vehicle import Key
 from strainfmu.arrays import FloatArray
 
 WIDE = 0.1

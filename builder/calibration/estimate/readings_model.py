@@ -31,11 +31,15 @@ from builder.calibration.estimate.load_steps import StepParts, step_parts
 from builder.calibration.ground_test.load_changes import PLACED, cell_force, common_turns, hanging, moved, tilted
 from builder.calibration.ground_test.load_test import LoadTest
 from builder.structure.as_built.as_built_structure import OF_MASS
-from builder.structure.as_built.as_built_vehicle import GAUGE_KINDS, HELD_KINDS, AsBuilt, parameter_names, slices
-from builder.structure.as_built.derivatives import (
+from builder.structure.as_built.as_built_vehicle import (
+    GAUGE_KINDS,
+    HELD_KINDS,
+    AsBuilt,
     Key,
     derivative_keys,
     of_gauges,
+    parameter_names,
+    slices,
     uncertain_keys,
 )
 from builder.structure.as_built.displaced_structure import AnyAsBuilt

@@ -32,8 +32,7 @@ from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import ensemble_of
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_vehicle import slices
-from builder.structure.as_built.derivatives import of_gauges, uncertain_keys
+from builder.structure.as_built.as_built_vehicle import of_gauges, slices, uncertain_keys
 from builder.structure.as_built.displaced_structure import AnyAsBuilt
 from builder.structure.loads.applied import Load
 from builder.vehicle.file import Vehicle

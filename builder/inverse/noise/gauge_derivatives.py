@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, as_drawn
-from builder.structure.as_built.counts import counts_in_flight
-from builder.structure.as_built.derivatives import Key, parameter_derivatives
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, Key, as_drawn, parameter_derivatives
 from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
+from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model_on
 from builder.structure.mapped_structure import MappedStructure
@@ -69,7 +68,7 @@ def of_model(
 
 def counts_of_layout(vehicle: Vehicle, structure: StructuralModel | MappedStructure, layout: str) -> Counts:
     """Return the numbers of what has errors of its own; errors as
-    :func:`~builder.structure.as_built.counts.counts_in_flight`."""
+    :func:`~builder.structure.as_built.wall_regions.counts_in_flight`."""
     return counts_in_flight(vehicle, DisplacedGauges(structure.layouts[layout].position).roll_angle)
 
 

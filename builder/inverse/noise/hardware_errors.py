@@ -14,7 +14,7 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.gauge_derivatives import counts_of_layout, strain_derivatives
 from builder.inverse.noise.model import NoiseTerm, common_error, gauge_errors, nuisance_modes
-from builder.structure.as_built.derivatives import stated_keys
+from builder.structure.as_built.as_built_vehicle import stated_keys
 from builder.structure.as_built_kinds import KINDS
 from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.mapped_structure import MappedStructure

@@ -12,7 +12,8 @@ import numpy as np
 
 from builder.inverse.noise.gauge_derivatives import WALL_STEP
 from builder.inverse.sensors.row import SensorRow
-from builder.structure.as_built.revolved import CLAMP, with_wall
+from builder.structure.as_built.reading_slopes import CLAMP
+from builder.structure.as_built.revolved import with_wall
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.displacement import SurfaceTargets, displacement_operator
 from builder.structure.fourier.fourier_model import StructuralModel

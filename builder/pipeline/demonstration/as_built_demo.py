@@ -40,7 +40,7 @@ from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.used_files import FLOWS, MAP, SNAPSHOTS
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built
-from builder.structure.as_built.counts import counts_of
+from builder.structure.as_built.wall_regions import counts_of
 from builder.structure.loads.applied import Weight
 from builder.truth.revolution.flow_table import load_flow_table
 from strainfmu.arrays import FloatArray

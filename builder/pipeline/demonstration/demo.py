@@ -49,7 +49,7 @@ from builder.pipeline.stages import AnyProgress, check_before_long_work, reporte
 from builder.pipeline.used_files import MAP, SNAPSHOTS, open_pipeline
 from builder.structure.as_built.as_built_structure import refuse_unheld
 from builder.structure.as_built.as_built_vehicle import AsBuilt, exactly_built
-from builder.structure.as_built.counts import counts_in_flight
+from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import IN_NOISE
 from builder.structure.gauge_checks import gauge_roll_angles
 from builder.trial.readings import ANGLES

@@ -22,9 +22,14 @@ from functools import cached_property, partial
 import numpy as np
 
 from builder.reporting import Progress
-from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, as_built_std, exactly_built
-from builder.structure.as_built.counts import counts_of_wall
-from builder.structure.as_built.derivatives import Key, derivative_keys
+from builder.structure.as_built.as_built_vehicle import (
+    AsBuilt,
+    Counts,
+    Key,
+    as_built_std,
+    derivative_keys,
+    exactly_built,
+)
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of, rows_of
 from builder.structure.as_built.reading_slopes import load_slopes, operator_slopes, strain_at_roll
 from builder.structure.as_built.response_tables import (
@@ -37,7 +42,7 @@ from builder.structure.as_built.response_tables import (
     uneven_amplitudes,
 )
 from builder.structure.as_built.wall_harmonics import WAVES, rolled_quarter, times_waves
-from builder.structure.as_built.wall_regions import WallRegions, thickened, wall_regions
+from builder.structure.as_built.wall_regions import WallRegions, counts_of_wall, thickened, wall_regions
 from builder.structure.as_built.wall_states import (
     LOW,
     ROUNDING,

@@ -2,11 +2,14 @@
 
 The kinds are listed in :mod:`builder.structure.as_built_kinds`. A calibration estimates the kinds
 :data:`~builder.structure.as_built_kinds.AS_BUILT` as one vector, in the order of the table.
+
+Derivatives of readings by these parameters are by kind: (n_d, ..) where each gauge has its own parameter, or one
+for the whole vehicle. A parameter of one gauge changes its own reading alone, so one difference serves all gauges.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -15,8 +18,10 @@ from numpy.typing import ArrayLike
 
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT, IN_NOISE, KINDS, ParameterKind
 from builder.vehicle.map.calibration import Calibration
+from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
+from strainfmu.estimator.signal_names import ZERO
 
 GAUGE_KINDS = tuple(kind.name for kind in AS_BUILT if kind.extent == "gauge")
 """Parameters of each gauge on its own."""
@@ -178,3 +183,102 @@ def draw_as_built(std: AsBuilt, random: np.random.Generator) -> AsBuilt:
     """Return a vehicle whose errors are drawn from normal distributions of the standard deviations ``std``."""
     vector = std.vector
     return std.of_vector(vector * random.standard_normal(len(vector)))
+
+
+Key = tuple[str, int]
+"""Kind of a parameter, and the number of the region, row or joint, or 0."""
+
+
+def derivative_keys(counts: Counts) -> list[Key]:
+    """Return the keys in the order of the vector, without the zeros."""
+    return [
+        (kind.name, number)
+        for kind in AS_BUILT
+        if kind.name != ZERO
+        for number in range(1 if kind.extent in ("gauge", "vehicle") else getattr(counts, kind.extent))
+    ]
+
+
+def uncertain_keys(std: AsBuilt, in_flight: bool = False) -> list[Key]:
+    """Return the keys of parameters whose standard deviation is not zero; those alone that strain in flight
+    depends on, where it is ``in_flight`` that they are needed."""
+    return [
+        key
+        for key in derivative_keys(std.counts)
+        if (KINDS[key[0]].flight or not in_flight)
+        and np.any(getattr(std, key[0]) if of_gauges(key) else getattr(std, key[0])[key[1]])
+    ]
+
+
+def stated_keys(noise: Noise, counts: Counts) -> list[Key]:
+    """Return the keys of errors in proportion to strain that the section [noise] states, in the order of draws."""
+    return [
+        (kind.name, number)
+        for kind in IN_NOISE
+        if kind in AS_BUILT and kind.std(noise) > 0.0
+        for number in range(1 if kind.extent == "gauge" else counts.in_flight(kind))
+    ]
+
+
+def of_gauges(key: Key) -> bool:
+    """Return whether every gauge has its own parameter of a kind."""
+    return KINDS[key[0]].extent == "gauge"
+
+
+def parameter_derivatives(
+    evaluate: Callable[[AsBuilt], FloatArray],
+    parameters: AsBuilt,
+    keys: Sequence[Key] | None = None,
+) -> dict[Key, FloatArray]:
+    """Return the derivative of ``evaluate`` (n_d, ..), readings without zeros that go with 1 / E, by ``keys``.
+
+    These are all by default.
+    """
+    value = evaluate(parameters)
+    slopes: dict[Key, FloatArray] = {}
+    for key in derivative_keys(parameters.counts) if keys is None else keys:
+        slope = slope_by_factor(key[0], value, parameters)
+        slopes[key] = _difference(evaluate, parameters, *key) if slope is None else slope
+    return slopes
+
+
+def slope_by_factor(
+    kind: str,
+    reading: FloatArray,
+    built: AsBuilt,
+    by_stress: FloatArray | float = 1.0,
+    by_mass: FloatArray | float | None = None,
+) -> FloatArray | None:
+    """Return the derivative of a ``reading`` (n_d, ..) by what multiplies it: gains, Young's modulus, the mass.
+
+    Parameters
+    ----------
+    kind : of the parameter; of other kinds the derivative is None.
+    by_stress, by_mass : 1 where strain goes with 1 / E, and with the mass, 0 where not; None where not known.
+    """
+    if kind == "gauge_gain":
+        return times_gauges(reading, 1.0 / (1.0 + built.gauge_gain))
+    if kind == "common_gain":
+        return reading / (1.0 + built.common_gain[0])
+    if kind == "youngs_modulus":
+        return -reading * by_stress / (1.0 + built.youngs_modulus[0] * by_stress)
+    if kind == "mass" and by_mass is not None:
+        return reading * by_mass / (1.0 + built.mass[0] * by_mass)
+    return None
+
+
+def times_gauges(value: FloatArray, factor: FloatArray) -> FloatArray:
+    """Return ``value`` (n_d, ..) with the row of each gauge times its ``factor`` (n_d,)."""
+    return value * factor.reshape(-1, *[1] * (value.ndim - 1))
+
+
+def _difference(
+    evaluate: Callable[[AsBuilt], FloatArray], parameters: AsBuilt, kind: str, region: int
+) -> FloatArray:
+    value = getattr(parameters, kind)
+    step = KINDS[kind].step
+    change = np.full(len(value), step)
+    if KINDS[kind].extent not in ("gauge", "vehicle"):
+        change[np.arange(len(value)) != region] = 0.0
+    plus, minus = (evaluate(parameters.changed(**{kind: value + sign * change})) for sign in (1.0, -1.0))
+    return np.asarray((plus - minus) / (2.0 * step))

@@ -18,8 +18,15 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
-from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, as_built_std, exactly_built
-from builder.structure.as_built.derivatives import Key, derivative_keys, parameter_derivatives
+from builder.structure.as_built.as_built_vehicle import (
+    AsBuilt,
+    Counts,
+    Key,
+    as_built_std,
+    derivative_keys,
+    exactly_built,
+    parameter_derivatives,
+)
 from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built_kinds import AS_BUILT
 from builder.structure.external.external_structure import influence_of

@@ -17,8 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from builder.structure.as_built.as_built_vehicle import AsBuilt
-from builder.structure.as_built.derivatives import Key
+from builder.structure.as_built.as_built_vehicle import AsBuilt, Key, slope_by_factor, times_gauges
 from builder.structure.as_built.gauge_strain_terms import WallGauges, gain_of, operator_of
 from builder.structure.as_built.response_tables import (
     QUARTER,
@@ -142,10 +141,10 @@ class _Slopes:
         kind, number = key
         if kind in OF_ROLL:
             slope = self._of_roll()
-            return slope if kind == "layout_roll" else _each(slope, 1.0 / self._wall.radius)
+            return slope if kind == "layout_roll" else times_gauges(slope, 1.0 / self._wall.radius)
         if kind in OF_DIRECTION:
             slope = self._read(self._even, self._uneven, self._roll, self._by_direction[kind])
-            return _each(slope, (self._wall.row == number) * 1.0) if kind == "row_orientation" else slope
+            return times_gauges(slope, (self._wall.row == number) * 1.0) if kind == "row_orientation" else slope
         return self._of_amplitudes(
             amplitude_slope(self._table, self._built, self._thickness, self._wall.station, key)
         )
@@ -167,11 +166,6 @@ class _Slopes:
         return self._read(even, parts, self._roll, self._weights)
 
 
-def _each(value: FloatArray, factor: FloatArray) -> FloatArray:
-    """Return ``value`` (n_d, ..) with the row of each gauge times its ``factor`` (n_d,)."""
-    return value * factor.reshape(-1, *[1] * (value.ndim - 1))
-
-
 def load_slopes(
     on_wall: WallGauges, response: LoadResponse, built: AsBuilt, thickness: FloatArray, keys: Sequence[Key]
 ) -> tuple[FloatArray, dict[Key, FloatArray]]:
@@ -185,25 +179,16 @@ def load_slopes(
         strain = strain_at_roll(even, parts, roll)
         return np.moveaxis((normal * strain[..., :2]).sum(axis=-1) + shear * strain[..., 2], -1, 0)
 
-    found = _Slopes(on_wall, response.table, built, thickness, read)
-    gain, stress = gain_of(built), np.asarray(response.by_stress) * 1.0
-    of_mass = np.asarray(response.by_mass) * 1.0
-    stiffness, weight = 1.0 + built.youngs_modulus[0] * stress, 1.0 + built.mass[0] * of_mass
-    share = weight / stiffness
-    reading = _each(found.value, gain) * share
-    slopes: dict[Key, FloatArray] = {}
+    slopes = _Slopes(on_wall, response.table, built, thickness, read)
+    by_stress, by_mass = (np.asarray(one) * 1.0 for one in (response.by_stress, response.by_mass))
+    share = (1.0 + built.mass[0] * by_mass) / (1.0 + built.youngs_modulus[0] * by_stress)
+    gain = gain_of(built)
+    reading = times_gauges(slopes.value, gain) * share
+    by_key = {}
     for key in keys:
-        if key[0] == "gauge_gain":
-            slopes[key] = _each(reading, 1.0 / (1.0 + built.gauge_gain))
-        elif key[0] == "common_gain":
-            slopes[key] = reading / (1.0 + built.common_gain[0])
-        elif key[0] == "youngs_modulus":
-            slopes[key] = -reading * stress / stiffness
-        elif key[0] == "mass":
-            slopes[key] = reading * of_mass / weight
-        else:
-            slopes[key] = _each(found.by(key), gain) * share
-    return reading + np.asarray(response.constant).T, slopes
+        slope = slope_by_factor(key[0], reading, built, by_stress, by_mass)
+        by_key[key] = times_gauges(slopes.by(key), gain) * share if slope is None else slope
+    return reading + np.asarray(response.constant).T, by_key
 
 
 def operator_slopes(
@@ -218,21 +203,15 @@ def operator_slopes(
     """Return the derivatives (n_d, n_p) of the strain operator on ``grid`` by ``keys`` [1/Pa per unit]."""
 
     def read(even: FloatArray, parts: Parts, roll: FloatArray, weights: Weights) -> FloatArray:
-        found = on_wall.at_roll(even, parts, roll=roll, weights=weights, lead=table.nominal.ndim - 3)
-        return operator_of(found, built, grid)
+        gauges = on_wall.at_roll(even, parts, roll=roll, weights=weights, lead=table.nominal.ndim - 3)
+        return operator_of(gauges, built, grid)
 
-    found = _Slopes(on_wall, table, built, thickness, read)
-    slopes: dict[Key, FloatArray] = {}
+    slopes = _Slopes(on_wall, table, built, thickness, read)
+    by_key = {}
     for key in keys:
-        if key[0] == "gauge_gain":
-            slopes[key] = _each(found.value, 1.0 / (1.0 + built.gauge_gain))
-        elif key[0] == "common_gain":
-            slopes[key] = found.value / (1.0 + built.common_gain[0])
-        elif key[0] == "youngs_modulus":
-            slopes[key] = -found.value / (1.0 + built.youngs_modulus[0])
-        else:
-            slopes[key] = found.by(key)
-    return slopes
+        slope = slope_by_factor(key[0], slopes.value, built, by_mass=0.0)
+        by_key[key] = slopes.by(key) if slope is None else slope
+    return by_key
 
 
 def strain_at_roll(even: FloatArray, parts: Parts, roll: FloatArray) -> FloatArray:

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure
+from builder.structure.as_built.as_built_structure import SHIFT, AsBuiltStructure, as_built_structure
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
-from builder.structure.as_built.counts import counts_in_flight
 from builder.structure.as_built.gauge_strain_terms import BuiltGauges, WallGauges, operator_of, rows_of
+from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable, of_all_vehicles
 from builder.structure.as_built.wall_harmonics import WAVES
-from builder.structure.as_built.wall_regions import wall_regions
+from builder.structure.as_built.wall_regions import counts_in_flight, wall_regions
 from builder.structure.as_built_kinds import BY_REGION, KINDS
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.meridian_mesh import MeridianMesh
@@ -37,13 +37,8 @@ from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
-SHIFT = 1e-3
-"""Step along the meridian [m]."""
-
 CLAMP_STEP, RIGID = 2e-3, 1e-7
 """Length of wall that yields as the clamp does, for its slope, and one that counts as none [m]."""
-
-CLAMP = ("clamp_axial", "clamp_transverse")
 
 SOLVED = ("axial_shift", "wall_thickness", *CLAMP)
 """Kinds that have solutions of their own. Those of gauges need none."""

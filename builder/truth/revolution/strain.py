@@ -21,8 +21,9 @@ from builder.reporting import Progress
 from builder.structure.as_built.as_built_structure import AsBuiltStructure
 from builder.structure.as_built.as_built_vehicle import AsBuilt
 from builder.structure.as_built.gauge_strain_terms import gain_of
+from builder.structure.as_built.reading_slopes import CLAMP
 from builder.structure.as_built.response_tables import ResponseTable
-from builder.structure.as_built.revolved import CLAMP, SOLVED, RevolvedStructure, each, revolved_structure
+from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, each, revolved_structure
 from builder.structure.as_built.wall_harmonics import WAVES
 from builder.structure.as_built_kinds import AS_BUILT, IN_NOISE
 from builder.structure.fourier.fourier_model import place_layouts
