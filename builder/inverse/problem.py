@@ -13,13 +13,13 @@ from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshot_transfer import snapshots_on
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.flow_models import newtonian_difference, overpressure_error
+from builder.inverse.noise.flow_models import flow_model_errors
 from builder.inverse.noise.flows_between import BETWEEN, flows_between
 from builder.inverse.noise.gauges import gauge_covariance, nuisance_terms
 from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors, hardware_terms
 from builder.inverse.noise.inertia import inertia_errors, inertia_map, inertia_terms, strain_by_inertia
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE, leeward_fields
-from builder.inverse.noise.mesh_error import MeshError, mesh_error
+from builder.inverse.noise.mesh_error import MeshError
 from builder.inverse.noise.model import NoiseTerm, gauge_noise, pressure_errors
 from builder.inverse.noise.recorder import reading_std, recorder_terms, scan_errors
 from builder.inverse.noise.thermal import (
@@ -97,30 +97,13 @@ def check_other_loads(vehicle: Vehicle) -> None:
     other_load_operator(surface, vehicle.map, vehicle.reference_quantities().moment_station)
 
 
-def noise_terms(
-    vehicle: Vehicle,
-    snapshots: Snapshots,
-    structure: AnyStructure,
-    ensemble: Ensemble,
-    errors: list[HardwareError],
-) -> list[NoiseTerm]:
-    """Return the noise terms of the section [noise], without the truncated modes.
-
-    ``errors`` are those in proportion to strain.
-
-    Raises
-    ------
-    InputError
-        The section does not fit the gauges, or the structural model cannot do what it requests.
-    """
-    layout, file = vehicle.gauges.layout, vehicle.noise.nuisance_file
-    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), structure.layouts[layout].names)
-    own = gauge_noise(gauge_noise_covariance(vehicle, snapshots, structure))
-    z_p = structure.strain_operator(layout)
+def _terms_of_readings(vehicle: Vehicle, structure: AnyStructure, own: FloatArray) -> list[NoiseTerm]:
+    """Return the noise ``own`` (n_d, n_d) of the gauges, modes of its file, and common errors of readings."""
+    layout, file = structure.layouts[vehicle.gauges.layout], vehicle.noise.nuisance_file
+    nuisance = [] if file is None else nuisance_terms(vehicle.beside(file), layout.names)
     along = mesh_of(structure.surface).point[:, 0]
-    aft = (structure.layouts[layout].position[:, 0] - along.min()) / np.ptp(along)
-    recorder = recorder_terms(vehicle.recorder, aft)
-    return [own, *nuisance, *recorder, *hardware_terms(vehicle, errors, ensemble, z_p)]
+    aft = (layout.position[:, 0] - along.min()) / np.ptp(along)
+    return [gauge_noise(own), *nuisance, *recorder_terms(vehicle.recorder, aft)]
 
 
 def inverse_problem(
@@ -148,7 +131,8 @@ def inverse_problem(
     snapshots = on_structure(snapshots, structure)
     z_p = structure.strain_operator(vehicle.gauges.layout)
     ensemble = ensemble_of(vehicle, snapshots)
-    mesh = _mesh_error(vehicle, snapshots, structure, ensemble)
+    own = gauge_noise_covariance(vehicle, snapshots, structure)
+    mesh = _mesh_error(vehicle, structure, ensemble, np.sqrt(np.diag(own)))
     thermal = thermal_map(vehicle)
     by_inertia = None if vehicle.mass is None else strain_by_inertia(vehicle, vehicle.mass)
     inertia = inertia_map(vehicle, by_inertia)
@@ -158,12 +142,12 @@ def inverse_problem(
     if mesh is not None and vehicle.noise.model == "default":
         errors += mesh.terms()
     terms = [
-        *noise_terms(vehicle, snapshots, structure, ensemble, errors),
+        *_terms_of_readings(vehicle, structure, own),
+        *hardware_terms(vehicle, errors, ensemble, z_p),
         *thermal_terms(vehicle, thermal),
         *inertia_terms(vehicle, inertia, by_inertia),
         *nuisance,
     ]
-    own = gauge_noise_covariance(vehicle, snapshots, structure)
     sensors = sensor_set(vehicle, structure, ensemble, own)
     if sensors is not None:
         terms = joined_terms(terms, errors, sensors, ensemble)
@@ -196,23 +180,23 @@ def inverse_problem(
         between=between,
         off_the_snapshots=off,
         leeward=leeward,
-        flow_models=newtonian_difference(vehicle, snapshots, ensemble),
-        overpressure=overpressure_error(vehicle, snapshots, ensemble),
+        flow_models=flow_model_errors(vehicle, snapshots, ensemble, z_p, loads),
     )
 
 
 def _mesh_error(
-    vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, ensemble: Ensemble
+    vehicle: Vehicle, structure: AnyStructure, ensemble: Ensemble, std: FloatArray
 ) -> MeshError | None:
-    """Return the error by the structure's mesh, None where nothing is known of it."""
+    """Return the error by the structure's mesh over the noise ``std`` (n_d,), None where it is not known."""
     layout, against = vehicle.gauges.layout, structure.checked_against
     operator = structure.error_operator(layout)
     if operator is None and isinstance(structure, MappedStructure) and not structure.is_external:
         operator, against = _difference_of_fourier_model(vehicle, structure), "the Fourier model"
     if operator is None:
         return None
-    std = np.sqrt(np.diag(gauge_noise_covariance(vehicle, snapshots, structure)))
-    return mesh_error(operator, against, ensemble, std)
+    strain = ensemble.responses(operator)
+    in_sigma = np.sqrt(np.average(strain**2, axis=0, weights=ensemble.member_weight)) / std
+    return MeshError(against=against, operator=operator, strain=strain, in_sigma=in_sigma)
 
 
 def _difference_of_fourier_model(vehicle: Vehicle, structure: MappedStructure) -> FloatArray | None:

@@ -13,12 +13,10 @@ from builder.inverse.modes.mode_choice import (
     MIN_STRAIN_OVER_NOISE,
     choice_record,
 )
-from builder.inverse.noise.error_list import LEVEL
-from builder.inverse.noise.flow_models import difference_term
 from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.mesh_error import MeshError
-from builder.inverse.noise.model import NoiseModel, NoiseTerm, pressure_errors, truncated_modes
+from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray
@@ -63,8 +61,7 @@ class Problem:
         counted.
     leeward : (k, n_p) error of the pressure on the leeward side, see :mod:`builder.inverse.noise.leeward` [Pa];
         None for none.
-    flow_models : difference of newtonian flow, see :mod:`builder.inverse.noise.flow_models`; None for none.
-    overpressure : (n_p,) error of the pressure's level [Pa]; None for none. Both are not among ``noise``: see
+    flow_models : terms of :mod:`builder.inverse.noise.flow_models`, which are not among ``noise``: see
         :func:`with_flow_models`.
     """
 
@@ -83,8 +80,7 @@ class Problem:
     between: FlowsBetween | None = None
     off_the_snapshots: FloatArray | None = None
     leeward: FloatArray | None = None
-    flow_models: Ensemble | None = None
-    overpressure: FloatArray | None = None
+    flow_models: tuple[NoiseTerm, ...] = ()
 
     @property
     def offset(self) -> FloatArray:
@@ -96,17 +92,12 @@ class Problem:
 
 
 def with_flow_models(problem: Problem) -> Problem:
-    """Return ``problem`` with the level and the difference of flow models among its noise; as it is without both.
+    """Return ``problem`` with the level and the difference of flow models among its noise.
 
     For linear maps that stand in for tables which strain does not fit. A linear map alone would identify single
     gauges that err less well, and its loads on flows as the snapshots' would be wrong by up to a quarter more.
     """
-    terms, operators = list(problem.noise), (problem.strain_operator, problem.load_operator)
-    if problem.overpressure is not None:
-        terms.append(pressure_errors(LEVEL, problem.overpressure[None], *operators))
-    if problem.flow_models is not None:
-        terms.append(difference_term(problem.flow_models, *operators))
-    return replace(problem, noise=tuple(terms))
+    return replace(problem, noise=problem.noise + problem.flow_models)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -19,9 +19,9 @@ from builder.inverse.envelope.bounds import (
     parameter_ranges,
 )
 from builder.inverse.noise.hardware_errors import error_model
-from builder.inverse.noise.inertia import inertia_in_words, with_rest
-from builder.inverse.noise.thermal import NAME as TEMPERATURE_MODES
-from builder.inverse.noise.thermal import with_isothermal
+from builder.inverse.noise.inertia import NAME as INERTIA
+from builder.inverse.noise.inertia import VIBRATION_MODES, inertia_in_words
+from builder.inverse.noise.model import fixed_covariance
 from builder.inverse.problem import AnyStructure, on_structure
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.inverse.solution import Problem, Solution
@@ -31,6 +31,7 @@ from strainfmu.arrays import FloatArray, lower_factor
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.settings import GAUGE_RANGE
+from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.estimator.state_map import whitened_spectrum
 from strainfmu.version import __version__
 
@@ -91,18 +92,22 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
 
     In form "absolute" nothing follows the dynamic pressure; terms without a load then need no columns either.
     """
-    scaling = [term for term in solution.noise.terms if term.scales]
-    fixed = [term.strain @ term.strain.T for term in solution.noise.terms if not term.scales]
-    thermal = with_isothermal(problem.thermal, solution.noise.terms)
+    terms, modes = solution.noise.terms, dict[str, Any]()
+    if problem.thermal is not None:
+        rest = fixed_covariance(terms, (TEMPERATURE,))
+        modes["thermal"] = replace(problem.thermal, isothermal_covariance=rest)
+    if problem.inertia is not None:
+        rest = fixed_covariance(terms, (INERTIA, VIBRATION_MODES, TEMPERATURE))
+        modes["inertia"] = replace(problem.inertia, rest_covariance=rest)
+    scaling = [term for term in terms if term.scales]
     n_gauges, n_loads = len(problem.strain_operator), len(problem.load_operator)
     columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in scaling)]
     strain, load = np.split(lower_factor(np.hstack(columns)), [n_gauges])
     return {
-        "gauge_covariance": np.sum(fixed, axis=0),
+        "gauge_covariance": fixed_covariance(terms),
         "error_strain": strain,
         "error_load": load,
-        **({} if thermal is None else {"thermal": thermal}),
-        "inertia": with_rest(problem.inertia, solution.noise.terms, (TEMPERATURE_MODES,)),
+        **modes,
     }
 
 

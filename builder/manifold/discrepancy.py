@@ -12,6 +12,7 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.solution import Problem
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
+from builder.vehicle.map.options import MapEntry
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO
@@ -26,22 +27,16 @@ _LEFT_OF_VARIANCE = 0.02
 """Part of the variance of the process on a surface that may be missing at any node."""
 
 
-def gaussian_process_shapes(
-    grid: SurfaceGrid, length: float, axial_length: float, roll_angle: float
-) -> tuple[FloatArray, FloatArray]:
+def gaussian_process_shapes(grid: SurfaceGrid, entry: MapEntry) -> tuple[FloatArray, FloatArray]:
     """Return shapes (n_x, a) along and (n_roll, b) round the body whose products have unit variance in the sum.
 
-    The correlation of pressure at two points is exp(-(dx / l_x)^2 / 2 - (dphi / l_phi)^2 / 2).
-
-    Parameters
-    ----------
-    length : of the body [m].
-    axial_length : l_x over the length of the body [1].
-    roll_angle : l_phi [rad].
+    The correlation of pressure at two points is exp(-(dx / l_x)^2 / 2 - (dphi / l_phi)^2 / 2). The section [map]
+    states l_x over the length of the body, and l_phi.
     """
-    along = np.exp(-0.5 * ((grid.x[:, None] - grid.x) / (axial_length * length)) ** 2)
+    axial_length = entry.discrepancy_length * float(grid.x[-1])
+    along = np.exp(-0.5 * ((grid.x[:, None] - grid.x) / axial_length) ** 2)
     difference = np.angle(np.exp(1j * (grid.roll_angle[:, None] - grid.roll_angle)))
-    around = np.exp(-0.5 * (difference / roll_angle) ** 2)
+    around = np.exp(-0.5 * (difference / float(np.deg2rad(entry.discrepancy_roll_deg))) ** 2)
     return _factor(along), _factor(around)
 
 
@@ -58,7 +53,7 @@ def response_of_shapes(operator: FloatArray, along: FloatArray, around: FloatArr
     return np.einsum("nxr,xa,rb->nab", rings, along, around, optimize=True).reshape(len(operator), -1)
 
 
-def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float) -> FloatArray:
+def process_on_surface(mesh: SurfaceMesh, entry: MapEntry) -> FloatArray:
     """Return fields (n_p, k) of a Gaussian process of unit variance on any surface, by pivoted Cholesky.
 
     The correlation is exp(-|e - e'|^2 / 2) of e = (x / (l_x L), [r, n] / (sqrt(2) l_phi)), r the unit vector from
@@ -70,7 +65,8 @@ def process_on_surface(mesh: SurfaceMesh, axial_length: float, roll_angle: float
     across = mesh.point[:, 1:]
     distance = np.linalg.norm(across, axis=1, keepdims=True)
     radial = across / np.where(distance > 0.0, distance, 1.0)
-    length = axial_length * float(np.ptp(mesh.point[:, 0]))
+    length = entry.discrepancy_length * float(np.ptp(mesh.point[:, 0]))
+    roll_angle = float(np.deg2rad(entry.discrepancy_roll_deg))
     place = np.hstack([radial, mesh.node_normal]) / (np.sqrt(2.0) * roll_angle)
     place = np.column_stack([mesh.point[:, 0] / length, place])
     left, columns = np.ones(len(place)), np.zeros((len(place), 0))

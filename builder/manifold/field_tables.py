@@ -6,7 +6,8 @@ import numpy as np
 
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import rolled_modes
-from builder.inverse.noise.error_list import INTERPOLATION, LEVEL, PROCESS, SPREAD, parts_of
+from builder.inverse.noise.error_list import INTERPOLATION, PROCESS, SPREAD, parts_of
+from builder.inverse.noise.flow_models import LEVEL
 from builder.inverse.solution import Problem
 from builder.manifold.discrepancy import gaussian_process_shapes, process_size
 from builder.manifold.flow_amplitudes import flow_amplitudes
@@ -85,9 +86,7 @@ def _of_process(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance with strain, and sigma (n_x,), of the Gaussian process of ``size``."""
     entry = vehicle.map
-    along, around = gaussian_process_shapes(
-        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
-    )
+    along, around = gaussian_process_shapes(grid, entry)
     ring = around @ around[0]
     n_h = response.shape[2]
     of_harmonic = np.fft.rfft(ring).real[:n_h] / len(ring) * np.where(np.arange(n_h) == 0, 1.0, 2.0)

@@ -8,13 +8,12 @@ incidence and depends on where the wind comes from: its square is fitted by squa
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.optimize import nnls
 
 from builder.inverse.noise.error_list import error_named
-from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.solution import Problem
 from builder.manifold.sensor_tables import friction_error
 from builder.structure.as_built_kinds import Role
@@ -30,16 +29,9 @@ _FIRST, _SECOND = np.array(PAIRS).T
 _TWICE = np.where(_FIRST == _SECOND, 1.0, 2.0)
 
 
-class FollowedErrors(NamedTuple):
-    """Errors of each gauge (21, n_d), and common ones (n_t, 6, n_d) that are estimated and considered."""
-
-    of_gauge: FloatArray
-    estimated: FloatArray
-    considered: FloatArray
-
-
-def followed_errors(vehicle: Vehicle, problem: Problem) -> FollowedErrors:
-    """Return the errors that follow strain, but for gains."""
+def followed_errors(vehicle: Vehicle, problem: Problem) -> dict[str, Any]:
+    """Return a map's fields of errors that follow strain, but for gains: of each gauge (21, n_d), and common ones
+    (n_t, 6, n_d) that are estimated and considered."""
     reference, ensemble = vehicle.reference_quantities(), problem.ensemble
     n_d = len(problem.strain_operator)
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])
@@ -52,27 +44,20 @@ def followed_errors(vehicle: Vehicle, problem: Problem) -> FollowedErrors:
     for error in [*problem.errors, *friction_error(vehicle, problem)]:
         if error.name in ("gauge gain", "common gain", "sensor gain"):
             continue
-        slope, left = _regressed(error, c, pressure, root)
+        strain = error.strain / pressure
+        slope = np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0]
         if not error.common or error.with_rest:
-            square += left * left
+            square += (strain - c @ slope) ** 2
         if error.common:
             common[error_named(error.name).role].append(slope)
             continue
         products += _TWICE[:, None] * slope[_FIRST] * slope[_SECOND]
-    return FollowedErrors(
-        products + squares_fitted(c, square, ensemble.member_weight),
-        *(np.array(slopes).reshape(-1, 6, n_d) for slopes in common.values()),
-    )
-
-
-def _regressed(
-    error: HardwareError, c: FloatArray, pressure: FloatArray, root: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the slopes (6, n_d) of the strain of ``error`` per p_inf on ``c``, and what is left of it (n,
-    n_d)."""
-    strain = error.strain / pressure
-    slope = np.asarray(np.linalg.lstsq(root * c, root * strain, rcond=1e-10)[0], dtype=np.float64)
-    return slope, np.asarray(strain - c @ slope)
+    estimated, considered = (np.array(slopes).reshape(-1, 6, n_d) for slopes in common.values())
+    return {
+        "gauge_error_product": products + squares_fitted(c, square, ensemble.member_weight),
+        "common_error": estimated,
+        "considered_common": considered,
+    }
 
 
 def squares_fitted(c: FloatArray, square: FloatArray, weight: FloatArray) -> FloatArray:

@@ -11,10 +11,10 @@ import numpy as np
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.ensemble import Ensemble, rolled_modes
-from builder.inverse.noise.error_list import LEVEL, PROCESS, SPREAD, by_role, record_of
-from builder.inverse.noise.flow_models import FLOW_MODELS, difference_columns
+from builder.inverse.noise.error_list import PROCESS, SPREAD, by_role, record_of
+from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
-from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.noise.model import NoiseTerm, fixed_covariance
 from builder.inverse.problem import AnyStructure, inverse_problem, on_structure
 from builder.inverse.solution import Problem, with_flow_models
 from builder.manifold.discrepancy import process_size, tested_shapes
@@ -50,9 +50,8 @@ def with_manifold(
         The flows do not suffice for tables, or the gauges do not distinguish the sides of the wind.
     """
     problem = problem or inverse_problem(vehicle, snapshots, structure, nuisance)
-    whole = with_flow_models(problem)
-    if len(whole.noise) > len(problem.noise):
-        inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, whole)
+    if problem.flow_models:
+        inverse_map = build_inverse_map(vehicle, snapshots, structure, nuisance, with_flow_models(problem))
     manifold, terms = manifold_map(vehicle, snapshots, structure, problem, nuisance)
     provenance = {**inverse_map.provenance, "table_error_terms": terms}
     return replace(inverse_map, manifold=manifold, provenance=provenance)
@@ -80,14 +79,13 @@ def manifold_map(
     coefficients = with_base_and_friction(vehicle, problem, found.mach_knots, found.coefficients)
     estimated, considered = map(compressed, by_role(terms, problem.sensors is not None))
     reference, noise = vehicle.reference_quantities(), vehicle.noise
-    followed = followed_errors(vehicle, problem)
     low, high = (1e3 * height for height in vehicle.map.valid_altitude_km)
     made = ManifoldMap(
         mach_knots=found.mach_knots,
         incidence_knots=found.incidence_knots,
         response=coefficients,
         fixed_response=fixed,
-        gauge_covariance=_fixed_covariance(problem),
+        gauge_covariance=fixed_covariance(problem.noise),
         error_strain=estimated[:n_d],
         error_load=estimated[n_d:],
         considered_strain=considered[:n_d],
@@ -95,9 +93,7 @@ def manifold_map(
         gauge_gain_std=0.01 * noise.gauge_gain_percent,
         common_gain_std=0.01 * noise.common_gain_percent,
         **gains_of_sensors(vehicle, problem),
-        gauge_error_product=followed.of_gauge,
-        common_error=followed.estimated,
-        considered_common=followed.considered,
+        **followed_errors(vehicle, problem),
         reference_area=reference.area,
         reference_length=reference.length,
         mach_range=found.mach_knots[[0, -1]],
@@ -116,10 +112,10 @@ def manifold_map(
     check_told_apart(made)
     made = replace(made, discrepancy_shapes=tested_shapes(made))
     n_g = n_d if problem.sensors is None else n_d - len(problem.sensors.rows)
-    if problem.flow_models is not None:
-        terms[FLOW_MODELS] = (
-            difference_columns(problem.flow_models, operator) / problem.ensemble.mean_ambient_pressure
-        )
+    pressure = problem.ensemble.mean_ambient_pressure
+    for term in problem.flow_models:
+        if term.name == FLOW_MODELS:
+            terms[term.name] = term.strain_and_load(len(problem.load_operator)) / pressure
     return made, _terms_of(vehicle, terms, problem.ensemble, n_g)
 
 
@@ -185,11 +181,6 @@ def _terms_of(
         }
         for name, columns in terms.items()
     ]
-
-
-def _fixed_covariance(problem: Problem) -> FloatArray:
-    """Return (n_d, n_d) of the noise that does not follow the pressure level [(m/m)^2]."""
-    return np.asarray(np.sum([term.strain @ term.strain.T for term in problem.noise if not term.scales], axis=0))
 
 
 def _scaled_errors(

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.inverse.noise.error_list import LEVEL, PROCESS, SPREAD, parts_of
+from builder.inverse.noise.error_list import PROCESS, SPREAD, parts_of
+from builder.inverse.noise.flow_models import LEVEL
 from builder.inverse.noise.flows_between import FlowsBetween
 from builder.inverse.noise.leeward import LEEWARD_PRESSURE
 from builder.inverse.solution import Problem

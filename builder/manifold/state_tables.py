@@ -105,7 +105,7 @@ def _of_any_shape(
     between: FlowsBetween | None,
 ) -> StateTables:
     entry, found = vehicle.map, condition_tables(snapshots, operator, _is_vented(vehicle), between)
-    process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
+    process = process_on_surface(mesh, entry)
     field = None
     if entry.keep_field:
         field = shape_field(vehicle, snapshots, problem, process, found.overpressure, between)
@@ -162,9 +162,7 @@ def _of_revolution(
     if of_grid is not None:
         errors[GRID_REFINEMENT] = rolled_errors(of_amplitudes(of_grid[..., :n_m], response)).T
     knots, coefficients = _tables(flows, response)
-    along, around = gaussian_process_shapes(
-        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
-    )
+    along, around = gaussian_process_shapes(grid, entry)
 
     def of_other_flow(other: Snapshots) -> FloatArray:
         others = flow_amplitudes(other)

@@ -60,7 +60,7 @@ def pressure_basis(
     both = with_mirror_images(snapshots, mesh_of(snapshots.surface))
     ambient = np.array([condition.ambient_pressure for condition in both.conditions()])
     mesh, entry = mesh_of(snapshots.surface), vehicle.map
-    process = process_on_surface(mesh, entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg)))
+    process = process_on_surface(mesh, entry)
     parts = [both.pressure / ambient[:, None] - 1.0, np.ones((1, snapshots.pressure.shape[1])), process.T, *others]
     columns = np.hstack([_span(part.T, NEGLIGIBLE) for part in parts if len(part)])
     return PressureBasis(fields=_span(columns, 1e-8))
@@ -68,9 +68,7 @@ def pressure_basis(
 
 def _of_revolution(vehicle: Vehicle, snapshots: Snapshots, grid: SurfaceGrid) -> PressureBasis:
     entry, n_m = vehicle.map, min(MAX_HARMONIC, (grid.n_roll - 1) // 2) + 1
-    process, around = gaussian_process_shapes(
-        grid, float(grid.x[-1]), entry.discrepancy_length, float(np.deg2rad(entry.discrepancy_roll_deg))
-    )
+    process, around = gaussian_process_shapes(grid, entry)
     spectrum = np.linalg.norm(np.fft.rfft(around, axis=0), axis=1)
     rings = np.stack(
         [

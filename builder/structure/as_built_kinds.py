@@ -95,6 +95,10 @@ class ParameterKind:
         return self.scale * float(getattr(section, self.entry))
 
 
+def _of_layout_or_wall(**kind: Any) -> ParameterKind:
+    return ParameterKind(step=1e-3, role="considered", **kind)
+
+
 AS_BUILT = (
     ParameterKind(
         name="gauge_gain",
@@ -152,14 +156,12 @@ AS_BUILT = (
         acts_on="readings of all gauges",
         entry="common_gain_percent",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="layout_roll",
         error="roll of the layout",
         extent="vehicle",
         acts_on="roll angle of all gauges",
         entry="layout_roll_deg",
-        step=1e-3,
-        role="considered",
     ),
     ParameterKind(
         name="youngs_modulus",
@@ -168,63 +170,51 @@ AS_BUILT = (
         entry="youngs_modulus_percent",
         sections=("calibration",),
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_thickness",
         error="wall thickness",
         extent="region",
         acts_on="mean thickness round the body",
         entry="wall_thickness_percent",
-        step=1e-3,
         alike_in_flight=True,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_cosine",
         error="wall thickness as the cosine of the roll angle",
         extent="region",
         acts_on="thickness as cos phi",
         entry="wall_harmonic_percent",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_sine",
         error="wall thickness as the sine of the roll angle",
         extent="region",
         acts_on="thickness as sin phi",
         entry="wall_harmonic_percent",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_taper",
         error="taper of each region of the wall",
         extent="region",
         acts_on="thickness from the fore to the aft end",
         entry="wall_taper_percent",
-        step=1e-3,
         taken_for_zero=True,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_second_cosine",
         error="wall thickness as the cosine of twice the roll angle",
         extent="region",
         acts_on="thickness as cos 2 phi",
         entry="wall_second_harmonic_percent",
-        step=1e-3,
         taken_for_zero=True,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="wall_second_sine",
         error="wall thickness as the sine of twice the roll angle",
         extent="region",
         acts_on="thickness as sin 2 phi",
         entry="wall_second_harmonic_percent",
-        step=1e-3,
         taken_for_zero=True,
-        role="considered",
     ),
     ParameterKind(
         name="mass",
@@ -244,52 +234,42 @@ AS_BUILT = (
         step=1e-3,
         flight=False,
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="clamp_axial",
         error="clamp that yields along the body",
         column="clamp, along",
         extent="vehicle",
         acts_on="support: length of wall that yields along the body as the clamp does",
         entry="clamp_compliance_mm",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="clamp_transverse",
         error="clamp that yields across the body",
         column="clamp, across",
         extent="vehicle",
         acts_on="support: length of wall that yields across the body as the clamp does",
         entry="clamp_compliance_mm",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="region_modulus",
         error="stiffness of each region of the wall",
         extent="region",
         acts_on="stiffness of the region",
         entry="region_modulus_percent",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="row_orientation",
         error="orientation of each row of gauges",
         extent="row",
         acts_on="direction of all gauges at one roll angle",
         entry="row_orientation_deg",
-        step=1e-3,
-        role="considered",
     ),
-    ParameterKind(
+    _of_layout_or_wall(
         name="joint_softness",
         error="softness of each joint",
         extent="joint",
         acts_on="length of wall that yields as the joint does",
         entry="joint_softness_mm",
-        step=1e-3,
-        role="considered",
     ),
 )
 """Kinds of the vehicle as a calibration estimates it, in the order of its vector. New ones go to the end, so that

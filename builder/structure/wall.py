@@ -168,20 +168,25 @@ class Wall:
         return np.asarray(self.thickness * np.interp(x, station, share))
 
 
+def flight_masses(vehicle: Vehicle) -> FlightMasses | None:
+    """Return the masses of a body of revolution; None without a density."""
+    entry, density = vehicle.structure, vehicle.material.density_kg_per_m3
+    if density is None:
+        return None
+    return FlightMasses(
+        density=density,
+        points=tuple((one.x_m, one.mass_kg) for one in entry.point_masses),
+        covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
+        has_stiff_base=entry.base == "stiff",
+    )
+
+
 def wall_of(vehicle: Vehicle) -> Wall:
     """Return the wall, its materials and frames, and what holds it."""
     entry, own = vehicle.structure, vehicle.material
     assert entry.solid_tip_length_m is not None  # with a profile and with sections
     material = {name: material_of(one) for name, one in vehicle.materials.items()}
     density = {name: one.density_kg_per_m3 for name, one in vehicle.materials.items()}
-    flight = None
-    if entry.support == "free_flight" and own.density_kg_per_m3 is not None:
-        flight = FlightMasses(
-            density=own.density_kg_per_m3,
-            points=tuple((one.x_m, one.mass_kg) for one in entry.point_masses),
-            covers=tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entry.covers),
-            has_stiff_base=entry.base == "stiff",
-        )
     return Wall(
         thickness=1e-3 * entry.wall_thickness_mm,
         solid_tip_length=entry.solid_tip_length_m,
@@ -202,7 +207,7 @@ def wall_of(vehicle: Vehicle) -> Wall:
             )
             for one in entry.frames
         ),
-        flight=flight,
+        flight=flight_masses(vehicle) if entry.support == "free_flight" else None,
         foundation=None
         if entry.foundation_normal_N_per_m3 is None or entry.foundation_tangential_N_per_m3 is None
         else (entry.foundation_normal_N_per_m3, entry.foundation_tangential_N_per_m3),

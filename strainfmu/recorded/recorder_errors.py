@@ -81,12 +81,12 @@ def reading_errors(time: FloatArray, strain: FloatArray) -> ReadingErrors | None
     fourth = np.diff(strain[:n], n=4, axis=0) ** 2 / 70.0  # 1 + 16 + 36 + 16 + 1
     windows = fourth[: len(fourth) // WINDOW * WINDOW].reshape(-1, WINDOW, strain.shape[1]).mean(axis=1)
     noise = np.sqrt(np.quantile(windows, 0.25, axis=0))
-    found = ReadingErrors(noise=float(np.median(noise)), step=float(np.median(steps)))
-    return _with_hum(found, time[:n], strain[:n])
+    hum = _hum(time[:n], strain[:n])
+    return ReadingErrors(noise=float(np.median(noise)), step=float(np.median(steps)), **hum)
 
 
-def _with_hum(found: ReadingErrors, time: FloatArray, strain: FloatArray) -> ReadingErrors:
-    """Return ``found`` with the strongest line of the spectrum above a twentieth of the sampling rate."""
+def _hum(time: FloatArray, strain: FloatArray) -> dict[str, Any]:
+    """Return the strongest line of the spectrum above a twentieth of the sampling rate."""
     n, taper = len(strain), np.hanning(len(strain))[:, None]
     amplitude = 2.0 * np.fft.rfft(taper * (strain - strain.mean(axis=0)), axis=0) / taper.sum()
     power, first = np.mean(np.abs(amplitude) ** 2, axis=1), max(n // 20, 8)
@@ -94,9 +94,9 @@ def _with_hum(found: ReadingErrors, time: FloatArray, strain: FloatArray) -> Rea
     about = np.median(np.delete(power[max(at - 40, first) : at + 40], slice(max(at - 40, first), None, 10**6)))
     step = float(np.median(np.diff(time)))
     if power[at] < LINE * about or not step > 0.0:
-        return found
+        return {}
     common = abs(amplitude[at].mean()) > 0.8 * np.abs(amplitude[at]).mean()
-    return replace(found, hum=float(np.sqrt(power[at])), frequency=at / (n * step), is_common=bool(common))
+    return {"hum": float(np.sqrt(power[at])), "frequency": at / (n * step), "is_common": bool(common)}
 
 
 def disagreements(errors: ReadingErrors | None, inverse_map: InverseMap) -> list[str]:

@@ -54,7 +54,8 @@ def test_errors_of_gauges_grow_with_incidence_as_those_of_the_flows(
 def check_growth(vehicle: Vehicle, problem: Problem, errors: list[HardwareError]) -> None:
     """Check the variance of every gauge against that of ``errors``, by incidence."""
     followed = followed_errors(vehicle, problem)
-    products, common = followed.of_gauge, np.concatenate([followed.estimated, followed.considered])
+    products = followed["gauge_error_product"]
+    common = np.concatenate([followed["common_error"], followed["considered_common"]])
     ensemble, reference = problem.ensemble, vehicle.reference_quantities()
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[:, None]
     scale = reference.area * np.array([1.0, 1.0, 1.0, reference.length, reference.length])

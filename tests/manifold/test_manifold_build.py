@@ -168,7 +168,7 @@ def test_hardware_errors_and_discrepancy_widen_sigma(
 
 def test_shapes_have_the_correlation_of_the_process(structure: StructuralModel) -> None:
     grid = structure.surface
-    along, around = gaussian_process_shapes(grid, float(grid.x[-1]), 0.2, 0.7)
+    along, around = gaussian_process_shapes(grid, MapEntry(discrepancy_length=0.2, discrepancy_roll_deg=40.0))
     exact = np.exp(-0.5 * ((grid.x[:, None] - grid.x) / (0.2 * grid.x[-1])) ** 2)
     assert np.max(np.abs(along @ along.T - exact)) < 0.02
     assert np.max(np.abs(np.diag(around @ around.T) - 1.0)) < 0.02

@@ -28,6 +28,7 @@ from builder.manifold.condition_tables import condition_tables, with_harmonics
 from builder.manifold.discrepancy import process_on_surface, process_size
 from builder.manifold.nonlinear_build import with_manifold
 from builder.manifold.state_tables import state_tables
+from builder.vehicle.map.options import MapEntry
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator
@@ -335,7 +336,7 @@ def test_tables_take_the_number_of_harmonics_of_others() -> None:
 
 def test_the_process_has_unit_variance_and_tells_the_sides_of_a_fin_apart() -> None:
     surface = grid_snapshots().surface
-    shapes = process_on_surface(surface, 0.2, 0.7)
+    shapes = process_on_surface(surface, MapEntry(discrepancy_length=0.2, discrepancy_roll_deg=40.0))
     covariance = shapes @ shapes.T
     assert np.all(np.abs(np.diag(covariance) - 1.0) < 0.03)
     far = np.abs(surface.point[:, 0] - surface.point[:1, 0]) > 0.8

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.noise.flow_models import FLOW_MODELS
+from builder.inverse.noise.flow_models import FLOW_MODELS, LEVEL
 from builder.inverse.noise.flows_between import BETWEEN
 from builder.inverse.noise.inertia import MASSES, THEORY, VIBRATION_MODES
 from builder.inverse.noise.inertia import NAME as INERTIA
@@ -38,7 +38,7 @@ from strainfmu.estimator.signal_names import TEMPERATURE
 ESTIMATED_PART = 0.15
 """Part rho of the standard deviation of a split error that the gain may correct."""
 
-PROCESS, SPREAD, LEVEL = "pressure off the tables", "fraction of the snapshots", "fraction of the overpressure"
+PROCESS, SPREAD = "pressure off the tables", "fraction of the snapshots"
 """Names of the parts of the model-form error."""
 
 INTERPOLATION, GRID_REFINEMENT = "interpolation", "grid of the flow"
@@ -63,8 +63,8 @@ class MapError:
     """
 
     name: str
-    acts_on: str
-    role: Role
+    acts_on: str = _ALL
+    role: Role = "estimated"
     entry: str = ""
     unit: str = ""
     size: str = ""
@@ -80,25 +80,17 @@ class MapError:
         return float(value) if isinstance(value, int | float) else None
 
 
-def _of_pressure(name: str, entry: str, role: Role, size: str) -> MapError:
+def _of_pressure(name: str, entry: str, size: str, role: Role = "considered") -> MapError:
     return MapError(name=name, acts_on=_PRESSURE, role=role, entry=f"map.{entry}", unit="%", size=size)
 
 
 ERRORS = {
-    one.name: one
-    for one in (
-        MapError(name="gauge noise", acts_on=_GAUGE, role="estimated", entry="noise.std_um_per_m", unit="um/m"),
-        MapError(
-            name=PICKUP, acts_on=_ALL, role="estimated", entry="recorder.pickup_um_per_m", unit="um/m, amplitude"
-        ),
-        MapError(name=SCAN, acts_on=_ALL, role="estimated", entry="recorder.channel_ms", unit="ms"),
-        MapError(
-            name=MISMATCH,
-            acts_on=_ALL,
-            role="estimated",
-            entry="recorder.mismatch_um_per_m_per_K",
-            unit="um/m/K, over recorder.gradient_K",
-        ),
+    error.name: error
+    for error in (
+        MapError(name="gauge noise", acts_on=_GAUGE, entry="noise.std_um_per_m", unit="um/m"),
+        MapError(name=PICKUP, entry="recorder.pickup_um_per_m", unit="um/m, amplitude"),
+        MapError(name=SCAN, entry="recorder.channel_ms", unit="ms"),
+        MapError(name=MISMATCH, entry="recorder.mismatch_um_per_m_per_K", unit="um/m/K, over recorder.gradient_K"),
         *(
             MapError(
                 name=kind.column_name,
@@ -109,32 +101,24 @@ ERRORS = {
             )
             for kind in IN_NOISE
         ),
-        MapError(name="mesh, of each gauge", acts_on=_NUMERICS, role="estimated"),
+        MapError(name="mesh, of each gauge", acts_on=_NUMERICS),
         MapError(name="mesh, in common", acts_on=_NUMERICS, role="considered"),
-        MapError(name=INTERPOLATION, acts_on=_NUMERICS, role="estimated"),
-        MapError(name="tables", acts_on=_NUMERICS, role="estimated"),
-        MapError(name=BETWEEN, acts_on=_NUMERICS, role="estimated"),
+        MapError(name=INTERPOLATION, acts_on=_NUMERICS),
+        MapError(name="tables", acts_on=_NUMERICS),
+        MapError(name=BETWEEN, acts_on=_NUMERICS),
         MapError(name=GRID_REFINEMENT, acts_on=_NUMERICS, role="considered"),
-        _of_pressure(PROCESS, "discrepancy_percent", "considered", "process"),
-        _of_pressure(SPREAD, "discrepancy_of_prior_percent", "split", "of_prior"),
-        _of_pressure(LEVEL, "discrepancy_of_overpressure_percent", "considered", "of_overpressure"),
-        _of_pressure(LEEWARD_PRESSURE, "discrepancy_of_leeward_percent", "considered", "of_leeward"),
-        _of_pressure(FLOW_MODELS, "discrepancy_of_newtonian_percent", "considered", "of_newtonian"),
-        MapError(name=INERTIA, acts_on=_ALL, role="estimated", entry="mass"),
-        MapError(name=MASSES, acts_on=_ALL, role="estimated", entry="mass"),
-        MapError(
-            name=THEORY,
-            acts_on=_ALL,
-            role="estimated",
-            entry="mass.inertia_strain_percent",
-            unit="% in a held body",
-        ),
-        MapError(
-            name=VIBRATION_MODES, acts_on=_ALL, role="estimated", entry="mass.vibration_um_per_m", unit="um/m"
-        ),
-        MapError(name=TEMPERATURE, acts_on=_ALL, role="estimated", entry=TEMPERATURE),
-        MapError(name="modulus with temperature", acts_on=_ALL, role="estimated", entry=TEMPERATURE),
-        MapError(name="apparent strain with temperature", acts_on=_GAUGE, role="estimated", entry=TEMPERATURE),
+        _of_pressure(PROCESS, "discrepancy_percent", "process"),
+        _of_pressure(SPREAD, "discrepancy_of_prior_percent", "of_prior", role="split"),
+        _of_pressure(LEVEL, "discrepancy_of_overpressure_percent", "of_overpressure"),
+        _of_pressure(LEEWARD_PRESSURE, "discrepancy_of_leeward_percent", "of_leeward"),
+        _of_pressure(FLOW_MODELS, "discrepancy_of_newtonian_percent", "of_newtonian"),
+        MapError(name=INERTIA, entry="mass"),
+        MapError(name=MASSES, entry="mass"),
+        MapError(name=THEORY, entry="mass.inertia_strain_percent", unit="% in a held body"),
+        MapError(name=VIBRATION_MODES, entry="mass.vibration_um_per_m", unit="um/m"),
+        MapError(name=TEMPERATURE, entry=TEMPERATURE),
+        MapError(name="modulus with temperature", entry=TEMPERATURE),
+        MapError(name="apparent strain with temperature", acts_on=_GAUGE, entry=TEMPERATURE),
     )
 }
 """All errors by name. What is not listed is estimated: modes of ``noise.nuisance_file``, flow parameters, errors
@@ -143,7 +127,7 @@ of the sensors of [sensors], and what a ground test left."""
 
 def error_named(name: str) -> MapError:
     """Return the error of columns ``name``."""
-    return ERRORS.get(name, MapError(name=name, acts_on=_ALL, role="estimated"))
+    return ERRORS.get(name, MapError(name=name))
 
 
 def role_of(name: str, is_measured: bool = False) -> Role:

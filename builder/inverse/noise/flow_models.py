@@ -15,13 +15,13 @@ from builder.aero.engines.newtonian import NewtonianEngine
 from builder.aero.surface.mesh import mesh_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
-from builder.inverse.noise.model import NoiseTerm
+from builder.inverse.noise.model import NoiseTerm, pressure_errors
 from builder.vehicle.file import Vehicle
 from builder.vehicle.map.model_form import model_form
 from strainfmu.arrays import FloatArray
 
-FLOW_MODELS = "difference of flow models"
-"""Name of the error, in the linear map and in the tables."""
+FLOW_MODELS, LEVEL = "difference of flow models", "fraction of the overpressure"
+"""Names of the errors, in the linear map and in the tables."""
 
 
 def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | None:
@@ -41,43 +41,33 @@ def newtonian_snapshots(vehicle: Vehicle, snapshots: Snapshots) -> Snapshots | N
     return replace(snapshots, pressure=ratio * ambient[:, None])
 
 
-def newtonian_difference(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> Ensemble | None:
-    """Return newtonian flow less ``ensemble``, which holds ``snapshots``, at one standard deviation.
+def flow_model_errors(
+    vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble, strain: FloatArray, load: FloatArray
+) -> tuple[NoiseTerm, ...]:
+    """Return the terms of the level and of the difference of flow models, where these are stated.
 
-    None where :func:`newtonian_snapshots` gives none.
-    """
-    newtonian = newtonian_snapshots(vehicle, snapshots)
-    if newtonian is None:
-        return None
-    size = model_form(vehicle.map, vehicle.noise).of_newtonian
-    off = size * (ensemble_of(vehicle, newtonian).pressure - ensemble.pressure)
-    return replace(ensemble, pressure=off, fixed_pressure=0.0)
-
-
-def overpressure_error(vehicle: Vehicle, snapshots: Snapshots, ensemble: Ensemble) -> FloatArray | None:
-    """Return (n_p,) the error of the overpressure at the smallest incidence, its mean over the Mach numbers [Pa];
-    None where none is stated."""
-    size = model_form(vehicle.map, vehicle.noise).of_overpressure
-    incidence = np.array([one.total_incidence for one in snapshots.conditions()])
-    ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
-    ratio = (snapshots.pressure / ambient[:, None])[incidence <= incidence.min() + 1e-9].mean(axis=0)
-    return size * ensemble.mean_ambient_pressure * (ratio - 1.0) if size > 0.0 else None
-
-
-def difference_term(difference: Ensemble, strain: FloatArray, load: FloatArray) -> NoiseTerm:
-    """Return the term of ``difference``, its covariance the mean over the members.
-
+    The level is that of the overpressure at the smallest incidence, its mean over the Mach numbers. The difference
+    is newtonian flow less ``ensemble``, which holds ``snapshots``; its covariance is the mean over the members.
     Strain and loads follow by the operators ``strain`` (n_d, n_p), ``load`` (n_f, n_p).
     """
-    columns = difference_columns(difference, np.vstack([strain, load]))
-    return NoiseTerm(FLOW_MODELS, columns[: len(strain)], columns[len(strain) :], scales=True)
-
-
-def difference_columns(difference: Ensemble, operator: FloatArray) -> FloatArray:
-    """Return columns (m, k) of ``operator`` (m, n_p) times the members, whose squares add up to the mean ones."""
-    columns = (np.sqrt(difference.member_weight)[:, None] * difference.responses(operator)).T
-    left, size, _ = np.linalg.svd(columns / _rows(columns), full_matrices=False)
-    return np.asarray(_rows(columns) * left * size)
+    sizes, terms = model_form(vehicle.map, vehicle.noise), list[NoiseTerm]()
+    if sizes.of_overpressure > 0.0:
+        incidence = np.array([one.total_incidence for one in snapshots.conditions()])
+        ambient = np.array([one.ambient_pressure for one in snapshots.conditions()])
+        ratio = (snapshots.pressure / ambient[:, None])[incidence <= incidence.min() + 1e-9].mean(axis=0)
+        level = sizes.of_overpressure * ensemble.mean_ambient_pressure * (ratio - 1.0)
+        terms.append(pressure_errors(LEVEL, level[None], strain, load))
+    newtonian = newtonian_snapshots(vehicle, snapshots)
+    if newtonian is not None:
+        off = sizes.of_newtonian * (ensemble_of(vehicle, newtonian).pressure - ensemble.pressure)
+        difference = replace(ensemble, pressure=off, fixed_pressure=0.0)
+        members = difference.responses(np.vstack([strain, load]))
+        columns = (np.sqrt(difference.member_weight)[:, None] * members).T
+        rows = _rows(columns)
+        left, size, _ = np.linalg.svd(columns / rows, full_matrices=False)
+        of_strain, of_load = np.split(np.asarray(rows * left * size), [len(strain)])
+        terms.append(NoiseTerm(FLOW_MODELS, of_strain, of_load, scales=True))
+    return tuple(terms)
 
 
 def _rows(columns: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from builder.structure.fourier.inertia_strain import N_RIGID, bending_strain, in
 from builder.structure.fourier.meridian_mesh import MeridianMasses, MeridianMesh
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.loads.applied import STANDARD_GRAVITY
-from builder.structure.wall import FlightMasses, Wall, wall_of
+from builder.structure.wall import Wall, flight_masses, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
 from builder.vehicle.structure.mass import Mass
@@ -30,7 +30,6 @@ NAME, MASSES, THEORY = "inertia", "errors of masses", "strain of inertia"
 VIBRATION_MODES = "modes of vibration"
 """Name of the noise term of the bending modes."""
 
-_OF_MODES = (NAME, VIBRATION_MODES)
 _MICRO = 1e-6
 N_FORCES = 3
 """Channels of specific force, the first."""
@@ -101,35 +100,31 @@ def strain_by_inertia(
     InputError
         The Fourier model cannot do the vehicle.
     """
-    wall, entries = wall_of(vehicle), vehicle.structure
-    layout, resolution = vehicle.gauges.layout, resolution or vehicle.resolution.map
+    wall, layout, resolution = wall_of(vehicle), vehicle.gauges.layout, resolution or vehicle.resolution.map
     mesh = _mesh(vehicle, wall, resolution)
     _, placed = place_layouts(vehicle, mesh, [layout])
-    covers = tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in entries.covers)
-    density = _densities(vehicle, wall, resolution)
-    nothing = MeridianMasses(density=tuple(0.0 for _ in density))
-    parts = {_STRUCTURE: MeridianMasses(density=density, covers=covers)}
-    for number, one in enumerate(entries.point_masses, start=1):
-        parts[f"{_EQUIPMENT} {number}"] = replace(nothing, points=((one.x_m, one.mass_kg),))
+    listed = _with_masses(vehicle, wall, resolution).masses
+    assert listed is not None  # a vehicle with [mass] has densities
+    nothing = MeridianMasses(density=tuple(0.0 for _ in listed.density))
+    parts = {_STRUCTURE: replace(listed, points=())}
+    for number, point in enumerate(listed.points, start=1):
+        parts[f"{_EQUIPMENT} {number}"] = replace(nothing, points=(point,))
     if stations is None:
         stations = np.linspace(0.0, vehicle.body().length, _UNLISTED_STATIONS + 2)[1:-1].tolist()
     for number, station in enumerate(stations, start=1):
         parts[f"{UNLISTED} {number}"] = replace(nothing, points=((station, 1.0),))
-    every = MeridianMasses(
-        density=density, covers=covers, points=tuple((one.x_m, one.mass_kg) for one in entries.point_masses)
-    )
     gauges, unit = placed[layout], unit_station(vehicle, entry)
     by_part = held = inertia_strain(mesh, wall.material, gauges, parts, unit)
     if flies(vehicle):
         holding = _mesh(vehicle, replace(wall, flight=None), resolution)
         held = inertia_strain(holding, wall.material, gauges, parts, unit)
     attached = {}
-    for number, one in enumerate(entries.point_masses, start=1):
-        decay = np.sqrt(vehicle.body().radius(one.x_m) * wall.thickness_at(one.x_m))
-        attached[f"{_EQUIPMENT} {number}"] = np.abs(gauges.x - one.x_m) < _ATTACHMENT * decay
+    for number, (station, _) in enumerate(listed.points, start=1):
+        decay = np.sqrt(vehicle.body().radius(station) * wall.thickness_at(station))
+        attached[f"{_EQUIPMENT} {number}"] = np.abs(gauges.x - station) < _ATTACHMENT * decay
     return InertiaStrain(
         by_part=by_part,
-        by_bending=bending_strain(mesh, wall.material, gauges, every),
+        by_bending=bending_strain(mesh, wall.material, gauges, listed),
         section=np.rint(_SECTIONS * gauges.x / vehicle.body().length).astype(int),
         held_by_part=held,
         attached=attached,
@@ -144,11 +139,8 @@ def inertia_in_words(vehicle: Vehicle) -> str:
     parts = (vehicle.material, *vehicle.materials.values())
     weight = "what 1 g across does needs material.density_kg_per_m3"
     if vehicle.is_of_revolution and all(one.density_kg_per_m3 is not None for one in parts):
-        wall, reference = replace(wall_of(vehicle), foundation=None), vehicle.reference_quantities()
-        points = tuple((one.x_m, one.mass_kg) for one in vehicle.structure.point_masses)
-        covers = tuple((one.start_x_m, one.end_x_m, one.mass_kg_per_m2) for one in vehicle.structure.covers)
-        masses = FlightMasses(density=vehicle.material.density_kg_per_m3 or 0.0, points=points, covers=covers)
-        mass = rigid_inertia(_mesh(vehicle, replace(wall, flight=masses), vehicle.resolution.map), 0.0)[0, 0]
+        reference, of_map = vehicle.reference_quantities(), vehicle.resolution.map
+        mass = rigid_inertia(_with_masses(vehicle, wall_of(vehicle), of_map), 0.0)[0, 0]
         q = np.mean([one.dynamic_pressure for one in vehicle.flight_conditions()])
         weight = f"1 g across is an error of up to {STANDARD_GRAVITY * mass / (q * reference.area):.2g} in C_N"
     return f"not included, and nothing detects it: {weight}; a section [mass] includes it"
@@ -182,28 +174,41 @@ def inertia_terms(vehicle: Vehicle, inertia: InertiaMap | None, strain: InertiaS
     entry = vehicle.mass
     if entry is None or inertia is None or strain is None:
         return []
-    size = _sizes(entry)
-    force = inertia.prior_std[:N_FORCES]
-    errors = [size[name.split()[0]] * one[:, :N_FORCES] * force for name, one in strain.by_part.items()]
     stds = np.full(inertia.vibration_strain.shape[1], inertia.vibration_std)
     return [
         nuisance_modes(NAME, inertia.mode_strain, inertia.prior_std),
         nuisance_modes(VIBRATION_MODES, inertia.vibration_strain, stds),
-        *([] if flies(vehicle) else [NoiseTerm(MASSES, np.hstack(errors)), _theory(entry, inertia, strain)]),
+        *([] if flies(vehicle) else _held_terms(entry, strain, inertia.prior_std[:N_FORCES])),
     ]
 
 
-def _theory(entry: Mass, inertia: InertiaMap, strain: InertiaStrain) -> NoiseTerm:
-    """Return the error of the strain by specific force in a held body, by another theory of the structure."""
-    common, own = strain.errors_of_theory(_half(entry), N_FORCES)
-    force = inertia.prior_std[:N_FORCES]
-    of_gauge = np.diag(np.linalg.norm(own * force, axis=1))
-    return NoiseTerm(THEORY, np.hstack([*(one * force for one in common), of_gauge]))
+def _held_terms(entry: Mass, strain: InertiaStrain, force: FloatArray) -> list[NoiseTerm]:
+    """Return the errors of a held body at the standard deviations (3,) of specific ``force``."""
+    columns: dict[str, list[FloatArray]] = {}
+    for name, error, is_common in _errors_of_strain(entry, strain, N_FORCES):
+        of_force = error * force
+        columns.setdefault(name, []).append(of_force if is_common else np.diag(np.linalg.norm(of_force, axis=1)))
+    return [NoiseTerm(name, np.hstack(parts)) for name, parts in columns.items()]
 
 
-def _half(entry: Mass) -> float:
-    """Return the root of half the variance of another theory, which counts three times."""
-    return float(np.sqrt(0.5)) * 0.01 * entry.inertia_strain_percent
+def _errors_of_strain(entry: Mass, strain: InertiaStrain, channels: int) -> Iterator[tuple[str, FloatArray, bool]]:
+    """Yield errors (n_d, channels) of strain by name, and whether gauges have them in common.
+
+    Half of the variance of another theory counts for all gauges in common, half for each section, half for each
+    gauge.
+    """
+    size = {
+        _STRUCTURE: 0.01 * entry.structure_percent,
+        _EQUIPMENT: 0.01 * entry.equipment_percent,
+        UNLISTED: entry.unlisted_kg,
+    }
+    for name, part in strain.by_part.items():
+        yield MASSES, size[name.split()[0]] * part[:, :channels], True
+    half = float(np.sqrt(0.5)) * 0.01 * entry.inertia_strain_percent
+    common, of_gauge = strain.errors_of_theory(half, channels)
+    for theory in common:
+        yield THEORY, theory, True
+    yield THEORY, of_gauge, False
 
 
 def flies(vehicle: Vehicle) -> bool:
@@ -217,22 +222,19 @@ def inertia_errors(
     """Return the errors of the strain by the accelerations that the load causes in free flight.
 
     Errors of masses strain as the masses do, balanced. Another theory of the structure gives this strain with an
-    error of ``mass.inertia_strain_percent`` of the strain in a held body. Half of its variance counts for all
-    gauges in common, half for each section, half for each gauge.
+    error of ``mass.inertia_strain_percent`` of the strain in a held body.
     """
     entry = vehicle.mass
     if entry is None or strain is None or not flies(vehicle):
         return []
-    acceleration = _accelerations(vehicle, entry, surface)
-    size, (theory, own) = _sizes(entry), strain.errors_of_theory(_half(entry), N_RIGID)
-    columns = [(MASSES, size[name.split()[0]] * one[:, :N_RIGID], True) for name, one in strain.by_part.items()]
-    columns += [(THEORY, one, True) for one in theory]
-    operators = [(name, one @ acceleration, common) for name, one, common in (*columns, (THEORY, own, False))]
-    return [
-        HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=common)
-        for name, operator, common in operators
-        if np.any(operator)
-    ]
+    acceleration, errors = _accelerations(vehicle, entry, surface), list[HardwareError]()
+    for name, error, is_common in _errors_of_strain(entry, strain, N_RIGID):
+        operator = error @ acceleration
+        if np.any(operator):
+            errors.append(
+                HardwareError(name=name, operator=operator, strain=ensemble.responses(operator), common=is_common)
+            )
+    return errors
 
 
 def _accelerations(vehicle: Vehicle, entry: Mass, surface: Surface) -> FloatArray:
@@ -244,38 +246,13 @@ def _accelerations(vehicle: Vehicle, entry: Mass, surface: Surface) -> FloatArra
     return np.linalg.solve(rigid_inertia(_mesh(vehicle, wall_of(vehicle), resolution), unit), load)
 
 
-def _sizes(entry: Mass) -> dict[str, float]:
-    """Return the standard deviations of the masses of a part, over theirs, or of 1 kg."""
-    return {
-        _STRUCTURE: 0.01 * entry.structure_percent,
-        _EQUIPMENT: 0.01 * entry.equipment_percent,
-        UNLISTED: entry.unlisted_kg,
-    }
-
-
-def with_rest(
-    inertia: InertiaMap | None, terms: tuple[NoiseTerm, ...], others: tuple[str, ...]
-) -> InertiaMap | None:
-    """Return ``inertia`` with the covariance of ``terms`` that neither scale nor are its modes or ``others``."""
-    if inertia is None:
-        return None
-    rest = [
-        term.strain @ term.strain.T for term in terms if not term.scales and term.name not in _OF_MODES + others
-    ]
-    return replace(inertia, rest_covariance=np.sum(rest, axis=0))
-
-
 def _mesh(vehicle: Vehicle, wall: Wall, resolution: Resolution) -> MeridianMesh:
     return shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
 
 
-def _densities(vehicle: Vehicle, wall: Wall, resolution: Resolution) -> tuple[float, ...]:
-    """Return the densities of the mesh's materials [kg/m3], the wall's own first."""
-    own = vehicle.material.density_kg_per_m3
-    assert own is not None  # a vehicle with [mass] has them
-    flying = _mesh(vehicle, replace(wall, flight=FlightMasses(density=own), foundation=None), resolution)
-    assert flying.masses is not None
-    return flying.masses.density
+def _with_masses(vehicle: Vehicle, wall: Wall, resolution: Resolution) -> MeridianMesh:
+    """Return the mesh with all masses that the vehicle file lists, held by nothing."""
+    return _mesh(vehicle, replace(wall, flight=flight_masses(vehicle), foundation=None), resolution)
 
 
 def _prior(entry: Mass) -> FloatArray:

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from strainfmu.arrays import FloatArray
 
@@ -73,21 +72,6 @@ class MeshError:
             "largest_at": names[worst],
             "sigmas_trusted": self.trusted,
         }
-
-
-def mesh_error(operator: FloatArray, against: str, ensemble: Ensemble, std: FloatArray) -> MeshError:
-    """Return the error of strain by the mesh over an ensemble.
-
-    Parameters
-    ----------
-    operator : (n_d, n_p) error of strain per pressure [1/Pa].
-    against : what it was measured against.
-    ensemble : the pressure fields.
-    std : (n_d,) standard deviation of the gauges' own noise [m/m].
-    """
-    strain = ensemble.responses(operator)
-    in_sigma = np.sqrt(np.average(strain**2, axis=0, weights=ensemble.member_weight)) / std
-    return MeshError(against=against, operator=operator, strain=strain, in_sigma=in_sigma)
 
 
 def mesh_error_notes(provenance: Mapping[str, Any]) -> list[str]:

@@ -7,6 +7,7 @@ and Computational Inverse Problems, 2005, section 5.8).
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -81,6 +82,12 @@ class NoiseModel:
             }
             for term in self.terms
         ]
+
+
+def fixed_covariance(terms: Iterable[NoiseTerm], without: Collection[str] = ()) -> FloatArray:
+    """Return (n_d, n_d) of ``terms`` that do not follow the pressure, but for those of the names ``without``."""
+    fixed = [term for term in terms if not term.scales and term.name not in without]
+    return np.asarray(np.sum([term.strain @ term.strain.T for term in fixed], axis=0))
 
 
 def gauge_noise(covariance: FloatArray) -> NoiseTerm:

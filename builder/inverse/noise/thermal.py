@@ -48,7 +48,7 @@ def thermal_modes(entry: Temperature, length: float) -> list[tuple[TemperatureFi
 
 
 def thermal_map(vehicle: Vehicle, structure: FourierStructure | None = None) -> ThermalMap | None:
-    """Return the modes of the layout in use, with a unit covariance for :func:`with_isothermal` to replace.
+    """Return the modes of the layout in use, with a unit covariance that the map replaces.
 
     None without a section [temperature].
 
@@ -134,11 +134,3 @@ def with_sensor_rows(thermal: ThermalMap | None, n_rows: int) -> ThermalMap | No
         gauge_operator=np.pad(thermal.gauge_operator, below),
         isothermal_covariance=np.eye(len(thermal.mode_strain) + n_rows),
     )
-
-
-def with_isothermal(thermal: ThermalMap | None, terms: tuple[NoiseTerm, ...]) -> ThermalMap | None:
-    """Return ``thermal`` with the covariance of ``terms`` that neither scale nor are its modes."""
-    if thermal is None:
-        return None
-    rest = [term.strain @ term.strain.T for term in terms if not term.scales and term.name != NAME]
-    return replace(thermal, isothermal_covariance=np.sum(rest, axis=0))

@@ -13,9 +13,8 @@ from builder.inverse.noise.inertia import (
     inertia_map,
     inertia_terms,
     strain_by_inertia,
-    with_rest,
 )
-from builder.inverse.noise.model import gauge_noise
+from builder.inverse.noise.model import fixed_covariance, gauge_noise
 from builder.structure.loads.applied import Acceleration
 from builder.structure.loads.gauge_strain import gauge_strain
 from builder.structure.loads.of_vehicle import fourier_structure_of
@@ -92,10 +91,9 @@ def test_terms_are_modes_and_errors_of_masses(equipped: Vehicle, strain: Inertia
     np.testing.assert_allclose(theory.strain @ theory.strain.T, 0.5 * alike * (of_mode @ of_mode.T), atol=1e-22)
     assert np.bincount(strain.section)[np.unique(strain.section)].tolist() == 9 * [6]
     noise = gauge_noise(1e-14 * np.eye(len(inertia.mode_strain)))
-    rest = with_rest(inertia, (noise, modes, vibration, errors, theory), ())
-    assert rest is not None
+    rest = fixed_covariance((noise, modes, vibration, errors, theory), (NAME, VIBRATION_MODES))
     expected = np.sum([one.strain @ one.strain.T for one in (noise, errors, theory)], axis=0)
-    np.testing.assert_allclose(rest.rest_covariance, expected, rtol=1e-9)
+    np.testing.assert_allclose(rest, expected, rtol=1e-9)
 
 
 def test_in_free_flight_the_motion_of_the_load_counts_once() -> None:
