@@ -15,7 +15,6 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
 
 from builder.aero.loads.operator import load_operator
 from builder.campaign.snapshots import Snapshots, load_snapshots
@@ -27,14 +26,14 @@ from builder.structure.fourier.strain_operator import harmonic_response
 from builder.structure.mapped_structure import MappedStructure, mapped_operator
 from builder.structure.solid.case import SolidCase, solid_case
 from builder.structure.solid.checks import ELEMENT_FRACTION
-from builder.structure.solid.cyclic_gauges import gauge_rows_on
+from builder.structure.solid.cyclic_gauges import layout_rows
 from builder.structure.solid.gmsh_mesh import graded_wall_mesh, load_gmsh
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_choice import TETRAHEDRON_LENGTH
 from builder.structure.solid.nodal_loads import triangulated_surface
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh, linear_tetrahedra
 from builder.structure.solid.strain_solution import solve_strain
-from builder.structure.solid.swept_mesh import SweptSector, swept_wall, whole_mesh
+from builder.structure.solid.swept_mesh import SweptSector, swept_wall
 from builder.structure.wall import Wall, wall_of
 from builder.trial.estimators import Estimates
 from builder.trial.readings import Readings
@@ -221,19 +220,18 @@ def _on_mesh(
 ) -> tuple[MappedStructure, int]:
     """Return the structure on a mesh, with pressure at the nodes of snapshots, and its number of dofs."""
     mesh = chosen.make(*case.of_revolution)
-    whole = whole_mesh(mesh)
+    whole = mesh.whole
     # Linear elements make free meshes faceted: gauges are moved onto the surface.
-    rows = csr_array(vstack([gauge_rows_on(mesh, gauges, near_surface=True) for gauges in case.layouts.values()]))
-    free_solver = None if isinstance(mesh, SweptSector) else solver
-    found = solve_strain(
+    rows = layout_rows(mesh, case.layouts, near_surface=True)
+    solution = solve_strain(
         mesh,
         matter=case.matter,
         support=case.support,
         rows=rows,
-        solver_name=free_solver,
+        solver_name=None if isinstance(mesh, SweptSector) else solver,
         progress=progress,
     )
-    surface, operator = mapped_operator(found.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
+    surface, operator = mapped_operator(solution.strain_operator, triangulated_surface(whole, EXTERNAL), snapshots)
     ends = np.cumsum([len(gauges.name) for gauges in case.layouts.values()])
     operators = dict(zip(case.layouts, np.split(operator, ends[:-1]), strict=True))
     # No error by the mesh in the noise: what it does is what is studied.

@@ -32,10 +32,10 @@ from builder.structure.solid.gauge_layouts import solid_gauges
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.matter import Matter
 from builder.structure.solid.nodal_loads import triangulated_surface
-from builder.structure.solid.solid_mesh import EXTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.solid_mesh import EXTERNAL, HEXAHEDRON, SUPPORT, SolidMesh
 from builder.structure.solid.strain_solution import solve_strain
 from builder.structure.solid.supports import Clamped
-from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptSector, full_mesh, swept_wall
+from builder.structure.solid.swept_mesh import SweptSector, full_mesh, swept_wall
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray

@@ -21,8 +21,8 @@ import numpy as np
 from builder.aero.cfd.formats.stl import write_stl
 from builder.structure.solid.elements import boundary_facets, element_edges, face_keys
 from builder.structure.solid.mesh_files import write_mesh
-from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptResolution, full_mesh, swept_wall
+from builder.structure.solid.solid_mesh import EXTERNAL, HEXAHEDRON, SolidMesh
+from builder.structure.solid.swept_mesh import SweptResolution, full_mesh, swept_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments
 from strainfmu.arrays import FloatArray, IntArray

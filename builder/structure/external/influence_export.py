@@ -12,7 +12,6 @@ from builder.structure.solid.case import SolidCase
 from builder.structure.solid.nodal_loads import surface_nodes
 from builder.structure.solid.solid_mesh import EXTERNAL
 from builder.structure.solid.solid_model import strain_per_force
-from builder.structure.solid.swept_mesh import SweptMesh
 
 
 def solved_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
@@ -34,7 +33,7 @@ def solved_influence(case: SolidCase, in_use: str, path: Path) -> Influence:
         facet=np.searchsorted(node, mesh.named_surface(EXTERNAL)),
         column=tuple(name for names in columns.values() for name in names),
         strain_per_force=strain,
-        split=not isinstance(mesh, SweptMesh),
+        split=not mesh.is_swept,
     )
 
 

@@ -13,9 +13,6 @@ from builder.structure.fourier.wall_layup import other_densities
 from builder.structure.gauge_placement import gauge_layout
 from builder.structure.loads.fourier import MAX_HARMONIC, FourierStructure, fourier_structure
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.structure.loads.solid import SolidStructure, solid_structure
-from builder.structure.solid.case import solid_case
-from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.wall import wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
@@ -46,57 +43,22 @@ def fourier_structure_of(
         The layout does not exist, the wall does not fit the body, or the Fourier model cannot do the support or a
         gauge.
     """
-    _refuse_unknown(vehicle, layout)
-    support = vehicle.structure.support
+    if layout not in vehicle.gauges.layouts:
+        raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")
     refuse_gauges_beyond_fourier(vehicle, [layout])
     resolution = resolution or vehicle.resolution.map
     wall = wall_of(vehicle)
     mesh = shell_mesh(vehicle.body(), wall, 1e-3 * resolution.element_length_mm, resolution.wall_layers)
-    found = gauge_layout(vehicle, layout, mesh)
-    if support == "free_flight":
+    gauges = gauge_layout(vehicle, layout, mesh)
+    if vehicle.structure.support == "free_flight":
         mesh = replace(mesh, clamped_node=NO_NODES)
     return fourier_structure(
         mesh=mesh,
         material=wall.material,
-        gauges=place_gauges(mesh, found.position, found.direction, found.names),
+        gauges=place_gauges(mesh, gauges.position, gauges.direction, gauges.names),
         properties=properties or load_properties(vehicle),
         max_harmonic=max_harmonic,
         progress=progress,
-    )
-
-
-def solid_structure_of(
-    vehicle: Vehicle,
-    layout: str,
-    mesh: MeshChoice | None = None,
-    properties: LoadProperties | None = None,
-    solver_name: str | None = None,
-) -> SolidStructure:
-    """Return the three-dimensional model of a vehicle with its support.
-
-    Parameters
-    ----------
-    vehicle, layout : the vehicle and the name of one of its layouts.
-    mesh : which mesh; a swept one by default.
-    properties : what loads need; the density of the vehicle file by default.
-    solver_name : name of a solver, or None for the best installed one.
-
-    Raises
-    ------
-    InputError
-        The layout does not exist, the wall does not fit the body, or a gauge is not on its surface.
-    SolverError
-        The solution's residual is too large.
-    """
-    _refuse_unknown(vehicle, layout)
-    case = solid_case(vehicle, [layout], mesh, solver_name)
-    return solid_structure(
-        mesh=case.whole,
-        material=case.matter.material,
-        gauges=case.layouts[layout],
-        supports=None if case.support is None else [case.support],
-        properties=properties or load_properties(vehicle),
-        solver_name=solver_name,
     )
 
 
@@ -104,8 +66,3 @@ def load_properties(vehicle: Vehicle) -> LoadProperties:
     """Return the density of the wall's material; of a body of revolution of regions and frames, too."""
     others = other_densities(wall_of(vehicle)) if vehicle.is_of_revolution else ()
     return LoadProperties(density=vehicle.material.density_kg_per_m3, other_densities=others)
-
-
-def _refuse_unknown(vehicle: Vehicle, layout: str) -> None:
-    if layout not in vehicle.gauges.layouts:
-        raise InputError(f"layout '{layout}' found, must be one of {', '.join(vehicle.gauges.layouts)}")

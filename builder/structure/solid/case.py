@@ -49,11 +49,9 @@ from builder.structure.solid.supports import Clamped, Foundation, Support
 from builder.structure.solid.swept_mesh import (
     RESOLUTIONS,
     AnyMesh,
-    SweptMesh,
     SweptResolution,
     SweptSector,
     section_wall,
-    whole_mesh,
 )
 from builder.structure.structure_file import SCHEMA_VERSION
 from builder.structure.wall import Wall, material_of, wall_of
@@ -117,11 +115,6 @@ class SolidCase:
         """The mesh, a swept one as its sector."""
         return self.make()
 
-    @cached_property
-    def whole(self) -> SolidMesh:
-        """The mesh, all sectors of a swept one."""
-        return whole_mesh(self.mesh)
-
     @property
     def of_revolution(self) -> tuple[BodyOfRevolution, Wall]:
         """Body and wall of a body of revolution."""
@@ -132,7 +125,7 @@ class SolidCase:
     @property
     def length(self) -> float:
         """Length of the body [m]."""
-        return float(self.whole.node[:, 0].max()) if self.body is None else self.body.length
+        return float(self.mesh.whole.node[:, 0].max()) if self.body is None else self.body.length
 
     @property
     def bending_radius(self) -> float:
@@ -191,7 +184,7 @@ def wall_elements(case: SolidCase) -> WallElements:
         radius=radius,
         thickness=case.thickness,
         material=case.matter.material,
-        quadrature=mesh.quadrature if isinstance(mesh, SweptMesh) else "full",
+        quadrature=mesh.quadrature,
     )
 
 
@@ -298,7 +291,7 @@ def _meshes(vehicle: Vehicle, resolution: str) -> tuple[SolidMesh, SolidMesh | N
 
 def second_mesh(case: SolidCase) -> SolidMesh | None:
     """Return the mesh with which the mesh of a case is compared, None where there is none."""
-    return None if case.other is None else whole_mesh(case.other[1](case.whole))
+    return None if case.other is None else case.other[1](case.mesh.whole).whole
 
 
 def flying_mesh(vehicle: Vehicle) -> SolidMesh:
@@ -447,8 +440,8 @@ def case_of_body(
             return coarser_sector(body, wall, mesh)
         made = make_mesh(body, wall, checked_by)
         if checked_by.file is not None:
-            check_other(first, whole_mesh(made), checked_by.file)
-        check_mesh(whole_mesh(made), body.length)
+            check_other(first, made.whole, checked_by.file)
+        check_mesh(made.whole, body.length)
         return made
 
     def fourier_strain() -> FloatArray:

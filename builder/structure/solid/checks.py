@@ -12,8 +12,6 @@ One layer of quadratic hexahedra carries the bending of thin walls. In a thick o
 through the wall: on a ring of radius 4 t a single layer loses 2 % of the hoop strain under cos 2 phi and 6 % under
 cos 4 phi.
 
-What is found out about a mesh before it is solved on, as the settings of a structure hold it.
-
 Error of gauge strain by the mesh, as the difference of two models under loads that any surface can carry.
 
 The loads are pressure cos(m phi) and sin(m phi), m = 0 to 4, constant along x and growing from 0 at the nose to 1
@@ -23,16 +21,14 @@ at the base: what air does to a slender body, and what bends its wall.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from builder.reporting import Reporter
 from builder.structure.fourier.ring_gauges import place_gauges
 from builder.structure.fourier.shell_mesh import shell_mesh
 from builder.structure.fourier.strain_operator import harmonic_response, strain_operator
@@ -48,6 +44,7 @@ from builder.structure.solid.gauge_rows import Gauges, gauge_rows, gauges_at
 from builder.structure.solid.nodal_loads import pressure_load, surface_points
 from builder.structure.solid.solid_mesh import (
     EXTERNAL,
+    HEXAHEDRON,
     INTERNAL,
     NODES_PER_ELEMENT,
     QUADRATIC,
@@ -57,7 +54,6 @@ from builder.structure.solid.solid_mesh import (
 from builder.structure.solid.sparse_problem import factor_symmetric
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import free_motions
-from builder.structure.solid.swept_mesh import HEXAHEDRON, SweptMesh
 from builder.structure.structure_file import Structure
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid
@@ -368,32 +364,8 @@ def swept_elements(wall: Wall, *, radius: float, n_sectors: int, layers: int) ->
         radius=radius,
         thickness=wall.thickness,
         material=wall.material,
-        quadrature=SweptMesh.quadrature,
+        quadrature="thin_wall",
     )
-
-
-def examination(
-    report: Iterable[tuple[str, Any, str]], check: Callable[[], Mapping[int, float]], reporter: Reporter
-) -> dict[str, Any]:
-    """Run the locking check and return the entries ``mesh_report`` and ``locking`` of the settings.
-
-    Parameters
-    ----------
-    report : what, value, unit of each line of the mesh report.
-    check : returns the kept share of the wall's bending by harmonic; its warnings go to ``reporter``.
-    reporter : takes stages and notes.
-    """
-    with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LockingWarning)
-        ratios = check()
-    for one in caught:
-        reporter.note(f"warning: {one.message}")
-    return {
-        "mesh_report": [
-            [what, value if isinstance(value, int) else float(value), unit] for what, value, unit in report
-        ],
-        "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
-    }
 
 
 KILOPASCAL = 1e3

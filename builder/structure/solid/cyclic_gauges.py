@@ -7,10 +7,11 @@ sectors get the same row.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array, csr_array, vstack
 
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window
@@ -23,11 +24,17 @@ BOUNDARY = 1e-9  # of a sector: a gauge this close before a sector counts to it
 DECIMALS = 12  # m: positions are rounded there, so that rolled gauges agree to the last bit
 
 
-def gauge_rows_on(mesh: AnyMesh, gauges: Gauges, near_surface: bool = False) -> csr_array:
-    """Return B of gauges on a mesh of either kind; ``near_surface`` as of :func:`gauge_rows`, of no swept mesh."""
+def layout_rows(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> csr_array:
+    """Return B of all layouts on a mesh, one after another; within a layout no gauge may occur twice.
+
+    ``near_surface``, of meshes that are not swept, is as in
+    :func:`~builder.structure.solid.gauge_rows.gauge_rows`.
+    """
     if isinstance(mesh, SweptSector):
-        return cyclic_gauge_rows(mesh, gauges)
-    return gauge_rows(mesh, gauges, near_surface)
+        rows = [cyclic_gauge_rows(mesh, gauges) for gauges in layouts.values()]
+    else:
+        rows = [gauge_rows(mesh, gauges, near_surface) for gauges in layouts.values()]
+    return csr_array(vstack(rows))
 
 
 def cyclic_gauge_rows(sector: SweptSector, gauges: Gauges) -> csr_array:

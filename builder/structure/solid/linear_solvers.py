@@ -1,21 +1,14 @@
-"""PARDISO of Intel oneMKL through pypardiso: Cholesky of the upper triangle.
+"""One interface to all solvers, and the choice among them; PARDISO of Intel oneMKL through pypardiso.
 
-Conjugate gradients with a multigrid of smoothed aggregation (pyamg) that knows the rigid motions.
-
-It needs the smallest memory of all, and is slow: it suits one or a few loads on meshes of tetrahedra. On one layer
-of quadratic hexahedra convergence is poor; then an error is raised.
-
-One interface to all solvers, and the choice among them.
+SuperLU solves half a million components of a free shape in 7 GiB.
 """
 
 from __future__ import annotations
 
 import weakref
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, csr_matrix, issparse, triu
-from scipy.sparse.linalg import cg
 
 from builder.structure.solid.petsc import PETSC
 from builder.structure.solid.sparse_problem import (
@@ -32,7 +25,6 @@ from builder.structure.solid.sparse_problem import (
     refuse_indefinite,
     relative_residual,
 )
-from builder.structure.solid.supports import rigid_motions
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 
@@ -41,6 +33,7 @@ NOT_POSITIVE = -4  # its error: zero or negative pivot
 
 
 def _pardiso_factor(problem: SparseProblem) -> Factor:
+    """Factorise the upper triangle by Cholesky's method."""
     from pypardiso import PyPardisoSolver
     from pypardiso.pardiso_wrapper import PyPardisoError
 
@@ -70,89 +63,13 @@ PARDISO = BackEnd(
 )
 
 
-INVERTED = 200  # unknowns of the level that is inverted
-
-
-TOLERANCE = 1e-9  # ||A x - b|| / ||b|| at which conjugate gradients end
-MAX_ITERATIONS = 500  # per right-hand side; more is a failure
-
-
-def _multigrid_factor(problem: SparseProblem) -> Factor:
-    """Set up the multigrid of a problem.
-
-    Smoothed aggregation needs the motions that cost little energy, which for a solid are the rigid ones (Vanek,
-    Mandel and Brezina, Computing 56, 1996).
-
-    Returns
-    -------
-    (n_free, k) loads to displacements; raises SolverError with the iterations and the residual reached where the
-    tolerance is not met.
-    """
-    from pyamg import smoothed_aggregation_solver
-
-    near_null = None if problem.node is None else problem.free.T @ _unit_rigid_motions(problem.node)
-    hierarchy = smoothed_aggregation_solver(
-        _blocked(problem.matrix, problem.free), B=near_null, symmetry="symmetric", max_coarse=INVERTED
-    )
-    preconditioner = hierarchy.aspreconditioner()
-
-    def solve(load: FloatArray) -> FloatArray:
-        answer = [_conjugate_gradients(problem.matrix, column, preconditioner) for column in load.T]
-        return np.column_stack(answer)
-
-    return solve
-
-
-def _unit_rigid_motions(node: FloatArray) -> FloatArray:
-    centre = node.mean(axis=0)
-    return rigid_motions((node - centre) / np.abs(node - centre).max())
-
-
-def _blocked(matrix: csr_array, free: csr_array) -> Any:
-    """Return the matrix in 3 x 3 blocks of nodes where every node moves in all directions or in none."""
-    row = free.tocsc().indices
-    whole = free.nnz == free.shape[1] and len(row) % 3 == 0
-    # Old matrix classes: pyamg multiplies matrices with an asterisk.
-    if whole and (row.reshape(-1, 3) == 3 * (row[::3, None] // 3) + np.arange(3)).all():
-        return csr_matrix(matrix).tobsr(blocksize=(3, 3))
-    return csr_matrix(matrix)
-
-
-def _conjugate_gradients(matrix: csr_array, load: FloatArray, preconditioner: Any) -> FloatArray:
-    iterations = 0
-
-    def count(_: FloatArray) -> None:
-        nonlocal iterations
-        iterations += 1
-
-    answer, _ = cg(matrix, load, rtol=TOLERANCE, maxiter=MAX_ITERATIONS, M=preconditioner, callback=count)
-    size = float(np.linalg.norm(load))
-    residual = float(np.linalg.norm(matrix @ answer - load)) / (size or 1.0)
-    # The recurrence's own residual drifts from the true one, hence the factor.
-    if not residual <= 10.0 * TOLERANCE:
-        raise SolverError(
-            f"solver iterative: residual {residual:.1e} after {iterations} iterations, must be "
-            f"at most {TOLERANCE:g}; use a direct solver"
-        )
-    return np.asarray(answer)
-
-
-ITERATIVE = BackEnd(
-    name="iterative",
-    licence="MIT (pyamg)",
-    install="pip install 'strainfmu[iterative]'",
-    installed=lambda: importable("pyamg"),
-    factor=_multigrid_factor,
-)
-
-
 BLOCK = 64
 """Right-hand sides solved at once."""
 
-BACK_ENDS = (SUPERLU, PARDISO, ITERATIVE, PETSC)
+BACK_ENDS = (SUPERLU, PARDISO, PETSC)
 """The first is chosen where none is named: its licence binds no program that calls it.
 
-Intel's licence is a user's decision; petsc starts other processes; iterative may not converge.
+Intel's licence is a user's decision; petsc starts other processes.
 """
 CYCLIC = "cyclic"
 

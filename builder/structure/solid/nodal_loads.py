@@ -16,7 +16,7 @@ from builder.aero.surface.edges import split_at_edges
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.structure.solid.elements import facet_reference_nodes, facet_shape_functions, reference_facet
 from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
-from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window, whole_mesh
+from builder.structure.solid.swept_mesh import AnyMesh, SweptSector, sector_window
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
@@ -179,7 +179,7 @@ def loaded_surface(mesh: AnyMesh) -> tuple[SurfaceMesh, IntArray | None]:
     """Return the external surface as triangles, in the order of the columns of Z_p, and those columns for
     :func:`pressure_load`: of a swept mesh one per node, of others one per side of a sharp edge."""
     if isinstance(mesh, SweptSector):
-        return triangulated_surface(whole_mesh(mesh), EXTERNAL), None
+        return triangulated_surface(mesh.whole, EXTERNAL), None
     return split_surface(mesh, EXTERNAL)
 
 

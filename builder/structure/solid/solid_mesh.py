@@ -12,13 +12,16 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from builder.structure.solid.elements import FACE_CORNERS, boundary_facets
+from builder.structure.solid.elements import FACE_CORNERS, Quadrature, boundary_facets
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
 NODES_PER_ELEMENT = {"hexahedron20": 20, "tetrahedron10": 10, "hexahedron8": 8, "tetrahedron4": 4}
 QUADRATIC = ("hexahedron20", "tetrahedron10")
 """Results are taken from these alone: linear elements lock under the bending of a thin wall."""
+
+HEXAHEDRON = "hexahedron20"
+"""Elements of swept meshes."""
 
 EXTERNAL, INTERNAL, SUPPORT = "external", "internal", "support"
 """Names of the surfaces that carry the air load, the gauges, and the support."""
@@ -37,6 +40,7 @@ class SolidMesh:
     region : (m,) index into ``region_names``: which material an element is of.
     region_names : names of the regions.
     surface : per name the facets (f, n_f) node numbers, outward normal by the right-hand rule.
+    is_swept : whether reference axes of the elements run along, round and through the wall.
 
     Raises
     ------
@@ -50,6 +54,7 @@ class SolidMesh:
     region: IntArray
     region_names: tuple[str, ...]
     surface: Mapping[str, IntArray]
+    is_swept: bool = False
 
     def __post_init__(self) -> None:
         if self.element_type not in NODES_PER_ELEMENT:
@@ -73,6 +78,16 @@ class SolidMesh:
     def n_dof(self) -> int:
         """Displacement components: dof = 3 * node + component."""
         return 3 * len(self.node)
+
+    @property
+    def quadrature(self) -> Quadrature:
+        """How the stiffness is integrated; long swept hexahedra are too stiff by the full quadrature."""
+        return "thin_wall" if self.is_swept and self.element_type == HEXAHEDRON else "full"
+
+    @property
+    def whole(self) -> SolidMesh:
+        """The mesh itself; of a sector all of them."""
+        return self
 
     def named_surface(self, name: str) -> IntArray:
         """Return the facets (f, n_f) of a surface.

@@ -6,25 +6,26 @@ touch (checks, report, locking) is taken from a file made before on the same mes
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array
 
 from builder.reporting import Progress, Reporter
 from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import SolidCase, wall_elements
 from builder.structure.solid.checks import (
     NO_REFERENCE,
+    LockingWarning,
     check_locking,
     check_solid_elements,
-    examination,
     largest_amplitude,
     reference_pressures,
 )
-from builder.structure.solid.cyclic_gauges import gauge_rows_on
+from builder.structure.solid.cyclic_gauges import layout_rows
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields
 from builder.structure.solid.linear_solvers import CYCLIC, named_back_end
 from builder.structure.solid.mesh_checks import (
@@ -37,7 +38,7 @@ from builder.structure.solid.mesh_choice import MeshChoice, make_mesh
 from builder.structure.solid.nodal_loads import loaded_surface
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.strain_solution import StrainSolution, solve_strain
-from builder.structure.solid.swept_mesh import AnyMesh, whole_mesh
+from builder.structure.solid.swept_mesh import AnyMesh
 from builder.structure.structure_file import Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
@@ -110,7 +111,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
     else:
         found = _examined(case, reporter)
     with reporter.stage("Gauges"):
-        rows = _rows_of_layouts(mesh, case.layouts)
+        rows = layout_rows(mesh, case.layouts)
     with reporter.stage("Strain per pressure") as progress:
         solved = _solved(case, mesh, rows, case.solver, progress)
     error, check, against = np.zeros(len(solved.strain_operator)), None, NO_REFERENCE
@@ -121,7 +122,7 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
                 error, against = largest_amplitude(strain - case.reference()), FOURIER_REFERENCE
             if case.other is not None:
                 name, other_mesh = case.other
-                check = on_other_mesh(case, other_mesh(case.whole), progress, name)
+                check = on_other_mesh(case, other_mesh(case.mesh.whole), progress, name)
                 assert check.point is not None
                 on_other = check.strain_operator @ reference_pressures(check.point, case.length)
                 error, against = largest_amplitude(strain - on_other), check.against
@@ -136,8 +137,8 @@ def solve_solid_structure(case: SolidCase, reporter: Reporter, before: Structure
             "made_from": made_from,
         },
         statistics={
-            "elements": len(case.whole.element),
-            "degrees_of_freedom": case.whole.n_dof,
+            "elements": len(case.mesh.whole.element),
+            "degrees_of_freedom": case.mesh.whole.n_dof,
             **solved.statistics,
         },
         **gauge_fields(case.layouts),
@@ -155,10 +156,10 @@ def on_other_mesh(
 ) -> MeshCheck:
     """Return Z_p of the gauges on another mesh; on one of free shape each is moved onto its surface."""
     is_free = case.body is None
-    rows = _rows_of_layouts(mesh, case.layouts, near_surface=is_free)
+    rows = layout_rows(mesh, case.layouts, near_surface=is_free)
     surface = loaded_surface(mesh)[0]
     return MeshCheck(
-        against=f"{name} of {whole_mesh(mesh).n_dof} dofs",
+        against=f"{name} of {mesh.whole.n_dof} dofs",
         factor=1.0,
         strain_operator=_solved(case, mesh, rows, case.solver if is_free else None, progress).strain_operator,
         point=surface.point,
@@ -174,9 +175,9 @@ def strain_per_force(case: SolidCase) -> tuple[SolidMesh, FloatArray]:
     InputError, StrainfmuError
         As :func:`solve_solid_structure`; checks and the locking of the mesh are that function's.
     """
-    rows = _rows_of_layouts(case.mesh, case.layouts)
+    rows = layout_rows(case.mesh, case.layouts)
     solved = _solved(case, case.mesh, rows, case.solver, None, of_forces=True)
-    return case.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
+    return case.mesh.whole, solved.strain_operator.reshape(len(solved.strain_operator), -1, 3)
 
 
 def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[str, Gauges]) -> None:
@@ -187,34 +188,40 @@ def check_gauges_on_mesh(body: BodyOfRevolution, wall: Wall, layouts: Mapping[st
     InputError
         The wall does not fit the body or a gauge is not on its surface.
     """
-    _rows_of_layouts(make_mesh(body, wall, MeshChoice(resolution="coarse")), layouts)
+    layout_rows(make_mesh(body, wall, MeshChoice(resolution="coarse")), layouts)
 
 
 def _examined(case: SolidCase, reporter: Reporter) -> dict[str, Any]:
-    """Check the mesh and describe it; return the settings that follow."""
-    mesh = case.whole
+    """Check the mesh and describe it; return the settings ``mesh_report`` and ``locking`` that follow."""
+    mesh = case.mesh.whole
     exact = None if case.body is None else exact_wall(*case.of_revolution)
     with reporter.stage("Mesh checks and report"):
         check_mesh(mesh, case.length, hollow=case.body is not None)
         if case.file is not None:
             refuse_misfits(case.file, mesh_misfits(mesh, *case.of_revolution), NEEDS_BOTH)
-        report = mesh_report(mesh, case.matter.known_densities(mesh.region_names), exact)
+        report = [
+            [what, value if isinstance(value, int) else float(value), unit]
+            for what, value, unit in mesh_report(mesh, case.matter.known_densities(mesh.region_names), exact)
+        ]
+    with reporter.stage("Locking check"), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LockingWarning)
+        ratios = _locking(case, reporter)
+    for warning in caught:
+        reporter.note(f"warning: {warning.message}")
+    return {
+        "mesh_report": report,
+        "locking": {str(harmonic): float(ratio) for harmonic, ratio in ratios.items()},
+    }
 
-    def locking() -> Mapping[int, float]:
-        if INTERNAL not in mesh.surface:
-            check_solid_elements(mesh.element_type, case.allow_locking)
-            reporter.note(
-                "mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks"
-            )
-            return {}
+
+def _locking(case: SolidCase, reporter: Reporter) -> Mapping[int, float]:
+    """Return the kept share of the wall's bending by harmonic; a body without a cavity has no wall."""
+    mesh = case.mesh.whole
+    if INTERNAL in mesh.surface:
         return check_locking(wall_elements(case), case.allow_locking)
-
-    return examination(report, locking, reporter)
-
-
-def _rows_of_layouts(mesh: AnyMesh, layouts: Mapping[str, Gauges], near_surface: bool = False) -> csr_array:
-    """Return B of all layouts, one after another; within a layout no gauge may occur twice."""
-    return csr_array(vstack([gauge_rows_on(mesh, one, near_surface) for one in layouts.values()]))
+    check_solid_elements(mesh.element_type, case.allow_locking)
+    reporter.note("mesh: a body without a cavity (no surface 'internal'): it has no wall whose bending locks")
+    return {}
 
 
 def _solved(

@@ -52,8 +52,8 @@ class SparseProblem:
     ----------
     matrix : (n_free, n_free) free^T A free [N/m], symmetric positive definite.
     free : (n_dof, n_free) free motions, orthonormal columns [-].
-    node : (n_dof / 3, 3) positions [m] of the nodes, from which multigrid takes the rigid motions; None where
-        the unknowns belong to no nodes.
+    node : (n_dof / 3, 3) positions [m] of the nodes, whose planes of symmetry part the problem; None where the
+        unknowns belong to no nodes.
 
     Raises
     ------

@@ -13,7 +13,6 @@ from scipy.sparse import bsr_array, csc_array, csr_array
 
 from builder.structure.solid.elements import Quadrature, reference_element
 from builder.structure.solid.solid_mesh import SolidMesh
-from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -83,8 +82,7 @@ def _chunks(
 ) -> Iterator[tuple[slice, FloatArray]]:
     """Yield ranges of elements and their stiffness (c, n_e, 3, n_e, 3) [N/m]."""
     lame = element_materials(mesh, materials)
-    if quadrature is None:
-        quadrature = mesh.quadrature if isinstance(mesh, SweptMesh) else "full"
+    quadrature = quadrature or mesh.quadrature
     if not (reference_element(mesh.element_type, quadrature).weight > 0.0).all():
         raise InputError(f"quadrature {quadrature} of {mesh.element_type} has weights that are not positive")
     for start in range(0, len(mesh.element), CHUNK):
@@ -111,9 +109,7 @@ def element_stiffness(
     ----------
     mesh : the mesh.
     materials : material by name of region.
-    quadrature : by default ``"thin_wall"`` of a :class:`~builder.structure.solid.swept_mesh.SweptMesh`, whose
-        long elements are too stiff otherwise (:data:`builder.structure.solid.elements.THIN_WALL_POINTS`),
-        and ``"full"`` of any other mesh.
+    quadrature : by default the mesh's own (:data:`builder.structure.solid.elements.THIN_WALL_POINTS`).
 
     Returns
     -------

@@ -24,7 +24,7 @@ from builder.structure.solid.solid_mesh import EXTERNAL, SolidMesh
 from builder.structure.solid.sparse_problem import SparseProblem
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.supports import Restraint, Support, restrain
-from builder.structure.solid.swept_mesh import REGION, AnyMesh, SweptSector, whole_mesh
+from builder.structure.solid.swept_mesh import REGION, AnyMesh, SweptSector
 from builder.structure.wall import Material
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
@@ -188,7 +188,7 @@ def solve_strain(
             return _solution(_along_body_axes(mesh, found), cyclic)
         return _solution(cyclic.strain_operator(rows, pressure_operator(mesh, EXTERNAL), progress), cyclic)
     solver, flight = _held(mesh, matter, support, solver_name)
-    load = nodal_force_load(whole_mesh(mesh), EXTERNAL) if of_forces else _pressure_load(mesh)
+    load = nodal_force_load(mesh.whole, EXTERNAL) if of_forces else _pressure_load(mesh)
     operator = strain_operator(rows, solver, load, flight, progress)
     return _solution(operator, solver)
 
@@ -223,7 +223,7 @@ def _held(
     mesh: AnyMesh, matter: Matter, support: Support | None, solver_name: str | None
 ) -> tuple[SparseSolver, FreeFlight | None]:
     """Return the solver of the held structure on its full mesh, and the inertia that balances a free flight."""
-    whole = whole_mesh(mesh)
+    whole = mesh.whole
     regions = whole.region_names
     flight = free_flight(whole, matter) if support is None else None
     held = held_problem(whole, matter.materials(regions), None if support is None else [support])
@@ -232,7 +232,7 @@ def _held(
 
 def _pressure_load(mesh: AnyMesh) -> csr_array:
     """Return the nodal force (n_dof, n_p) per pressure [m2] on the external surface."""
-    return pressure_load(whole_mesh(mesh), EXTERNAL, loaded_surface(mesh)[1])
+    return pressure_load(mesh.whole, EXTERNAL, loaded_surface(mesh)[1])
 
 
 def _along_body_axes(sector: SweptSector, operator: FloatArray) -> FloatArray:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -26,15 +27,14 @@ from builder.structure.fourier.meridian_mesh import (
     with_middles,
 )
 from builder.structure.fourier.shell_mesh import CORE_ELEMENTS, EDGE_REACH, FINEST, shell_mesh, tip_columns
-from builder.structure.solid.elements import Quadrature, element_faces, reference_nodes
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT, SolidMesh
+from builder.structure.solid.elements import element_faces, reference_nodes
+from builder.structure.solid.solid_mesh import EXTERNAL, HEXAHEDRON, INTERNAL, SUPPORT, SolidMesh
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.errors import InputError
 
-HEXAHEDRON = "hexahedron20"
 MIN_SECTORS = 6
 REGION = "wall"
 BORE = "tip_bore"
@@ -80,23 +80,16 @@ class SweptSector:
         """Displacement components of one sector."""
         return 3 * len(self.node)
 
+    @cached_property
+    def whole(self) -> SolidMesh:
+        """All sectors."""
+        return full_mesh(self)
+
     def rotation(self, sector: int) -> FloatArray:
         """Return (3, 3): a vector in the frame of ``sector`` to body axes; roll goes from +z towards +y."""
         angle = 2.0 * np.pi * sector / self.n_sectors
         c, s = np.cos(angle), np.sin(angle)
         return np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]])
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweptMesh(SolidMesh):
-    """A mesh whose elements' reference axes run along, round and through the wall.
-
-    Attributes
-    ----------
-    quadrature : how its stiffness is integrated unless stated otherwise.
-    """
-
-    quadrature: Quadrature = "thin_wall"
 
 
 @dataclass(frozen=True)
@@ -264,7 +257,7 @@ def cut_station(radius: Callable[[FloatArray], FloatArray], tip: float) -> float
     return high
 
 
-def sector_window(sector: SweptSector, before: int = 0, after: int = 0) -> SweptMesh:
+def sector_window(sector: SweptSector, before: int = 0, after: int = 0) -> SolidMesh:
     """Return the sectors from ``before`` ahead of the first to ``after`` behind it, body axes.
 
     The nodes of the sector behind the last are there too.
@@ -273,14 +266,14 @@ def sector_window(sector: SweptSector, before: int = 0, after: int = 0) -> Swept
     return _repeated(sector, np.concatenate([sector.node @ turn.T for turn in turns]), before + after + 1)
 
 
-def full_mesh(sector: SweptSector) -> SweptMesh:
+def full_mesh(sector: SweptSector) -> SolidMesh:
     """Return all sectors: node = sector * n_nodes + local node, elements and facets sector by sector."""
     turns = np.stack([sector.rotation(s) for s in range(sector.n_sectors)])
     node = np.einsum("sij,nj->sni", turns, sector.node).reshape(-1, 3)
     return _repeated(sector, node, sector.n_sectors)
 
 
-def _repeated(sector: SweptSector, node: FloatArray, n_sectors: int) -> SweptMesh:
+def _repeated(sector: SweptSector, node: FloatArray, n_sectors: int) -> SolidMesh:
     """Return the elements of neighbouring sectors on their nodes (n, 3) [m], the first node after the last."""
     first = sector.n_nodes * np.arange(n_sectors)[:, None, None]
 
@@ -289,14 +282,14 @@ def _repeated(sector: SweptSector, node: FloatArray, n_sectors: int) -> SweptMes
         return every
 
     element = repeated(sector.element)
-    return SweptMesh(
+    return SolidMesh(
         element_type=sector.element_type,
         node=node,
         element=element,
         region=np.zeros(len(element), dtype=np.int64),
         region_names=(REGION,),
         surface={name: repeated(facet) for name, facet in sector.surface.items()},
-        quadrature="thin_wall" if sector.element_type == HEXAHEDRON else "full",
+        is_swept=True,
     )
 
 
@@ -304,20 +297,15 @@ AnyMesh = SweptSector | SolidMesh
 """A mesh, a swept one as its sector."""
 
 
-def whole_mesh(mesh: AnyMesh) -> SolidMesh:
-    """Return the mesh itself, or all sectors of a swept one."""
-    return full_mesh(mesh) if isinstance(mesh, SweptSector) else mesh
-
-
 QUARTERS: FloatArray = 0.5 * np.pi * np.arange(4.0)
 
 
-def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -> SweptMesh:
+def section_wall(body: SectionedBody, wall: Wall, resolution: SweptResolution) -> SolidMesh:
     """Mesh the wall of ``body`` with its solid tip, held at the base.
 
     Returns
     -------
-    SweptMesh
+    SolidMesh
         Surfaces external, internal (the wall's, behind the tip), support (the base ring) and tip_bore.
 
     Raises

@@ -12,8 +12,8 @@ import pytest
 
 from builder.structure.solid.gauge_layouts import GaugeSurface, free_gauges, surface_axes
 from builder.structure.solid.mesh_checks import check_mesh
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL
-from builder.structure.solid.swept_mesh import SweptMesh, SweptResolution, section_wall
+from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
+from builder.structure.solid.swept_mesh import SweptResolution, section_wall
 from builder.structure.wall import Material, Wall
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.gauges.gauge_entries import GaugeLayoutEntry, Gauges
@@ -33,7 +33,7 @@ WALL = Wall(0.003, 0.3, Material(70e9, 0.3))
 
 
 @cache
-def wall_mesh() -> SweptMesh:
+def wall_mesh() -> SolidMesh:
     return section_wall(BODY, WALL, SweptResolution(0.08, 1, 24))
 
 

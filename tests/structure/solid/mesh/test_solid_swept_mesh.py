@@ -24,11 +24,10 @@ from builder.structure.solid.nodal_loads import (
     triangulated_surface,
     vector_area,
 )
-from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SUPPORT
+from builder.structure.solid.solid_mesh import EXTERNAL, HEXAHEDRON, INTERNAL, SUPPORT
 from builder.structure.solid.stiffness import assemble_stiffness
 from builder.structure.solid.swept_mesh import (
     BORE,
-    HEXAHEDRON,
     REGION,
     RESOLUTIONS,
     SweptResolution,

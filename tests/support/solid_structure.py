@@ -1,4 +1,4 @@
-"""Known loads on the three-dimensional model.
+"""Known loads on the three-dimensional model, to compare other models of loads with.
 
 Nodal forces are arrays (n_dof,) [N], dof = 3 * node + component along body axes. The strains of all gauges are
 solved for once (adjoint, as in :mod:`~builder.structure.solid.strain_solution`), so that a load costs a product.
@@ -14,7 +14,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.structure.loads.loaded_structure import INNER, OUTER, LoadProperties, SurfacePoints, check_stations
+from builder.structure.loads.of_vehicle import load_properties
 from builder.structure.loads.temperature import TemperatureField, wall_depth
+from builder.structure.solid.case import solid_case
 from builder.structure.solid.elements import (
     CurvedFacets,
     boundary_facets,
@@ -26,13 +28,14 @@ from builder.structure.solid.elements import (
 from builder.structure.solid.gauge_rows import Gauges, gauge_rows
 from builder.structure.solid.linear_solvers import choose_solver
 from builder.structure.solid.matter import FreeFlight, Matter, free_flight
+from builder.structure.solid.mesh_choice import MeshChoice
 from builder.structure.solid.nodal_loads import surface_points, vector_area
 from builder.structure.solid.solid_mesh import EXTERNAL, INTERNAL, SolidMesh
 from builder.structure.solid.stiffness import CHUNK, physical_gradients
 from builder.structure.solid.strain_solution import held_problem
 from builder.structure.solid.supports import Support, rigid_motions
-from builder.structure.solid.swept_mesh import SweptMesh
 from builder.structure.wall import Material
+from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 
 NAMES = {OUTER: EXTERNAL, INNER: INTERNAL}
@@ -122,7 +125,7 @@ class SolidStructure:
     def thermal_force_of_nodes(self, temperature: FloatArray) -> FloatArray:
         """Return the same for temperatures (n_nodes,) [K] of the mesh's nodes."""
         kind = self.mesh.element_type
-        quadrature = self.mesh.quadrature if isinstance(self.mesh, SweptMesh) else "full"
+        quadrature = self.mesh.quadrature
         young, nu = self.material.youngs_modulus, self.material.poisson_ratio
         stress = self.properties.needed_expansion() * young / (1.0 - 2.0 * nu)
         shape = reference_element(kind, quadrature).shape
@@ -219,6 +222,33 @@ def solid_structure(
         is_free=supports is None,
         gauge_position=gauges.position,
         adjoint=solver.solve(csr_array(gauge_rows(mesh, gauges).T)).T,
+    )
+
+
+def solid_structure_of(
+    vehicle: Vehicle,
+    layout: str,
+    mesh: MeshChoice | None = None,
+    properties: LoadProperties | None = None,
+    solver_name: str | None = None,
+) -> SolidStructure:
+    """Return the three-dimensional model of a vehicle with its support.
+
+    Parameters
+    ----------
+    vehicle, layout : the vehicle and the name of one of its layouts.
+    mesh : which mesh; a swept one by default.
+    properties : what loads need; the density of the vehicle file by default.
+    solver_name : name of a solver, or None for the best installed one.
+    """
+    case = solid_case(vehicle, [layout], mesh, solver_name)
+    return solid_structure(
+        mesh=case.mesh.whole,
+        material=case.matter.material,
+        gauges=case.layouts[layout],
+        supports=None if case.support is None else [case.support],
+        properties=properties or load_properties(vehicle),
+        solver_name=solver_name,
     )
 
 
