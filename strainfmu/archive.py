@@ -51,7 +51,7 @@ def write_archive(path: Path, entries: Mapping[str, bytes]) -> None:
 def _zip(entries: Mapping[str, bytes]) -> bytes:
     """Return a deflated zip whose bytes depend on ``entries`` alone."""
     image = io.BytesIO()
-    with zipfile.ZipFile(image, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive:
+    with zipfile.ZipFile(image, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(entries):
             entry = zipfile.ZipInfo(name.replace("\\", "/"), _ZIP_TIME)
             entry.compress_type = zipfile.ZIP_DEFLATED

@@ -167,6 +167,7 @@ def time_of_one_call(call: Callable[[], object], repeats: int = 1, calls: int = 
     return perf_counter() - start
 
 
+@pytest.mark.slow
 def test_every_command_runs_on_the_result(
     ic3x_demo: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,6 +40,7 @@ def solved(run: Run, vehicle: Path, output: Path) -> Snapshots:
     return load_snapshots(output)
 
 
+@pytest.mark.slow
 def test_out_to_another_program_and_back_to_a_map(
     run: Run, vehicle: Path, ogive_demo: Path, tmp_path: Path
 ) -> None:

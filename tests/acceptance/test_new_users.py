@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from multicast import skip_without_multicast
 from recorded_case import read_csv
 
@@ -170,6 +171,7 @@ def write_bus(folder: Path, demo: Path, port: int) -> None:
     (folder / "bus.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_a_bridge_on_a_bus_with_signals_of_its_own(ic3x_demo: Path, tmp_path: Path) -> None:
     """Bridge, sender, recording; a replay repeats every result that was on the bus, coefficients by the truth."""
     skip_without_multicast()

@@ -88,6 +88,7 @@ def test_recording_to_loads_to_pandas(ic3x_demo: Path, tmp_path: Path) -> None:
     assert isinstance(estimator.estimate(strain[0], table["dynamic_pressure"][0]).C_N, float)
 
 
+@pytest.mark.slow
 def test_calibrate_a_map(ogive_demo: Path, tmp_path: Path) -> None:
     vehicle = builder.load_vehicle(OGIVE)
     structure = builder.as_built_structure(vehicle, vehicle.gauges.layout, resolution=vehicle.resolution.truth)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_case import THREADS, campaign_of, run, start
+from campaign_case import THREADS, campaign_of, run
 from ogive import OGIVE
 
 from builder.aero.engine import Flow, FlowKey
@@ -135,20 +135,19 @@ def test_mass_is_noted_next_to_momentum(vehicle: Vehicle, tmp_path: Path) -> Non
     assert run(campaign, path).up_to_date
 
 
-def test_the_command_says_what_failed(tmp_path: Path) -> None:
+def test_the_command_says_what_failed(tmp_path: Path, run: Callable[..., tuple[int, str, str]]) -> None:
     """The file is written, what is missing is listed, and exit code 3 with one line says that it is not all."""
     table = tmp_path / "some.csv"
     rows = ["mach_number,angle_of_attack_deg,sideslip_angle_deg,altitude_km", "4,0,0,20", "1.1,2,0,20", "4,2,0,20"]
     table.write_text("\n".join(rows) + "\n")
     output = tmp_path / "snapshots.h5"
-    process = start("snapshots", OGIVE, "--set", table, "-o", output, "--workers", 0)
-    printed, message = process.communicate()
-    assert process.returncode == ConditionsMissing.exit_code == 3
+    code, printed, message = run("snapshots", OGIVE, "--set", table, "-o", output, "--workers", 0)
+    assert code == ConditionsMissing.exit_code == 3
     assert len(load_snapshots(output).condition) == 2
     assert "not solved: M 1.1, alpha 2 deg" in " ".join(printed.split())
     assert "mass is conserved within" in " ".join(printed.split())
     assert message.count("\n") == 1
     assert f"{output}: 1 of 3 conditions not solved; the first: euler: the axial Mach number falls to 1" in message
-    shown, _ = start("inspect", output, "-o", tmp_path / "figures").communicate()
+    _, shown, _ = run("inspect", output, "-o", tmp_path / "figures")
     assert "not solved: M 1.1, alpha 2 deg, beta 0 deg, 20 km: euler: the axial Mach number falls to 1" in shown
     assert " momentum     mass repairs" in shown

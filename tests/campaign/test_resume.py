@@ -65,6 +65,6 @@ def test_ctrl_c_keeps_what_is_finished(workers: int, undisturbed: Undisturbed, t
     assert f" of 15 flows are kept in {journal_path(output)}" in message
     kept = int(message.split("; ")[1].split(" of ")[0])
     assert kept >= 1
-    printed, _ = start("snapshots", OGIVE, "-o", output).communicate()
+    _, printed, _ = run("snapshots", OGIVE, "-o", output)
     assert f"{15 - kept} solved now, {kept} reused" in " ".join(printed.split())
     assert stored_hash(output) == undisturbed.content_hash

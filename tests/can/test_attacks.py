@@ -66,9 +66,9 @@ def test_one_kind_of_fault(profile: str, kind: str) -> None:
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_two_to_five_faults_at_once(profile: str) -> None:
-    total = campaign(profile, range(12), report=lambda _, found: assert_nothing_false(found))
-    assert total["cycles"] > 2_700
-    assert total["valid"] > 1_500
+    total = campaign(profile, range(4), report=lambda _, found: assert_nothing_false(found))
+    assert total["cycles"] > 900
+    assert total["valid"] > 500
 
 
 @pytest.mark.slow
@@ -125,8 +125,8 @@ WITHOUT_ECHO = tuple(
 @pytest.mark.parametrize("profile", PROFILES)
 def test_a_sender_of_version_1_is_older_than_stated_only_where_an_earlier_run_is_replayed(profile: str) -> None:
     """It names neither session nor result: restarts wait for somebody, or say so."""
-    total = campaign(profile, range(12), kinds=WITHOUT_ECHO, session=None)
-    assert total["valid"] > 1_200
+    total = campaign(profile, range(4), kinds=WITHOUT_ECHO, session=None)
+    assert total["valid"] > 400
     assert total["too_old"] == total["mixed"] == total["unaccounted"] == 0
 
 

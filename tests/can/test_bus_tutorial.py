@@ -100,6 +100,7 @@ def wait_for_page(http: str) -> str:
     raise AssertionError("no page")
 
 
+@pytest.mark.slow
 def test_one_file_and_four_commands_and_three_times_usable(
     bench: tuple[Path, list[str], str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -199,8 +199,8 @@ def test_memory_is_limited_behind_a_first_look_too(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"x")
     with limited_memory(path), pytest.raises(MemoryError):
-        bytearray(3 << 30)
-    assert len(bytearray(3 << 29)) == 3 << 29
+        np.empty(3 << 30, np.uint8)
+    assert np.empty(3 << 29, np.uint8).nbytes == 3 << 29
 
 
 def test_items_come_from_a_process_apart_until_it_fails(tmp_path: Path) -> None:

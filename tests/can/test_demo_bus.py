@@ -42,6 +42,7 @@ def test_sender_and_bridge_meet_by_authenticated_frames(folder: Path) -> None:
     assert "no earlier run" in flown.bridge
 
 
+@pytest.mark.slow
 def test_a_process_that_fails_is_one_line(folder: Path) -> None:
     (folder / "plant.fmu").write_bytes(b"no FMU")
     with pytest.raises(StrainfmuError, match=r"CAN sender: ended with exit code 2: .*damaged, or not an FMU"):

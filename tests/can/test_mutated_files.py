@@ -20,6 +20,7 @@ from limited_process import Ended, limited_run
 from mf4_files import write_bus_log
 from mutations import mutated
 from recorded_case import NAMES, samples
+from sweeps import sweep
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.frame import to_message
@@ -168,7 +169,7 @@ def problems(kind: str, seeds: range, synthetic: SyntheticFiles, folder: Path) -
     return found
 
 
-@pytest.mark.parametrize("seed", [15, 21, 37, 51, 251, 311, 436])
+@pytest.mark.parametrize("seed", sweep([15, 21, 37, 51, 251, 311, 436], [15, 436]))
 def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, tmp_path: Path) -> None:
     """By a crash, a loop, a message of its own, gigabytes, or times without end; it is read in a process apart."""
     assert problems("mf4", range(seed, seed + 1), synthetic, tmp_path) == []
@@ -176,7 +177,7 @@ def test_an_mf4_file_that_ends_its_parser(seed: int, synthetic: SyntheticFiles, 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_mutations(kind: str, synthetic: SyntheticFiles, tmp_path: Path) -> None:
-    assert problems(kind, range(1000, 1008), synthetic, tmp_path) == []
+    assert problems(kind, range(1000, 1003), synthetic, tmp_path) == []
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from pathlib import Path
 import can
 import pytest
 from bus_run import live_run
+from sweeps import sweep
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.frame import Frame
@@ -92,7 +93,7 @@ def test_blf_keeps_error_and_remote_frames(tmp_path: Path) -> None:
     assert [frame for frame, _ in read(tmp_path / "run.blf")[0]] == given
 
 
-@pytest.mark.parametrize("suffix", LOG_SUFFIXES)
+@pytest.mark.parametrize("suffix", sweep(LOG_SUFFIXES, [".blf"]))
 def test_sigkill_loses_at_most_the_last_second(tmp_path: Path, suffix: str) -> None:
     """A killed process leaves a log that python-can's own reader reads, up to less than 1 s before the kill."""
     path, begin = tmp_path / f"run{suffix}", time.time()
@@ -187,7 +188,7 @@ print(*run.notes, sep="\\n")
 """
 
 
-@pytest.mark.parametrize(("suffix", "limit"), [(".blf", 600), (".asc", 6000)])
+@pytest.mark.parametrize(("suffix", "limit"), [(".blf", 600), pytest.param(".asc", 6000, marks=pytest.mark.slow)])
 def test_a_full_disk_keeps_summary_account_and_what_is_whole(
     synthetic: SyntheticFiles, tmp_path: Path, suffix: str, limit: int
 ) -> None:

@@ -14,6 +14,7 @@ from bus_run import CYCLE, LiveRun, live_run
 from can_faults import Fault, FaultKind
 from other_load_maps import with_own_further
 from scaled_maps import scaled_map
+from sweeps import sweep
 from synthetic_vehicle import SyntheticFiles
 
 from strainfmu.can.log_description import sidecar
@@ -75,7 +76,7 @@ def test_cycles_that_a_live_bridge_skipped_are_skipped_again(synthetic: Syntheti
     assert summary.account.classes[FrameClass.SKIPPED] == run.summary.account.classes[FrameClass.SKIPPED]
 
 
-@pytest.mark.parametrize("suffix", LOG_SUFFIXES)
+@pytest.mark.parametrize("suffix", sweep(LOG_SUFFIXES, [".blf"]))
 def test_coefficients_of_a_live_run_bit_by_bit(synthetic: SyntheticFiles, tmp_path: Path, suffix: str) -> None:
     log = tmp_path / f"run{suffix}"
     run = live_run(synthetic.estimator_1, f"replay{suffix}", 70, FAULTS, record=log)

@@ -176,6 +176,7 @@ def largest_error(inverse_map: InverseMap, n_cycles: int, cycles: np.ndarray, fo
     return largest
 
 
+@pytest.mark.slow
 def test_three_seconds_at_100_hz(vehicle: tuple[InverseMap, Path]) -> None:
     run = fly(vehicle, 0.01, 300)
     check(run, vehicle, 0.01, 300, lossless=True)

@@ -29,7 +29,7 @@ def test_seeds_differ(scenario: Scenario) -> None:
 
 
 def test_a_gauge_that_drops_out_is_reported_at_once(scenario: Scenario) -> None:
-    loop = short(every=9)
+    loop = short(every=27)
     (row,) = with_fault(scenario, loop.fault[0], loop)
     count = len(range(0, load_flight_model(scenario.flight_model).n_strain_gauges, loop.every))
     assert (row["case"], row["samples"], row["holds"], row["healthy_out_of_use"]) == ("dropout", count, count, 0)

@@ -31,8 +31,11 @@ from strainfmu.estimator.map.inverse_map import load_inverse_map
 
 PAGES = {page.relative_to(ROOT).as_posix(): snippets(page) for page in pages()}
 RUNNING = {name: found for name, found in PAGES.items() if any(s.kind != "skip" for s in found)}
-LONG = ("docs/tutorials/your_vehicle.md", "docs/howto/choose_gauges_and_case.md", "docs/howto/run_campaigns.md")
-"""Pages that solve flows for half a minute; tests/pipeline/test_readme_flows.py runs their commands on less."""
+LONG = (
+    *("docs/tutorials/your_vehicle.md", "docs/howto/choose_gauges_and_case.md", "docs/howto/run_campaigns.md"),
+    *("docs/howto/bring_cfd.md", "docs/explanation/aerodynamics.md"),
+)
+"""Pages that solve flows for seconds; tests/pipeline/test_readme_flows.py runs their commands on less."""
 AFTER_THE_TUTORIAL = ("docs/howto/choose_gauges_and_case.md",)
 """Pages that repeat the build of the second tutorial, in its ``results``: the files are reused."""
 LINE_BY_LINE = ("strainfmu", "printf", "sed")

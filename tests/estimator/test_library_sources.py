@@ -17,8 +17,6 @@ from strainfmu.estimator.library_sources import LIBRARIES, MARK, NoCoreError, li
 from strainfmu.fmu.native import package
 from strainfmu.fmu.native.build import NATIVE, PLATFORMS, library_file
 
-pytestmark = pytest.mark.fast
-
 HEALTH, SOUND = "estimator/policies/health.c", "return OK;"
 REFUSED = (
     rf"^fmus/native/binaries/{this_platform()}/estimator: expected a library of the C sources in fmus/native,"
@@ -63,10 +61,12 @@ def _own_cache(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("CC", str(cache / "quick"))
 
 
+@pytest.mark.fast
 def test_a_library_of_its_sources_is_loaded(native: Path) -> None:
     assert load() == str(core.library_file())
 
 
+@pytest.mark.slow
 def test_of_other_sources_a_library_is_made_once(
     native: Path, cache: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

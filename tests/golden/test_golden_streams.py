@@ -53,6 +53,9 @@ BY_OTHERS = (
 )
 """Kinds whose flights they are given."""
 
+TWICE = ("scaled_sensors", "scaled_parameters", "scaled_air_sources", "scaled_masses")
+"""Of these, linear maps whose inputs a nonlinear one has too: they are given in the slow tests."""
+
 BY_OTHERS_IN_PYTHON = ("scaled_parameters", "air_sources", "masses")
 """Of these, kinds of the Python FMU: a process starts for each, around the same core."""
 
@@ -243,7 +246,7 @@ def test_python_fmu(kind: str, title: str, mode: str, sources: Callable[[str, st
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        pytest.param(kind, name, id=f"{kind}-{name}")
+        pytest.param(kind, name, id=f"{kind}-{name}", marks=pytest.mark.slow if kind in TWICE else ())
         for kind in BY_OTHERS
         for name, (_, source) in OTHERS.items()
         if source != "python.fmu" or kind in BY_OTHERS_IN_PYTHON

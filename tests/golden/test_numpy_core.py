@@ -13,7 +13,7 @@ from numpy_core import ByNumpy
 pytestmark = pytest.mark.fast
 
 
-SAMPLES = 120
+SAMPLES = 30
 """First ones of a stream: the reference estimates one after another."""
 
 

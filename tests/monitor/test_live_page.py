@@ -50,6 +50,7 @@ def test_chromium_shows_what_is_outside_and_what_is_not_known(tmp_path: Path, mo
         mouth.close()
 
 
+@pytest.mark.slow
 def test_chromium_shows_live_data_and_goes_on_after_a_restart(
     synthetic: SyntheticFiles, tmp_path: Path, monitor: Monitor
 ) -> None:

@@ -314,7 +314,7 @@ def test_events_carry_what_is_newest(monitor: Monitor) -> None:
     assert (first["latest"], first["points"], first["events"]) == (None, [], [])
     mouth = publisher(monitor.listens_at[1])
     begin = time.monotonic()
-    for k in range(500):
+    for k in range(100):
         mouth.result(result(value=float(k)))
         mouth._next = 0.0
         until(lambda: not mouth._waiting)

@@ -148,6 +148,7 @@ def test_a_listener_is_told_every_stage(told: tuple[Listener, Path]) -> None:
     assert [note for note in listener.notes if note in lines] == lines
 
 
+@pytest.mark.slow
 def test_the_solid_structure_is_mapped_onto_the_snapshots(
     nominal: builder.Vehicle, ogive_snapshots: builder.Snapshots
 ) -> None:

@@ -105,6 +105,7 @@ def test_options_of_both_commands_reach_the_map(
     assert "engine newtonian" in " ".join(printed.split())
 
 
+@pytest.mark.slow
 def test_grid_level_reaches_the_map(run: Run, tmp_path: Path, compiled_solver: None) -> None:
     """A map on 16 x 24 cells where the vehicle file has 12 x 18; the vehicle file's Fourier model is kept."""
     vehicle, folder = write_vehicle(tmp_path / "vehicle"), tmp_path / "results"
@@ -118,6 +119,7 @@ def test_grid_level_reaches_the_map(run: Run, tmp_path: Path, compiled_solver: N
     assert "resolution" not in found  # the vehicle file's cells are not those of the map
 
 
+@pytest.mark.slow
 def test_files_from_anywhere(run: Run, made: Path, tmp_path: Path) -> None:
     """Given by option they are used where they lie; a build without them does not replace their map unasked."""
     vehicle, folder = made / "vehicle" / "vehicle.toml", tmp_path / "results"

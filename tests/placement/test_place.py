@@ -368,6 +368,7 @@ def test_a_review_names_what_a_layout_lacks(linear: Study) -> None:
     assert "Faults of one gauge" in page
 
 
+@pytest.mark.slow
 def test_a_review_follows_the_map_next_to_the_snapshots(
     nonlinear_vehicle: Vehicle, snapshots: Snapshots, structure: StructuralModel, tmp_path: Path
 ) -> None:

@@ -62,6 +62,7 @@ def test_strain_of_candidates_is_that_of_the_map(study: Study) -> None:
     np.testing.assert_allclose(own, z_p, atol=1e-8 * np.abs(z_p).max())
 
 
+@pytest.mark.slow
 def test_a_placed_layout_builds_a_map_and_its_fmu(study: Study, tmp_path: Path, run: Run) -> None:
     found = place(study, Limits(gauges=12), Aim(starts=2), Silent())
     write_layout(found.layout, tmp_path / "layout.csv")

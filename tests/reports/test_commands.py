@@ -29,6 +29,7 @@ Parts = tuple[Vehicle, Snapshots, StructuralModel]
 Run = Callable[..., tuple[int, str, str]]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_build_leaves_a_report_and_uses_it_again(run: Run, tmp_path: Path) -> None:
     """A build stops at the map and its report. It takes seconds: it is the whole command."""
@@ -112,6 +113,7 @@ def test_a_map_is_shown_with_units(case: ReportCase, tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*figures*"))
 
 
+@pytest.mark.slow
 def test_figures_of_a_map(case_2: ReportCase, tmp_path: Path) -> None:
     printed = inspected(case_2, tmp_path, tmp_path / "figures")
     drawn = sorted(path.name for path in (tmp_path / "figures").iterdir())

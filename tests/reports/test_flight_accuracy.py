@@ -119,6 +119,7 @@ def test_many_quantities_stand_in_blocks() -> None:
     assert first.rectangles[5][1] > first.rectangles[0][1] + 0.4
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_section_stands_on_a_page(accuracy: FlightAccuracy) -> None:
     table = flight_accuracy_table(accuracy)
     html = page_html(Page("Report", (), (accuracy_section(accuracy, {table.name: table}),)))

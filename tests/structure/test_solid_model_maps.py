@@ -25,6 +25,8 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import load_inverse_map
 from strainfmu.estimator.reference.gain import load_gain
 
+pytestmark = pytest.mark.slow  # two maps are built
+
 Run = Callable[..., tuple[int, str, str]]
 
 

@@ -64,6 +64,7 @@ def test_uniform_pressure_is_lames_on_both_faces(clamped: Structure, tmp_path: P
     assert clamped.gauge_surface[place] == "external"
 
 
+@pytest.mark.slow
 def test_free_flight_carries_what_the_mass_behind_needs(tmp_path: Path) -> None:
     """The nose's force accelerates the whole body; the wall at x carries the mass aft of x."""
     path = small(tmp_path, *FREE_FLIGHT)
@@ -183,6 +184,7 @@ def test_nothing_is_computed_twice(run: Run, tmp_path: Path) -> None:
     assert "Locking check " in out
 
 
+@pytest.mark.slow
 def test_brought_mesh(run: Run, clamped: Structure, tmp_path: Path) -> None:
     """The swept mesh in mm through a .vtu: wrong unit and locking are refused, with both allowed it is solved."""
     pytest.importorskip("meshio")

@@ -53,6 +53,7 @@ def wall_file(vehicle: Vehicle, path: Path) -> Path:
 PLAIN_MAP = ("modes = 4", 'modes = 3\nform = "absolute"\nalarm_levels = "nominal"')
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_an_imported_mesh_reaches_an_fmu(run: Run, tmp_path: Path) -> None:
     """Two commands from the mesh to the map, whose provenance names the file, and one to the FMU.

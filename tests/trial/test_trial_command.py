@@ -75,6 +75,7 @@ def entries_in(folder: Path) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver", "few_knots")
 def test_from_vehicle_file_to_table(
     vehicle_file: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
@@ -230,6 +231,7 @@ PRODUCT = (
 OTHERS = [f"{name}{end}" for name in REGRESSIONS for end in ("", ", q_inf only")][1:]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("compiled_solver", "few_knots")
 def test_table_figure_and_second_run(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """One regression stands for all: the others differ by what scikit-learn fits."""

@@ -127,6 +127,7 @@ def test_accuracy_is_that_of_a_map_built_for_the_altitude(
     np.testing.assert_allclose(rms[0], rms[1], rtol=0.02)
 
 
+@pytest.mark.slow
 @EACH_KIND
 def test_a_map_of_sideslip_to_one_side_holds_on_both(
     kind: str, world: World, snapshots: Snapshots, fourier: StructuralModel

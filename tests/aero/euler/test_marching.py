@@ -268,7 +268,10 @@ COARSE = MarchingGrid(n_radial=12, n_circumferential=18)
     ("pieces", "mach_number", "incidence", "words"),
     [
         (((1.0, 40.0, 40.0),), 1.5, 0.0, ("axial Mach number", "(tip)", "M 1.5", "incidence 0 deg")),
-        (((1.0, 10.0, 10.0),), 2.0, 50.0, ("axial Mach number", "(tip)", "M 2,", "incidence 50 deg")),
+        pytest.param(
+            *(((1.0, 10.0, 10.0),), 2.0, 50.0, ("axial Mach number", "(tip)", "M 2,", "incidence 50 deg")),
+            marks=pytest.mark.slow,
+        ),
         (((1.0, 10.0, 10.0), (1.5, 40.0, 40.0)), 3.0, 0.0, ("axial Mach number", "M 3,", "incidence 0 deg")),
         (((1.0, 5.0, 5.0), (1.5, 35.0, 35.0)), 3.0, 3.0, ("axial Mach number", "M 3,", "incidence 3 deg")),
     ],

@@ -86,6 +86,7 @@ def outputs(unpacked: Path, kind: str) -> bytes:
     return found.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BUILT)
 def test_cmake_builds_the_library_from_the_unpacked_fmu(
     native_fmus: dict[str, Path], kind: str, cmake: str, tmp_path: Path
@@ -116,6 +117,7 @@ def test_cmake_builds_the_libraries_from_the_repository(cmake: str, tmp_path: Pa
     assert {"estimator", "plant"} <= set(listed.stdout.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", BUILT)
 def test_an_importer_builds_the_library(
     native_fmus: dict[str, Path], kind: str, cmake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

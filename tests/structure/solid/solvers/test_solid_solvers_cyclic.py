@@ -245,6 +245,7 @@ def test_wrong_rows_are_refused() -> None:
             CyclicSolver(problem).strain_operator(wrong, load)
 
 
+@pytest.mark.slow
 def test_growth_is_measured_case_by_case() -> None:
     """Two solvers of one small size, each in a process of its own; a process' failure is passed on."""
     rows = list(growth_rows(IC3X, ["cyclic", "superlu"], [8_000]))
