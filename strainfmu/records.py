@@ -26,6 +26,9 @@ Record = TypeVar("Record")
 LONGEST_ATTRIBUTE = 32_768
 """Bytes above which text goes into a data set: HDF5 holds attributes of less than 64 KiB."""
 
+PACKED_FROM = 128
+"""Rows of a square from which it is packed: most of a covariance of gauges is zeros, or one number."""
+
 OPTIONAL: dict[str, Any] = {"optional": True}
 """Metadata of a field that files may leave out, with a default for it."""
 
@@ -86,7 +89,9 @@ def write_record(
             write_record(group.create_group(entry.name), value, entry.metadata["units"], left_out)
         elif value is not None:
             unit = units.get(entry.name, entry.metadata.get("unit"))
-            group.create_dataset(entry.name, data=value).attrs["unit"] = unit or "1"
+            is_packed = np.ndim(value) == 2 and len(value) == np.shape(value)[1] >= PACKED_FROM
+            packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if is_packed else {}
+            group.create_dataset(entry.name, data=value, **packed).attrs["unit"] = unit or "1"
 
 
 def load_record(kind: type[Record], path: str | PathLike[str], schema: str, schema_version: int) -> Record:

@@ -19,7 +19,7 @@ from builder.inverse.noise.mesh_error import MeshError
 from builder.inverse.noise.model import NoiseModel, NoiseTerm, truncated_modes
 from builder.inverse.sensors.sensor_set import SensorSet
 from builder.vehicle.map.options import MapEntry
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
 from strainfmu.estimator.pressure_modes import (
@@ -227,7 +227,7 @@ def pressure_modes(problem: Problem) -> PressureModes:
     weights = area_weights(problem.node_area) if problem.entry.inner_product == "area" else None
     if problem.ensemble.grid is not None:
         modes = rolled_modes(problem.ensemble, weights)
-        return turned_to_gauges(modes, problem.strain_operator, problem.noise[0].strain)
+        return turned_to_gauges(modes, problem.noise[0].whitened(problem.strain_operator))
     return proper_orthogonal_decomposition(problem.ensemble.pressure, weights)
 
 
@@ -266,9 +266,9 @@ def mode_choice(problem: Problem, modes: PressureModes) -> tuple[list[int], dict
         )
     variance = modes.coefficient_std**2 * (problem.node_area @ modes.modes**2)
     of_modes = problem.strain_operator @ (modes.modes * modes.coefficient_std)
-    roots = (problem.noise[0].strain, np.linalg.cholesky(NoiseModel(problem.noise).covariance))
-    whitened = [np.linalg.solve(root, of_modes) for root in roots]
-    bases = [np.empty((len(root), 0)) for root in roots]
+    whitening = inverse_root(NoiseModel(problem.noise).covariance)
+    whitened = [problem.noise[0].whitened(of_modes), whitening @ of_modes]
+    bases = [np.empty((n_gauges, 0))] * 2
     kept: list[int] = []
     left_out: list[dict[str, Any]] = []
     for mode in range(available):

@@ -35,6 +35,9 @@ from strainfmu.estimator.signal_names import TEMPERATURE
 from strainfmu.estimator.state_map import whitened_spectrum
 from strainfmu.version import __version__
 
+LEAST_COLUMN = 1e-7
+"""Size of a column of errors, over noise and loads, of which the map does without: its square is rounding."""
+
 
 def inverse_map_of(
     vehicle: Vehicle, snapshots: Snapshots, structure: AnyStructure, problem: Problem, solution: Solution
@@ -50,7 +53,7 @@ def inverse_map_of(
         vehicle=vehicle.name,
         case=problem.entry.case,
         **_rows(gauges, problem.sensors),
-        noise_std=np.linalg.norm(problem.noise[0].strain, axis=1),
+        noise_std=np.linalg.norm(problem.noise[0].columns, axis=1),
         state_operator=solved.state_operator,
         regularisation=solved.regularisation,
         load_per_state=load_per_state,
@@ -99,16 +102,31 @@ def _errors(problem: Problem, solution: Solution) -> dict[str, Any]:
     if problem.inertia is not None:
         rest = fixed_covariance(terms, (INERTIA, VIBRATION_MODES, TEMPERATURE))
         modes["inertia"] = replace(problem.inertia, rest_covariance=rest)
-    scaling = [term for term in terms if term.scales]
+    own = [term.strain**2 for term in terms if term.scales and term.is_own]
+    common = [term for term in terms if term.scales and not term.is_own]
     n_gauges, n_loads = len(problem.strain_operator), len(problem.load_operator)
-    columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in scaling)]
-    strain, load = np.split(lower_factor(np.hstack(columns)), [n_gauges])
+    columns = [np.zeros((n_gauges + n_loads, 0)), *(term.strain_and_load(n_loads) for term in common)]
+    strain, load = np.split(_fewest(np.hstack(columns), problem.noise[0].covariance), [n_gauges])
     return {
         "gauge_covariance": fixed_covariance(terms),
+        "own_error_strain": np.sqrt(np.sum(own, axis=0)) if own else np.zeros(0),
         "error_strain": strain,
         "error_load": load,
         **modes,
     }
+
+
+def _fewest(columns: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return (n_d + n_f, k) columns with the covariance of ``columns`` (n_d + n_f, m).
+
+    Their number does not grow with the gauges: what a column more would add is, of all gauges together, at most
+    :data:`LEAST_COLUMN` of their ``noise`` (n_d, n_d), and of each load that part of its deviation.
+    """
+    of_load = np.linalg.norm(columns[len(noise) :], axis=1)
+    size = np.concatenate([np.sqrt(np.diag(noise)), np.where(of_load > 0.0, of_load, 1.0)])[:, None]
+    left, part, _ = np.linalg.svd(columns / size, full_matrices=False)
+    kept = part > LEAST_COLUMN
+    return np.asarray(size * (left[:, kept] * part[kept]))
 
 
 def _parts_that_follow(problem: Problem, coefficients: FloatArray) -> dict[str, Any]:

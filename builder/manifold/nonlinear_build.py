@@ -226,9 +226,7 @@ def _scaled_nuisance(nuisance: Sequence[NoiseTerm], problem: Problem) -> dict[st
     found = {}
     for term in nuisance:
         if term.scales:
-            none = np.zeros((len(problem.load_operator), term.strain.shape[1]))
             # Terms are those of the gauges: they have no part in auxiliary sensors.
-            strain = np.pad(term.strain, ((0, len(problem.strain_operator) - len(term.strain)), (0, 0)))
-            found[term.name] = np.vstack([strain, none if term.load is None else term.load])
-            found[term.name] /= pressure
+            of_rows = term.padded(0, len(problem.strain_operator) - len(term.strain))
+            found[term.name] = of_rows.strain_and_load(len(problem.load_operator)) / pressure
     return found

@@ -209,7 +209,7 @@ def _drawn(noise: Noise, problem: Problem, members: BoolArray) -> Readings:
         strain += error.strain[rows] * random.standard_normal(shape)
     for term in problem.noise:
         if not term.scales:
-            strain += random.standard_normal((len(rows), term.strain.shape[1])) @ term.strain.T
+            strain += term.drawn(random, len(rows))
     mach = np.tile([one.mach_number for one in ensemble.conditions], ensemble.rolls)[rows]
     pressure = np.tile(ensemble.ambient_pressure, ensemble.rolls)[rows]
     drawn = random.standard_normal((3, len(rows)))

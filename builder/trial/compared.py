@@ -366,10 +366,10 @@ def before_readings(inverse_map: InverseMap, k: int) -> State:
 def after_reading(inverse_map: InverseMap, state: State, strain: FloatArray, ratio: FloatArray) -> State:
     """Return the states after ``strain`` (k, n_d) at ``ratio`` (k,) of q_inf to the nominal one."""
     mean, s, fixed = state[0], ratio[:, None, None], inverse_map.fixed_strain
-    operator, error = s * inverse_map.state_operator, inverse_map.error_strain
+    operator = s * inverse_map.state_operator
     covariance = state[1] + STEP_STD**2 * np.eye(mean.shape[1])
     cross = covariance @ np.swapaxes(operator, 1, 2)
-    of_strain = operator @ cross + inverse_map.gauge_covariance + s * s * (error @ error.T)
+    of_strain = operator @ cross + inverse_map.gauge_covariance + s * s * inverse_map.scaled_covariance
     gain = np.swapaxes(np.linalg.solve(of_strain, np.swapaxes(cross, 1, 2)), 1, 2)
     expected = fixed + ratio[:, None] * (inverse_map.mean_strain - fixed) + (operator @ mean[:, :, None])[:, :, 0]
     mean = mean + (gain @ (strain - expected)[:, :, None])[:, :, 0]

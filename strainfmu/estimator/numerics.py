@@ -48,6 +48,27 @@ def householder(matrix: FloatArray, columns: int | None = None) -> tuple[FloatAr
     return r, reflectors
 
 
+def arrow_triangle(diagonal: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the first n rows (n, w) of R, and what it leaves (k, w), of diag(``diagonal``) over ``rows`` (k, w).
+
+    The diagonal has n <= w columns. A reflection changes one of its rows and ``rows``: n^2 k operations, not n^3.
+    """
+    n, (k, w) = len(diagonal), rows.shape
+    if not diagonal.any():  # rows that are used up stay 0
+        whole, _ = householder(np.vstack([rows, np.zeros((max(n - k, 0), w))]), n)
+        return whole[:n], whole[n:]
+    triangle, both = np.zeros((n, w)), np.vstack([np.zeros((1, w)), rows])
+    for j in range(n):
+        both[0, j:] = 0.0
+        both[0, j] = diagonal[j]
+        v = both[:, j].copy()
+        v[0] += copysign(sqrt(_ordered_sum(v * v)), v[0])
+        _reflect(v, both[:, j:])
+        triangle[j, j:] = both[0, j:]
+        both[1:, j] = 0.0
+    return triangle, both[1:]
+
+
 def _reflect(v: FloatArray, matrix: FloatArray) -> None:
     """Turn ``matrix`` into H ``matrix``, whose last len(v) rows change; H = I for v = 0."""
     square = _ordered_sum(v * v)

@@ -220,9 +220,9 @@ def linear_pressure(
     few = inverse_map.case == 1 and np.count_nonzero(valid) < inverse_map.n_states
     if not ratio > 0.0 or few or not valid.any():
         return unknown_field(len(inverse_map.field_mean), is_net)
-    error, fixed = inverse_map.error_strain, inverse_map.fixed_strain
+    fixed = inverse_map.fixed_strain
     data = (strain - fixed) / ratio + fixed - inverse_map.mean_strain
-    of_all = inverse_map.gauge_covariance / ratio**2 + error @ error.T
+    of_all = inverse_map.gauge_covariance / ratio**2 + inverse_map.scaled_covariance
     noise, operator = of_all[np.ix_(valid, valid)], inverse_map.state_operator[valid]
     weighted = np.linalg.solve(noise, operator).T
     precision = weighted @ operator + inverse_map.regularisation * np.eye(operator.shape[1])

@@ -51,6 +51,30 @@ def reference(
 
 
 @pytest.mark.parametrize("case", [1, 2])
+def test_own_errors_are_columns_of_one_gauge_each(case: int) -> None:
+    """One number a gauge gives what n columns give, with gauges lost too, to 1e-9 standard deviations."""
+    plain, random = scaled_map(case, seed=case), np.random.default_rng(case)
+    n = plain.n_gauges
+    own = 2e-6 * random.uniform(0.0, 1.0, n)
+    columns = replace(
+        plain,
+        error_strain=np.hstack([plain.error_strain, np.diag(own)]),
+        error_load=np.pad(plain.error_load, ((0, 0), (0, n))),
+    )
+    q = NOMINAL * random.uniform(0.1, 5.0, 40)
+    strain = (q / NOMINAL)[:, None] * (plain.mean_strain + 1e-5 * random.standard_normal((40, n)))
+    strain[20:, :5] = np.nan
+    found, expected = (
+        Estimator(one).estimate(strain, q, with_residuals=True)
+        for one in (replace(plain, own_error_strain=own), columns)
+    )
+    np.testing.assert_allclose(found.loads, expected.loads, rtol=0.0, atol=1e-9 * expected.loads_std.min())
+    np.testing.assert_allclose(found.loads_std, expected.loads_std, rtol=1e-9)
+    np.testing.assert_allclose(found.chi_square, expected.chi_square, rtol=1e-9)
+    np.testing.assert_allclose(found.standardised_residual, expected.standardised_residual, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("case", [1, 2])
 @pytest.mark.parametrize("lost", LOST)
 @pytest.mark.parametrize("ratio", [0.1, 0.7, 1.0, 5.0, 25.0])
 def test_any_pressure_and_any_gauges_lost_agree_with_the_book(

@@ -47,7 +47,7 @@ def test_the_published_prior_builds_with_few_modes(
     assert states == kept
     np.testing.assert_array_equal(ordered.modes[:, :modes], whole.modes[:, kept])
     assert ordered.singular_values.sum() == pytest.approx(whole.singular_values.sum(), rel=1e-12)
-    std = np.sqrt(np.diag(problem.noise[0].strain @ problem.noise[0].strain.T))
+    std = np.sqrt(np.diag(problem.noise[0].covariance))
     new = _new_strain(problem.strain_operator @ (whole.modes * whole.coefficient_std) / std[:, None], kept)
     for mode, size in new.items():
         assert (size >= MIN_STRAIN_OVER_NOISE) == (mode in kept), mode

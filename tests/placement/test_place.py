@@ -108,7 +108,7 @@ def sigma_by_bayes(problem: Problem) -> np.ndarray:
     factor = modes.modes * modes.coefficient_std
     strain = problem.strain_operator @ factor
     loads = problem.load_operator[:5] @ factor * problem.ensemble.scale[:1].T
-    covariance = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0) + strain @ strain.T
+    covariance = np.sum([term.covariance for term in problem.noise], axis=0) + strain @ strain.T
     after = loads @ loads.T - loads @ strain.T @ np.linalg.solve(covariance, strain @ loads.T)
     return np.asarray(np.sqrt(np.diag(after)))
 
@@ -149,7 +149,7 @@ def test_the_goal_of_the_field_is_the_posterior_of_pressure(
     modes = rolled_modes(problem.ensemble, None)
     factor = modes.modes * modes.coefficient_std
     strain = problem.strain_operator @ factor
-    noise = np.sum([term.strain @ term.strain.T for term in problem.noise], axis=0)
+    noise = np.sum([term.covariance for term in problem.noise], axis=0)
     weighted = np.sqrt(problem.node_area)[:, None] * factor
 
     def taken(count: int) -> float:

@@ -84,7 +84,7 @@ def case_of(parts: tuple[Vehicle, Snapshots, StructuralModel], entry: MapEntry) 
 def with_gauges(problem: Problem, kept: list[int]) -> Problem:
     """Return the problem of some of the gauges: a map of it is built without the others."""
     terms = [replace(term, strain=term.strain[kept]) for term in problem.noise]
-    own = np.linalg.cholesky(terms[0].strain @ terms[0].strain.T)
+    own = np.linalg.cholesky(terms[0].covariance)
     noise = (replace(terms[0], strain=own), *terms[1:])
     return replace(problem, strain_operator=problem.strain_operator[kept], noise=noise)
 
@@ -109,12 +109,8 @@ def solved_on_same_modes(case: ReportCase, kept: list[int]) -> Solution:
 def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: list[int]) -> InverseMap:
     """Return the map of ``kept`` gauges from its own problem and solution."""
     whole, solved = case.inverse_map, solution.solved
-    strain = np.hstack([term.strain for term in solution.noise.terms[1:]])
-    loads = [
-        np.zeros((len(problem.load_operator), t.strain.shape[1])) if t.load is None else t.load
-        for t in solution.noise.terms[1:]
-    ]
-    own = solution.noise.terms[0].strain
+    first, *others = solution.noise.terms
+    columns = np.hstack([term.strain_and_load(len(problem.load_operator)) for term in others])
     return replace(
         whole,
         gauge_names=tuple(whole.gauge_names[i] for i in kept),
@@ -123,9 +119,10 @@ def map_of_some(case: ReportCase, problem: Problem, solution: Solution, kept: li
         noise_std=whole.noise_std[kept],
         strain_range=whole.strain_range[kept],
         state_operator=solved.state_operator,
-        gauge_covariance=own @ own.T,
-        error_strain=strain,
-        error_load=np.hstack(loads),
+        gauge_covariance=first.covariance,
+        own_error_strain=np.zeros(0),
+        error_strain=columns[: len(kept)],
+        error_load=columns[len(kept) :],
         load_per_state=problem.load_operator @ solution.field_modes,
         mean_strain=solved.mean_strain,
         form="absolute",

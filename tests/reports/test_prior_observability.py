@@ -161,7 +161,7 @@ def test_removed_variance_is_that_of_snapshots_flown_one_by_one(case: ReportCase
     error = solution.mean + states @ solution.field_modes.T - pressure
     area = problem.node_area / problem.node_area.sum()
     of_strain = solution.field_modes @ solution.solved.strain_gain
-    of_noise = sum(np.sum((of_strain @ term.strain) ** 2, axis=1) for term in problem.noise)
+    of_noise = sum(np.sum(term.by_gain(of_strain) ** 2, axis=1) for term in problem.noise)
     left = weight @ error**2 + of_noise
     before = weight @ (pressure - solution.mean) ** 2
     assert observed.removed == pytest.approx(1.0 - left @ area / (before @ area), rel=1e-5)

@@ -428,7 +428,7 @@ def _identifies(inverse_map: InverseMap, noise: FloatArray, used: BoolArray) -> 
     """
     if inverse_map.case == 2:
         return True
-    covariance = noise + inverse_map.error_strain @ inverse_map.error_strain.T
+    covariance = noise + inverse_map.scaled_covariance
     states = inverse_map.state_operator / np.abs(inverse_map.state_operator).max(axis=0)
     if used.sum() < states.shape[1]:
         return False

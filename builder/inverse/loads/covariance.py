@@ -67,5 +67,5 @@ def load_error_factors(
         without_states = model_of(gauges, loads, noise=solved.noise_covariance, cross=strain_load_covariance)
         of_residual = nominal(without_states).gain[0]
         of_states = load_per_state - of_residual @ solved.state_operator
-    of_noise = [gain @ term.strain - (0.0 if term.load is None else term.load) for term in noise.terms]
+    of_noise = [term.by_gain(gain) - (0.0 if term.load is None else term.load) for term in noise.terms]
     return of_states @ solved.unresolved, of_noise

@@ -248,7 +248,7 @@ def rolled_modes(ensemble: Ensemble, weights: FloatArray | None) -> PressureMode
     )
 
 
-def turned_to_gauges(modes: PressureModes, strain_operator: FloatArray, gauge_noise: FloatArray) -> PressureModes:
+def turned_to_gauges(modes: PressureModes, whitened_operator: FloatArray) -> PressureModes:
     """Return the modes of a rolled ensemble, each pair turned so that the gauges observe its first mode best.
 
     The two phases of a harmonic have the same variance, so the POD leaves their common roll angle open. Gauges
@@ -257,16 +257,14 @@ def turned_to_gauges(modes: PressureModes, strain_operator: FloatArray, gauge_no
 
     Parameters
     ----------
-    strain_operator : (n_d, n_p) Z_p [1/Pa].
-    gauge_noise : (n_d, n_d) factor N of the gauges' noise N N' [m/m].
+    whitened_operator : (n_d, n_p) L^-1 Z_p [1/Pa] with the root L of the gauges' noise.
     """
     std, turned, first = modes.coefficient_std, modes.modes.copy(), 0
     while first < len(std):
         last = first + int(np.sum(std[first:] >= (1.0 - _SAME) * std[first]))
         if last - first > 1:
             pair = turned[:, first:last]
-            whitened = np.linalg.solve(gauge_noise, strain_operator @ pair)
-            turned[:, first:last] = pair @ np.linalg.svd(whitened, full_matrices=False)[2].T
+            turned[:, first:last] = pair @ np.linalg.svd(whitened_operator @ pair, full_matrices=False)[2].T
         first = last
     return replace(modes, modes=turned * signs(turned))
 

@@ -104,7 +104,7 @@ def error_terms(errors: list[HardwareError], ensemble: Ensemble) -> list[NoiseTe
         term = common_error if error.common else gauge_errors
         found = term(error.name, error.strain, 1.0, ensemble.member_weight)
         if error.name in terms:
-            found = replace(found, strain=np.hstack([terms[error.name].strain, found.strain]))
+            found = replace(found, strain=np.hstack([terms[error.name].columns, found.columns]))
         terms[error.name] = replace(found, hardware=not error.of_mesh)
     return list(terms.values())
 

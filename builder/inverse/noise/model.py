@@ -27,7 +27,8 @@ class NoiseTerm:
     Attributes
     ----------
     name : for reports.
-    strain : (n_d, k) columns of strain at one standard deviation [m/m].
+    strain : (n_d, k) columns of strain at one standard deviation [m/m], or (n_d,) where each gauge has an error of
+        its own.
     load : (n_f, k) loads [N, N m] of the same columns that no state holds, or None where there are none.
     scales : whether the term grows with the dynamic pressure, as errors in proportion to strain do.
     hardware : whether it is an error of the vehicle and its gauges as built.
@@ -39,10 +40,43 @@ class NoiseTerm:
     scales: bool = False
     hardware: bool = False
 
+    @property
+    def is_own(self) -> bool:
+        """Whether each gauge has an error of its own."""
+        return self.strain.ndim == 1
+
+    @property
+    def columns(self) -> FloatArray:
+        """(n_d, k) columns of strain, of errors of each gauge too [m/m]."""
+        return np.diag(self.strain) if self.is_own else self.strain
+
+    @property
+    def covariance(self) -> FloatArray:
+        """(n_d, n_d) of the strain [(m/m)^2]."""
+        return np.diag(self.strain**2) if self.is_own else self.strain @ self.strain.T
+
+    def by_gain(self, gain: FloatArray) -> FloatArray:
+        """Return (m, k) what ``gain`` (m, n_d) makes of each column of strain."""
+        return gain * self.strain if self.is_own else np.asarray(gain @ self.strain)
+
+    def drawn(self, random: np.random.Generator, n: int) -> FloatArray:
+        """Return (n, n_d) strain of ``n`` draws [m/m]."""
+        sizes = random.standard_normal((n, self.strain.shape[-1]))
+        return sizes * self.strain if self.is_own else sizes @ self.strain.T
+
+    def whitened(self, rows: FloatArray) -> FloatArray:
+        """Return ``rows`` (n_d, m) over errors of this term, a square root of its covariance."""
+        return rows / self.strain[:, None] if self.is_own else np.asarray(np.linalg.solve(self.strain, rows))
+
+    def padded(self, above: int, below: int) -> NoiseTerm:
+        """Return the term with rows of no strain ahead of its own and behind them."""
+        rows = ((above, below),) if self.is_own else ((above, below), (0, 0))
+        return replace(self, strain=np.pad(self.strain, rows))
+
     def strain_and_load(self, n_loads: int) -> FloatArray:
         """Return (n_d + n_loads, k) the columns of strain, and of load below."""
-        load = np.zeros((n_loads, self.strain.shape[1])) if self.load is None else self.load
-        return np.vstack([self.strain, load])
+        load = np.zeros((n_loads, self.strain.shape[-1])) if self.load is None else self.load
+        return np.vstack([self.columns, load])
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,12 +88,12 @@ class NoiseModel:
     @cached_property
     def covariance(self) -> FloatArray:
         """(n_d, n_d) Gamma, the sum of all terms' covariances [(m/m)^2]."""
-        return np.sum([term.strain @ term.strain.T for term in self.terms], axis=0)
+        return np.asarray(sum(term.covariance for term in self.terms))
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray | None:
         """(n_d, n_f) covariance of strain error and load that no state holds [m/m (N, N m)], or None."""
-        parts = [term.strain @ term.load.T for term in self.terms if term.load is not None]
+        parts = [term.columns @ term.load.T for term in self.terms if term.load is not None]
         return np.sum(parts, axis=0) if parts else None
 
     def fractions(self) -> list[dict[str, Any]]:
@@ -77,7 +111,7 @@ class NoiseModel:
         return [
             {
                 "name": term.name,
-                "share": float(np.sum((whitening @ term.strain) ** 2)) / n_gauges,
+                "share": float(np.sum(term.by_gain(whitening) ** 2)) / n_gauges,
                 "rms_strain": float(np.sqrt(np.sum(term.strain**2) / n_gauges)),
             }
             for term in self.terms
@@ -87,7 +121,7 @@ class NoiseModel:
 def fixed_covariance(terms: Iterable[NoiseTerm], without: Collection[str] = ()) -> FloatArray:
     """Return (n_d, n_d) of ``terms`` that do not follow the pressure, but for those of the names ``without``."""
     fixed = [term for term in terms if not term.scales and term.name not in without]
-    return np.asarray(np.sum([term.strain @ term.strain.T for term in fixed], axis=0))
+    return np.asarray(sum(term.covariance for term in fixed))
 
 
 def gauge_noise(covariance: FloatArray) -> NoiseTerm:
@@ -99,7 +133,10 @@ def gauge_noise(covariance: FloatArray) -> NoiseTerm:
         The matrix is not symmetric and positive definite.
     """
     check_covariance(covariance)
-    return NoiseTerm("gauge noise", np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+    variance = np.diag(covariance)
+    is_own = np.count_nonzero(covariance) == len(variance)
+    root = np.sqrt(variance) if is_own else np.linalg.cholesky(covariance)
+    return NoiseTerm("gauge noise", np.asarray(root, dtype=np.float64))
 
 
 def truncated_modes(
@@ -142,7 +179,11 @@ def nuisance_modes(name: str, strain: FloatArray, std: FloatArray) -> NoiseTerm:
         raise InputError(
             f"noise term '{name}': strain {strain.shape}, std {std.shape} found, must be (n_d, k), (k,)"
         )
-    if not (np.all(np.isfinite(strain)) and np.all(np.isfinite(std)) and np.all(std >= 0.0)):
+    return _finite_term(name, strain, std)
+
+
+def _finite_term(name: str, strain: FloatArray, std: FloatArray | float) -> NoiseTerm:
+    if not (np.all(np.isfinite(strain)) and np.all(np.isfinite(std)) and np.all(np.asarray(std) >= 0.0)):
         raise InputError(f"noise term '{name}': values must be finite and standard deviations at least 0")
     return NoiseTerm(name, strain * std)
 
@@ -166,8 +207,7 @@ def gauge_errors(name: str, sensitivity: FloatArray, std: float, weight: FloatAr
         A value is not finite, or the standard deviation is negative.
     """
     rms = np.sqrt(np.average(sensitivity**2, axis=0, weights=weight))
-    term = nuisance_modes(name, np.diag(rms), np.full(len(rms), std))
-    return replace(term, scales=True, hardware=True)
+    return replace(_finite_term(name, rms, std), scales=True, hardware=True)
 
 
 def common_error(name: str, sensitivity: FloatArray, std: float, weight: FloatArray) -> NoiseTerm:

@@ -11,7 +11,7 @@ from builder.aero.loads.operator import load_operator_on
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError, error_terms, rms_ambient_pressure
-from builder.inverse.noise.model import NoiseTerm, common_error, nuisance_modes
+from builder.inverse.noise.model import NoiseTerm, common_error, gauge_noise, nuisance_modes
 from builder.inverse.sensors.row import SensorRow
 from builder.inverse.sensors.structural import structural_rows
 from builder.structure.fourier.fourier_model import StructuralModel
@@ -375,10 +375,9 @@ def joined_terms(
     n_s = len(sensors.rows)
     first, *others = terms
     n_g = len(first.strain)
-    own = np.zeros((n_g + n_s, n_g + n_s))
-    own[:n_g, :n_g] = first.strain
-    own[n_g:, n_g:] = np.sqrt(sensors.covariance)
-    joined = [replace(first, strain=own)]
+    own = first.padded(0, n_s).covariance
+    own[n_g:, n_g:] = sensors.covariance
+    joined = [gauge_noise(own)]
     of_both = {one.name: one.strain for one in errors if one.name in sensors.shared}
     for term in others:
         if term.name in of_both:
@@ -387,9 +386,11 @@ def joined_terms(
                 replace(common_error(term.name, strain, 1.0, ensemble.member_weight), hardware=term.hardware)
             )
             continue
-        below = sensors.inside if term.name == "internal pressure" else np.zeros((n_s, term.strain.shape[1]))
-        joined.append(replace(term, strain=np.vstack([term.strain, below])))
-    return [*joined, *(replace(term, strain=np.pad(term.strain, ((n_g, 0), (0, 0)))) for term in sensors.terms)]
+        whole = term.padded(0, n_s)
+        if term.name == "internal pressure":
+            whole.strain[n_g:] = sensors.inside
+        joined.append(whole)
+    return [*joined, *(term.padded(n_g, 0) for term in sensors.terms)]
 
 
 def joined_errors(

@@ -129,7 +129,7 @@ def _error_factor(problem: Problem, solution: Solution, modes: PressureModes, st
     fields_in_modes = modes.coefficients(solution.field_modes.T + modes.mean).T
     gain = fields_in_modes @ solution.solved.strain_gain
     of_modes = (np.eye(len(fields_in_modes)) - gain @ strain) * modes.coefficient_std
-    return np.hstack([of_modes, *(gain @ term.strain for term in problem.noise)])
+    return np.hstack([of_modes, *(term.by_gain(gain) for term in problem.noise)])
 
 
 def _best_error_factor(problem: Problem, modes: PressureModes, strain: FloatArray) -> FloatArray:

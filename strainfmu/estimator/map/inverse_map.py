@@ -7,8 +7,10 @@ segmented-ls-solution). The loads are f = M q + f_mean and what the residual rev
 
 Errors are columns: e = e_g + N y and the load outside the states g = N_f y, with cov(e_g) = Gamma_g and y standard
 normal; so Gamma = Gamma_g + N N'. A column may have strain and no load, load and no strain, or both, as the column
-of a truncated mode. The file holds primary quantities alone. The compiled core computes what follows from them as
-it opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to reports.
+of a truncated mode. Columns that strain one gauge alone, as errors of its gain, are one number a gauge,
+:attr:`InverseMap.own_error_strain`. The file holds primary quantities alone. The compiled core computes what
+follows from them as it opens a map; :mod:`strainfmu.estimator.reference.gain` gives gains and covariances to
+reports.
 
 Errors of gain, stiffness, wall, gauge position and layout roll grow with strain, which is nearly linear in the
 coefficients C that the step has estimated. The weights have them at their mean over the snapshots; with c = [1, C]
@@ -158,6 +160,9 @@ class InverseMap:
         neutral=0.0)
     fixed_load: FloatArray = entry("n_f", "N, N.m", "f_0, the same of loads; both are part of the mean",
         neutral=0.0)
+    own_error_strain: FloatArray = entry("n_d", "m/m",
+        "standard deviation of each gauge's own errors that grow with the pressure as those of error_strain do",
+        neutral=0.0, rule=FROM_0)
     zero_offset: FloatArray = entry("n_d", "m/m",
         "reading of each strain gauge without strain by the calibration; subtracted unless others are given",
         neutral=0.0, place="settings.zero_offset", stored="n_strains")
@@ -319,11 +324,16 @@ class InverseMap:
 
     @cached_property
     def noise_covariance(self) -> FloatArray:
-        """(n_d, n_d) Gamma = Gamma_g + N N' [(m/m)^2], of the strain that no state holds.
+        """(n_d, n_d) Gamma, Gamma_g and :attr:`scaled_covariance` [(m/m)^2], of the strain that no state holds."""
+        return self.gauge_covariance + self.scaled_covariance
+
+    @cached_property
+    def scaled_covariance(self) -> FloatArray:
+        """(n_d, n_d) N N' and the gauges' own errors that grow with the pressure [(m/m)^2].
 
         In the same bits on every machine, as everything that FMUs hold.
         """
-        return self.gauge_covariance + product(self.error_strain, self.error_strain.T)
+        return np.diag(self.own_error_strain**2) + product(self.error_strain, self.error_strain.T)
 
     @cached_property
     def strain_load_covariance(self) -> FloatArray:
@@ -381,7 +391,8 @@ def _contradictions(inverse_map: InverseMap) -> Iterator[str]:
     if manifold is not None and len(manifold.sensor_gain_std) != n_d - inverse_map.n_strain_gauges:
         n_aux = n_d - inverse_map.n_strain_gauges
         yield f"tables of {len(manifold.sensor_gain_std)} auxiliary sensors, must be of {n_aux}"
-    total = np.diag(inverse_map.gauge_covariance) + row_squares(inverse_map.error_strain)
+    scaled = inverse_map.own_error_strain**2 + row_squares(inverse_map.error_strain)
+    total = np.diag(inverse_map.gauge_covariance) + scaled
     if not np.all(total >= (1.0 - _ROUND_OFF) * inverse_map.noise_std**2):
         yield "gauge_covariance has variances below noise_std squared, must hold the gauge noise"
     whitened = inverse_map.state_operator / inverse_map.noise_std[:, None]

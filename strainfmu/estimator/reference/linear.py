@@ -108,6 +108,9 @@ def excess_covariance(inverse_map: InverseMap, coefficients: FloatArray) -> Floa
 def _model(inverse_map: InverseMap) -> Model:
     errors, load_of_errors = inverse_map.error_strain, inverse_map.error_load
     states, load_of_states = inverse_map.state_operator, inverse_map.load_per_state
+    if inverse_map.own_error_strain.any():
+        own = np.diag(inverse_map.own_error_strain)
+        errors, load_of_errors = np.hstack([own, errors]), np.pad(load_of_errors, ((0, 0), (len(own), 0)))
     fixed_load, fixed = inverse_map.fixed_load, inverse_map.fixed_strain
     parts = {"fixed": fixed, "mean": inverse_map.mean_strain - fixed, "noise": inverse_map.gauge_covariance}
     parts |= {"output_fixed": fixed_load, "output_mean": inverse_map.load_of_mean - fixed_load}

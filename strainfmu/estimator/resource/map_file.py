@@ -54,7 +54,7 @@ from strainfmu.estimator.map.validity import (
     flow_parameters,
     incidence_per_force,
 )
-from strainfmu.estimator.numerics import householder, product
+from strainfmu.estimator.numerics import arrow_triangle, householder, product
 from strainfmu.estimator.other_loads import FIVE_LOADS, OTHER_LOADS, load_arrays
 from strainfmu.estimator.resource.compact_tables import ChannelTables, channel_tables, error_products, factors
 from strainfmu.estimator.settings import (
@@ -150,23 +150,40 @@ class Source:
         self.fixed_load = inverse_map.fixed_load * inverse_map.follows_pressure
 
     @cached_property
+    def error_triangle(self) -> tuple[FloatArray, FloatArray]:
+        """Strain and loads of the errors that scale, the gauges' own among them: R, and what it leaves."""
+        columns = np.vstack([self.map.error_strain, self.map.error_load]).T
+        return arrow_triangle(self.map.own_error_strain, columns)
+
+    @cached_property
+    def stored(self) -> InverseMap:
+        """The map with all errors that scale as columns."""
+        n, of_file = self.map.n_gauges, self.map
+        if not of_file.own_error_strain.any():
+            return of_file
+        triangle, rest = self.error_triangle
+        hidden = householder(rest[:, n:])[0][: of_file.n_loads]
+        strain = np.vstack([triangle[:, :n], np.zeros((len(hidden), n))]).T
+        load = np.vstack([triangle[:, n:], hidden]).T
+        return replace(of_file, own_error_strain=np.zeros(0), error_strain=strain, error_load=load)
+
+    @cached_property
     def spread(self) -> Spread:
         """Errors that scale, and in Case 2 the states: covariances of strain and loads are the same.
 
         In form "absolute" nothing scales: errors are noise, and states alone are columns.
         """
-        follows = self.map.follows_pressure
-        strain, load = self.map.error_strain[:, : None if follows else 0], self.map.error_load
-        load = load[:, : strain.shape[1]]
-        if self.map.case == 2:
-            strain = np.hstack([self.map.state_operator, strain])
-            load = np.hstack([self.map.load_per_state, load])
-        n = len(strain)
-        rows = np.zeros((max(strain.shape[1], n), n + len(load)))
-        rows[: strain.shape[1]] = np.hstack([strain.T, load.T])
-        triangle, _ = householder(rows, n)
-        rest = triangle[n:, n:]
-        return Spread(strain=triangle[:n, :n].T, load=triangle[:n, n:], unseen=product(rest.T.copy(), rest))
+        n, follows = self.map.n_gauges, self.map.follows_pressure
+        if self.map.case == 1 and follows:
+            triangle, rest = self.error_triangle
+        else:
+            of_states, of_errors = slice(None if self.map.case == 2 else 0), slice(None if follows else 0)
+            strain = [self.map.state_operator[:, of_states], self.map.error_strain[:, of_errors]]
+            load = [self.map.load_per_state[:, of_states], self.map.error_load[:, of_errors]]
+            columns = np.vstack([np.hstack(strain), np.hstack(load)]).T
+            triangle, rest = arrow_triangle(self.map.own_error_strain * follows, columns)
+        rest = rest[:, n:]
+        return Spread(strain=triangle[:, :n].T, load=triangle[:, n:], unseen=product(rest.T.copy(), rest))
 
     @cached_property
     def channels(self) -> dict[str, ChannelTables]:
@@ -354,7 +371,7 @@ DERIVED: tuple[Stored, ...] = (
     Stored("thermal.largest_rise", "beyond which a sensor is taken to be broken", LARGEST_RISE,
         unit="K", rule=POSITIVE),
     Stored("thermal.scaled_covariance", "of the errors that scale",
-        lambda s: product(s.map.error_strain, s.map.error_strain.T), "n_gauges n_gauges", unit="(m/m)^2"),
+        lambda s: s.map.scaled_covariance, "n_gauges n_gauges", unit="(m/m)^2"),
     Stored("inertia.channels", "of the sensors, the last: of an inertial unit", len(CHANNELS),
         kind="count", low=1, high=4096, member="n_channels"),
     Stored("inertia.vibrations", "of the modes, the last: of vibration, whose size is an input",
@@ -472,7 +489,7 @@ DERIVED: tuple[Stored, ...] = (
 RECORDS: tuple[tuple[type[Any], Callable[[Source], Any], dict[str, str]], ...] = (
     (
         InverseMap,
-        lambda s: s.map,
+        lambda s: s.stored,
         {"n_d": "n_gauges", "n_q": "n_states", "k": "n_errors", "n_e": "n_terms", "m": "n_half_spaces"},
     ),
     (

@@ -86,6 +86,9 @@ def error_covariance(inverse_map: InverseMap, coefficients: FloatArray, ratio: F
     covariance = np.repeat(inverse_map.noise_covariance[None], len(coefficients), axis=0)
     if not inverse_map.follows_pressure:
         return covariance
-    error = inverse_map.error_strain
     square = (ratio * ratio)[:, None, None]
-    return covariance + (square - 1.0) * (error @ error.T) + square * excess_covariance(inverse_map, coefficients)
+    return (
+        covariance
+        + (square - 1.0) * inverse_map.scaled_covariance
+        + square * excess_covariance(inverse_map, coefficients)
+    )

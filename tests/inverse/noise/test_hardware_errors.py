@@ -82,8 +82,8 @@ def test_terms_are_means_over_the_members() -> None:
     for error in errors:
         mean = error.strain.T @ error.strain / N
         expected = mean if error.common else np.diag(np.diag(mean))
-        strain = terms[error.name].strain
-        np.testing.assert_allclose(strain @ strain.T, expected, rtol=0.0, atol=1e-12 * expected.max())
+        found = terms[error.name].covariance
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * expected.max())
     np.testing.assert_allclose(terms["apparent strain"].strain, np.full((N_D, 1), 5e-6), rtol=1e-12)
     ambient = ensemble.ambient_pressure[0]
     np.testing.assert_allclose(terms["internal pressure"].strain[:, 0], 0.05 * ambient * z.sum(axis=1), rtol=1e-12)

@@ -88,11 +88,11 @@ def test_terms_are_modes_and_errors_of_masses(equipped: Vehicle, strain: Inertia
     np.testing.assert_allclose(errors.strain[:, 9:12], 0.5 * force * strain.by_part["unlisted 1"][:, :3])
     of_mode = 0.05 * force * inertia.mode_strain[:, :3]
     alike = (strain.section[:, None] == strain.section) + np.eye(len(of_mode)) + 1.0
-    np.testing.assert_allclose(theory.strain @ theory.strain.T, 0.5 * alike * (of_mode @ of_mode.T), atol=1e-22)
+    np.testing.assert_allclose(theory.covariance, 0.5 * alike * (of_mode @ of_mode.T), atol=1e-22)
     assert np.bincount(strain.section)[np.unique(strain.section)].tolist() == 9 * [6]
     noise = gauge_noise(1e-14 * np.eye(len(inertia.mode_strain)))
     rest = fixed_covariance((noise, modes, vibration, errors, theory), (NAME, VIBRATION_MODES))
-    expected = np.sum([one.strain @ one.strain.T for one in (noise, errors, theory)], axis=0)
+    expected = np.sum([one.covariance for one in (noise, errors, theory)], axis=0)
     np.testing.assert_allclose(rest, expected, rtol=1e-9)
 
 

@@ -53,7 +53,7 @@ def test_truncated_modes_have_the_strain_and_load_of_their_snapshots(case: Case,
     term = truncated_modes(*operators, case.modes, N_MODES)
     assert term.load is not None
     for found, expected in (
-        (term.strain @ term.strain.T, strain.T @ strain),
+        (term.covariance, strain.T @ strain),
         (term.strain @ term.load.T, strain.T @ load),
         (term.load @ term.load.T, load.T @ load),
     ):
@@ -77,9 +77,29 @@ def test_shares_add_up_and_name_every_term(case: Case) -> None:
 def test_full_covariance_is_kept_as_given() -> None:
     root = np.random.default_rng(1).normal(size=(6, 6))
     term = gauge_noise(root @ root.T)
-    np.testing.assert_allclose(term.strain @ term.strain.T, root @ root.T, rtol=1e-12)
+    np.testing.assert_allclose(term.covariance, root @ root.T, rtol=1e-12)
     with pytest.raises(InputError, match="symmetric and positive definite"):
         gauge_noise(root)
+
+
+def test_errors_of_each_gauge_are_columns_of_a_diagonal() -> None:
+    """In every use: covariance, gain, whitening, draws, rows beside, strain and load."""
+    random = np.random.default_rng(6)
+    own = gauge_errors("gain", 1e-4 * random.normal(size=(20, 4)), 0.01)
+    columns = replace(own, strain=np.diag(own.strain))
+    gain = random.normal(size=(3, 4))
+    assert own.is_own
+    assert not columns.is_own
+    for a, b in (
+        (own.covariance, columns.covariance),
+        (own.columns, columns.columns),
+        (own.by_gain(gain), columns.by_gain(gain)),
+        (own.whitened(gain.T), columns.whitened(gain.T)),
+        (own.padded(1, 2).covariance, columns.padded(1, 2).covariance),
+        (own.strain_and_load(5), columns.strain_and_load(5)),
+        (own.drawn(np.random.default_rng(1), 3), columns.drawn(np.random.default_rng(1), 3)),
+    ):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
 def test_marginalised_nuisance_is_that_estimated_along_and_dropped(case: Case) -> None:
@@ -127,7 +147,7 @@ def test_gain_errors_have_the_variance_of_draws() -> None:
     gains = 0.01 * random.normal(size=(20_000, 1, 4))
     drawn = (gains * strain).reshape(-1, 4)
     expected = drawn.T @ drawn / len(drawn)
-    found = term.strain @ term.strain.T
+    found = term.covariance
     size = np.sqrt(np.outer(*2 * [np.diag(found)]))
     np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=0.05)
 
@@ -251,7 +271,7 @@ def test_entries_of_the_vehicle_file_become_terms(
     assert list(terms) == ["gauge noise", *expected, "apparent strain"]
     for name, operator in expected.items():
         rms = np.sqrt(np.mean((net @ operator.T) ** 2, axis=0))
-        np.testing.assert_allclose(terms[name].strain, np.diag(rms), rtol=1e-10)
+        np.testing.assert_allclose(terms[name].strain, rms, rtol=1e-10)
     np.testing.assert_allclose(terms["apparent strain"].strain, np.full((54, 1), 1e-5), rtol=1e-12)
 
 

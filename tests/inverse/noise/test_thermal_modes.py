@@ -88,7 +88,7 @@ def test_modes_are_a_term_of_the_noise_that_sensors_lessen(thermal: ThermalMap, 
     at_rest = np.full((1, 2), held.reference_temperature)
     left = (amplitudes(held, at_rest, np.full(2, known)).covariance[0] for known in (False, True))
     none, both = (held.isothermal_covariance + strain @ one @ strain.T for one in left)
-    whole = sum(term.strain @ term.strain.T for term in (own, *terms))
+    whole = sum(term.covariance for term in (own, *terms))
     np.testing.assert_allclose(none, whole, rtol=1e-10, atol=1e-22)
     assert np.all(np.linalg.eigvalsh(none - both) > -1e-20)
     assert np.trace(both) < 0.9 * np.trace(none)

@@ -94,7 +94,7 @@ def flights(
     following = {one.name for one in problem.errors}
     for term in problem.noise:
         if term.name not in following:
-            readings += random.standard_normal((draws, term.strain.shape[1])) @ term.strain.T
+            readings += term.drawn(random, draws)
     for one in problem.errors:
         error = ensemble.responses(one.operator)[chosen]
         readings += error * random.standard_normal((draws, 1 if one.common else error.shape[1]))
@@ -162,7 +162,7 @@ def test_errors_of_the_wall_are_those_of_the_gauges(
     tip = problem.ensemble.responses(problem.strain_operator)[:, n_g]
     by_thickness = float(errors["wall thickness"].strain[:, n_g] @ tip / (tip @ tip))
     assert by_thickness == pytest.approx(-0.01 * vehicle.noise.wall_thickness_percent, rel=0.1)
-    terms = {term.name: term.strain for term in problem.noise}
+    terms = {term.name: term.columns for term in problem.noise}
     assert np.all(np.linalg.norm(terms["common gain"][n_g:], axis=1) > 0.0)
     assert np.count_nonzero(np.linalg.norm(terms["fibre 90 deg, drift"], axis=1)) == FIBRE.count
 
