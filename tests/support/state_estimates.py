@@ -25,7 +25,7 @@ class StateModel(Protocol):
 def state_gain(held: StateModel) -> np.ndarray:
     """(n_q, n_d) T."""
     model = state_model(held.state_operator, held.noise_covariance, held.regularisation)
-    return nominal(model).gain[0]
+    return nominal(model).gain
 
 
 def state_offset(held: StateModel) -> np.ndarray:
@@ -36,10 +36,10 @@ def state_offset(held: StateModel) -> np.ndarray:
 def precision_of(held: StateModel) -> np.ndarray:
     """(n_d, n_d) P of d - m, whatever gamma: the prior of states is standard normal, or they are free."""
     of_prior = float(held.regularisation > 0.0)
-    return nominal(state_model(held.state_operator, held.noise_covariance, of_prior)).precision[0]
+    return nominal(state_model(held.state_operator, held.noise_covariance, of_prior)).precision
 
 
 def load_gain_of(held: StateModel, load_per_state: np.ndarray, cross: np.ndarray | None = None) -> np.ndarray:
     """(n_f, n_d) G of loads per state (n_f, n_q), ``cross`` (n_d, n_f) their covariance with strain."""
     operator, noise = held.state_operator, held.noise_covariance
-    return nominal(state_model(operator, noise, held.regularisation, load_per_state, cross)).gain[0]
+    return nominal(state_model(operator, noise, held.regularisation, load_per_state, cross)).gain

@@ -34,7 +34,7 @@ def load_covariance_by_terms(
     """
     operator, noise_covariance = solved.state_operator, solved.noise_covariance
     model = state_model(operator, noise_covariance, solved.regularisation, load_per_state, strain_load_covariance)
-    gain = nominal(model).gain[0]
+    gain = nominal(model).gain
     of_states, of_noise = load_error_factors(solved, load_per_state, gain, noise, strain_load_covariance)
     factor = np.hstack([of_states, *of_noise])
     covariance: FloatArray = factor @ factor.T
@@ -65,7 +65,7 @@ def load_error_factors(
         # G A - M = (M - X' Gamma^-1 A) (T A - I), whose last factor is known without cancellation.
         gauges, loads = strain_load_covariance.shape
         without_states = model_of(gauges, loads, noise=solved.noise_covariance, cross=strain_load_covariance)
-        of_residual = nominal(without_states).gain[0]
+        of_residual = nominal(without_states).gain
         of_states = load_per_state - of_residual @ solved.state_operator
     of_noise = [term.by_gain(gain) - (0.0 if term.load is None else term.load) for term in noise.terms]
     return of_states @ solved.unresolved, of_noise

@@ -89,8 +89,8 @@ class _Gains(NamedTuple):
 
 def _gains(inverse_map: InverseMap) -> _Gains:
     for_gain, truth = models(inverse_map)
-    posterior = nominal(for_gain)
-    gain, precision = posterior.gain[0, FIVE_LOADS], posterior.precision[0]
+    gain, precision = nominal(for_gain)
+    gain = gain[FIVE_LOADS]
     root = np.linalg.cholesky(truth.noise)
     error = np.hstack([gain @ root, gain @ truth.columns - truth.output_columns[FIVE_LOADS]])
     change = precision @ np.hstack([root, truth.columns])

@@ -6,23 +6,45 @@ them.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from strainfmu.arrays import FloatArray
+from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.reference.linear import models
-from strainfmu.estimator.reference.update import Model, Posterior, condition, joseph, model_of, prepare
+from strainfmu.estimator.reference.update import Model, joseph, model_of
 
 
-def nominal(model: Model) -> Posterior:
-    """Return gain, covariance and precision of one sample with all rows in use, at s = 1."""
-    n = len(model.noise)
-    return condition(prepare(model, np.ones(n, dtype=bool)), np.zeros((1, n)), np.ones(1))
+class Nominal(NamedTuple):
+    """Of all n rows in use, at s = 1: ``gain`` (m, n) of the outputs, ``precision`` P (n, n)."""
+
+    gain: FloatArray
+    precision: FloatArray
+
+
+def nominal(model: Model) -> Nominal:
+    """Return gain and precision with all rows in use, at s = 1, where no decomposition for every s is needed.
+
+    With R = L L' the covariance of the rows is L (1 + K K') L', K = L^-1 N. The QR decomposition of [K'; 1] = Q T
+    gives its root L T', and K' (1 + K K')^-1 as the first rows of Q times T'^-1, without K K'.
+    """
+    n, n_u = model.columns.shape
+    inverse, scale = inverse_root(model.noise), np.abs(model.free).max(axis=0, initial=1e-300)
+    q, t = np.linalg.qr(np.vstack([(inverse @ model.columns).T, np.eye(n)]))
+    turned = np.linalg.inv(t)
+    whitening = turned.T @ inverse
+    basis, triangle = np.linalg.qr(whitening @ (model.free / scale))
+    rest = np.eye(n) - basis @ basis.T
+    of_free = np.linalg.solve(triangle.T, (model.output_free / scale).T).T
+    of_rows = model.output_columns @ q[:n_u] + model.cross.T @ inverse.T @ turned
+    seen = rest @ whitening
+    return Nominal(gain=(of_free @ basis.T + of_rows @ rest) @ whitening, precision=seen.T @ seen)
 
 
 def load_gain(inverse_map: InverseMap) -> FloatArray:
     """Return (n_f, n_d) G, loads per strain [N, N m]: f = G (d - m) + f_mean."""
-    return nominal(models(inverse_map)[0]).gain[0]
+    return nominal(models(inverse_map)[0]).gain
 
 
 def load_covariance(inverse_map: InverseMap) -> FloatArray:
@@ -36,7 +58,7 @@ def residual_precision(inverse_map: InverseMap) -> FloatArray:
     P is the inverse of the covariance of d under the model, A A' + Gamma in Case 2 whatever gamma; its limit for a
     free state in Case 1.
     """
-    return nominal(models(inverse_map)[1]).precision[0]
+    return nominal(models(inverse_map)[1]).precision
 
 
 def state_model(

@@ -19,7 +19,7 @@ pytestmark = pytest.mark.fast
 def test_gain_solves_the_normal_equations(gamma: float) -> None:
     """To 1e-9 of the largest entry per state."""
     model = random_model(gamma)
-    found = nominal(state_model(model.a, model.noise_covariance, gamma)).gain[0]
+    found = nominal(state_model(model.a, model.noise_covariance, gamma)).gain
     expected = model.gain()
     size = np.abs(expected).max(axis=1, keepdims=True)
     np.testing.assert_allclose(found / size, expected / size, rtol=0.0, atol=1e-9)
@@ -30,7 +30,7 @@ def test_precision_with_a_prior_inverts_the_covariance(n_states: int) -> None:
     """R' P R = I to 1e-8 for A A' / gamma + Gamma = R R', with fewer, as many and more states than gauges."""
     model = random_model(1.0, n_states=n_states)
     for gamma in (1.0, 10.0):
-        precision = nominal(state_model(model.a, model.noise_covariance, gamma)).precision[0]
+        precision = nominal(state_model(model.a, model.noise_covariance, gamma)).precision
         root = np.linalg.cholesky(model.noise_covariance + model.a @ model.a.T / gamma)
         np.testing.assert_allclose(root.T @ precision @ root, np.eye(27), rtol=0.0, atol=1e-8)
 
@@ -38,7 +38,7 @@ def test_precision_with_a_prior_inverts_the_covariance(n_states: int) -> None:
 def test_precision_without_a_prior_is_a_projection_blind_to_the_states() -> None:
     """L' P L is idempotent of trace n_d - n_q and L' P A = 0, to 1e-10 of their terms."""
     model = random_model()
-    precision = nominal(state_model(model.a, model.noise_covariance, 0.0)).precision[0]
+    precision = nominal(state_model(model.a, model.noise_covariance, 0.0)).precision
     root = np.linalg.cholesky(model.noise_covariance)
     projection = root.T @ precision @ root
     np.testing.assert_allclose(projection @ projection, projection, atol=1e-10)

@@ -39,7 +39,7 @@ def by(errors: Model, gain: np.ndarray) -> np.ndarray:
 def gain_of(model: GaussianModel) -> np.ndarray:
     """(5, n_d) G of the function under test."""
     loads = model.load_per_state, model.strain_load_covariance
-    return nominal(state_model(model.a, model.noise_covariance, model.gamma, *loads)).gain[0]
+    return nominal(state_model(model.a, model.noise_covariance, model.gamma, *loads)).gain
 
 
 def assert_equal_to(expected: np.ndarray, found: np.ndarray, tolerance: float) -> None:
