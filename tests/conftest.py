@@ -69,7 +69,12 @@ The second does not need the compiled flow solver, which the first prepares mean
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Bring arguments of one folder together: pytest 9.1 loses its fixtures when it comes to it a second time."""
+    """Bring arguments of one folder together: pytest 9.1 loses its fixtures when it comes to it a second time.
+
+    And have Python keep what it compiles: hundreds of processes run the same modules.
+    """
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
 
     def folder(argument: str) -> Path:
         path = Path(argument.partition("::")[0])
