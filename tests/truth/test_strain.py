@@ -20,7 +20,7 @@ from builder.inverse.noise.hardware_errors import HardwareError, hardware_errors
 from builder.structure.as_built.as_built_structure import SHIFT
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
 from builder.structure.as_built.wall_regions import counts_in_flight
-from builder.structure.as_built_kinds import IN_NOISE
+from builder.structure.as_built_kinds import IN_FLIGHT, IN_NOISE
 from builder.structure.fourier.fourier_model import structural_model
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.shell_mesh import shell_mesh
@@ -205,103 +205,85 @@ def test_a_vehicle_is_drawn_at_the_stated_sizes() -> None:
     """Root mean square over 400 vehicles of 50 gauges: within 12 % (3 sigma of 400 draws), scale included."""
     entry, random = Noise(std_um_per_m=0.4, internal_pressure_percent=7.0), np.random.default_rng(5)
     vehicles = [drawn(entry, 50, random, scale=2.0) for _ in range(400)]
-    for name, size in (
-        ("gauge_gain", 0.01),
-        ("common_gain", 0.01),
-        ("axial_shift", 1e-3),
-        ("circumferential_shift", 1e-3),
-        ("orientation", radians(1.0)),
-        ("layout_roll", radians(0.5)),
-        ("wall_thickness", 0.01),
-        ("apparent_strain", 5e-6),
-        ("internal_pressure", 0.07),
-        ("dynamic_pressure", 0.01),
-    ):
-        values = np.array([getattr(one, name) for one in vehicles])
-        assert np.sqrt(np.mean(values**2)) == pytest.approx(2.0 * size, rel=0.12), name
+    sizes = {"gauge_gain": 0.01, "axial_shift": 1e-3, "orientation": radians(1.0), "internal_pressure": 0.07}
+    assert sizes.keys() < {kind.name for kind in IN_NOISE if kind.std(entry) > 0.0}
+    for kind in (kind for kind in IN_NOISE if kind.std(entry) > 0.0):
+        assert kind.std(entry) == pytest.approx(sizes.get(kind.name, kind.std(entry)))
+        values = np.array([getattr(one, kind.name) for one in vehicles])
+        assert np.sqrt(np.mean(values**2)) == pytest.approx(2.0 * kind.std(entry), rel=0.12), kind.name
     assert np.ptp(vehicles[0].apparent_strain) == 0.0
     assert np.ptp(vehicles[0].gauge_gain) > 0.0
     none = drawn(entry.without_hardware_errors(), 50, random)
     assert not any(value.any() for value in none.errors.values())
 
 
-def test_a_clamp_that_yields_is_drawn_flown_and_in_the_noise(flown: Flown) -> None:
-    """Its error columns predict what a vehicle reads whose clamp yields; a structure without it refuses one."""
-    noise = flown.vehicle.noise.without_hardware_errors().model_copy(update={"clamp_compliance_mm": 2.0})
-    soft, same = (drawn(one, N_GAUGES, np.random.default_rng(4)) for one in (noise, flown.vehicle.noise))
-    assert 0.0 < abs(soft.clamp_axial.item()) < 8e-3
-    assert same.clamp_axial.item() == same.clamp_transverse.item() == 0.0
-    found = flown.columns(noise)
-    assert [one.name for one in found] == ["clamp, along", "clamp, across"]
-    yields = flown.vehicle.model_copy(update={"noise": noise})
-    flights = true_flights(yields, true_structure(yields), flown.table, CONDITIONS)
-    for one, kind in zip(found, ("clamp_axial", "clamp_transverse"), strict=True):
-        change = flights.read(built(**{kind: 2e-3})) - flights.read(built())
-        assert np.linalg.norm(one.strain - change) < 3e-3 * np.linalg.norm(change)
-        assert np.linalg.norm(change) > 0.0
-    with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
-        flown.flights.read(built(clamp_axial=1e-3))
+BY_REGION = {
+    "row_orientation_deg": 1.0,
+    "wall_harmonic_percent": 1.0,
+    "wall_taper_percent": 1.0,
+    "wall_second_harmonic_percent": 1.0,
+    "region_modulus_percent": 1.0,
+    "joint_softness_mm": 2.0,
+}
+CLAMP = {"clamp_compliance_mm": 2.0}
 
 
-def test_operators_of_hardware_errors_predict_vehicles_built_so(flown: Flown) -> None:
-    """One standard deviation of each error, gauges of random signs: change of strain, 3e-3 in norm."""
-    noise = flown.vehicle.noise.model_copy(update={"transverse_sensitivity_percent": 1.0})
-    sizes = {
-        "gauge gain": ("gauge_gain", 0.01, 1e-9),
-        "common gain": ("common_gain", 0.01, 1e-9),
-        "wall thickness": ("wall_thickness", 0.01, 3e-3),
-        "layout roll": ("layout_roll", radians(0.5), 3e-3),
-        "gauge position, axial": ("axial_shift", 1e-3, 3e-3),
-        "gauge position, circumferential": ("circumferential_shift", 1e-3, 3e-3),
-        "gauge orientation": ("orientation", radians(1.0), 3e-3),
-        "transverse sensitivity": ("transverse_sensitivity", 0.01, 3e-3),
-    }
-    found = flown.columns(noise)
-    assert {one.name for one in found} == sizes.keys()
+def with_joint(flown: Flown, alone: bool, entries: dict[str, float]) -> Vehicle:
+    """Return the vehicle with other errors, ``alone`` or with the default ones; a joint where it yields."""
+    own, calibration = flown.vehicle.noise, flown.vehicle.calibration
+    noise = (own.without_hardware_errors() if alone else own).model_copy(update=entries)
+    if "joint_softness_mm" in entries:
+        calibration = calibration.model_copy(update={"joint_stations_m": (1.2,)})
+    return flown.vehicle.model_copy(update={"noise": noise, "calibration": calibration})
+
+
+@pytest.mark.parametrize(
+    ("alone", "entries", "tolerance"),
+    [(False, {"transverse_sensitivity_percent": 1.0}, 3e-3), (True, CLAMP, 3e-3), (True, BY_REGION, 0.03)],
+    ids=["hardware", "clamp", "by region, row and joint"],
+)
+def test_error_columns_predict_vehicles_built_so(
+    alone: bool, entries: dict[str, float], tolerance: float, flown: Flown
+) -> None:
+    """One standard deviation of each error, gauges of random signs: change of strain, in norm; of gains 1e-9."""
+    vehicle = with_joint(flown, alone, entries)
+    structure = true_structure(vehicle)
+    flights, found = true_flights(vehicle, structure, flown.table, CONDITIONS), flown._replace(vehicle=vehicle)
+    kinds = [kind for kind in IN_NOISE if kind not in IN_FLIGHT and kind.std(vehicle.noise) > 0.0]
+    of_gauges = [(kind, None) for kind in kinds if kind.extent == "gauge"]
+    common = [kind for kind in kinds if kind.extent != "gauge"]
+    keys = [*of_gauges, *((kind, k) for kind in common for k in range(structure.counts.in_flight(kind)))]
     # Next to the slope break strain bends within a step of any size.
-    away = np.abs(flown.model.placed.x - 1.75) > 0.1
-    for error in found:
-        entry, size, tolerance = sizes[error.name]
-        sign = np.ones(N_GAUGES) if error.common else np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES)
-        change = change_of(flown.flights, built(), **{entry: size if error.common else size * sign})[:, away]
+    away = (np.abs(flown.model.placed.x - 1.75) > 0.1) | (tolerance > 0.01)
+    for error, (kind, k) in zip(found.columns(vehicle.noise), keys, strict=True):
+        assert (error.name, error.common) == (kind.column_name, k is not None)
+        sign = np.random.default_rng(3).choice([-1.0, 1.0], N_GAUGES) if k is None else np.ones(N_GAUGES)
+        size = kind.std(vehicle.noise) * (sign if k is None else np.eye(structure.counts.in_flight(kind))[k])
+        change = change_of(flights, exactly_built(structure.counts), **{kind.name: size})[:, away]
         off = np.linalg.norm((sign * error.strain)[:, away] - change)
-        assert off < tolerance * np.linalg.norm(change), error.name
+        assert off < (tolerance if kind.step else 1e-9) * np.linalg.norm(change), (kind.name, k)
 
 
-def test_errors_by_region_row_and_joint_are_drawn_flown_and_in_the_noise(flown: Flown) -> None:
-    """Columns predict what vehicles read that are built so: 3 % in norm. Other numbers of a draw stay."""
-    entries = {
-        "row_orientation_deg": 1.0,
-        "wall_harmonic_percent": 1.0,
-        "wall_taper_percent": 1.0,
-        "wall_second_harmonic_percent": 1.0,
-        "region_modulus_percent": 1.0,
-        "joint_softness_mm": 2.0,
-    }
-    noise = flown.vehicle.noise.without_hardware_errors().model_copy(update=entries)
-    joints = flown.vehicle.calibration.model_copy(update={"joint_stations_m": (1.2,)})
-    by_region = flown.vehicle.model_copy(update={"noise": noise, "calibration": joints})
+def test_errors_that_a_structure_has_not_are_refused_and_draws_of_others_stay(flown: Flown) -> None:
+    """A clamp that yields, errors by region, row and joint; of several vehicles as of each."""
+    by_region = with_joint(flown, True, BY_REGION | {"gauge_gain_percent": 1.0})
     structure = true_structure(by_region)
     assert structure.counts == Counts(gauge=N_GAUGES, region=4, row=4, joint=1)
-    found = flown._replace(vehicle=flown.vehicle.model_copy(update={"calibration": joints})).columns(noise)
-    kinds = [kind for kind in IN_NOISE if kind.entry in entries]
-    keys = [(kind, k) for kind in kinds for k in range(structure.counts.of(kind))]
-    assert [one.name for one in found] == [kind.in_words for kind, _ in keys]
-    assert all(one.common for one in found)
-    flights = true_flights(by_region, structure, flown.table, CONDITIONS)
-    for error, (kind, k) in zip(found, keys, strict=True):
-        size = kind.std(noise) * np.eye(structure.counts.of(kind))[k]
-        change = change_of(flights, exactly_built(structure.counts), **{kind.name: size})
-        assert np.linalg.norm(error.strain - change) < 0.03 * np.linalg.norm(change), (kind.name, k)
-    stated = noise.model_copy(update={"gauge_gain_percent": 1.0})
-    one, plain = (drawn(of, structure.counts, np.random.default_rng(3)) for of in (stated, flown.vehicle.noise))
+    one, plain = (drawn(of.noise, structure.counts, np.random.default_rng(3)) for of in (by_region, flown.vehicle))
     np.testing.assert_array_equal(one.gauge_gain, plain.gauge_gain)
-    many = drawn(stated, structure.counts, np.random.default_rng(4), count=3)
+    many = drawn(by_region.noise, structure.counts, np.random.default_rng(4), count=3)
+    flights = true_flights(by_region, structure, flown.table, CONDITIONS)
     read = flights.read(many, slice(1, 2))
     for number in range(3):
         close(read[number], flights.read(many.one_of(number))[1], 1e-12)
     with pytest.raises(InputError, match=r"joint_softness_mm: expected 0 without joints"):
-        counts_in_flight(flown.vehicle.model_copy(update={"noise": noise}), structure.placed.roll_angle)
+        counts_in_flight(flown.vehicle.model_copy(update={"noise": by_region.noise}), structure.placed.roll_angle)
+    yields = with_joint(flown, True, CLAMP).noise
+    soft, same = (drawn(noise, N_GAUGES, np.random.default_rng(4)) for noise in (yields, flown.vehicle.noise))
+    assert 0.0 < abs(soft.clamp_axial.item()) < 8e-3
+    assert same.clamp_axial.item() == same.clamp_transverse.item() == 0.0
+    with pytest.raises(InputError, match="clamp_compliance_mm is 0"):
+        flown.flights.read(built(clamp_axial=1e-3))
 
 
 MACH = np.array([5.0, 5.5, 6.2, 7.0])
