@@ -400,14 +400,6 @@ COST_TRAINING, COST_STEPS = 500, 31
 the time is the median of."""
 
 
-def regression(name: str, seed: int) -> Any:
-    """Return a regression of several values, with ``fit`` and ``predict``."""
-    module, kind, arguments = REGRESSIONS[name]
-    model = getattr(import_module(f"sklearn.{module}"), kind)(**arguments, random_state=seed)
-    of_one_value = kind == "HistGradientBoostingRegressor"
-    return import_module("sklearn.multioutput").MultiOutputRegressor(model) if of_one_value else model
-
-
 def conformal_half_width(residual: FloatArray) -> FloatArray:
     """Return (m,) half-widths of bands that hold a new value with :data:`LEVEL`; ``residual`` is (n, m).
 
@@ -443,7 +435,11 @@ def of_regression(name: str, training: Readings, calibration: Readings, seed: in
 
     known = features(training)
     feature_mean, feature_std = known.mean(axis=0), known.std(axis=0)
-    mean, std, model = training.truth.mean(axis=0), training.truth.std(axis=0), regression(name, seed)
+    mean, std = training.truth.mean(axis=0), training.truth.std(axis=0)
+    module, kind, arguments = REGRESSIONS[name]
+    model = getattr(import_module(f"sklearn.{module}"), kind)(**arguments, random_state=seed)
+    if kind == "HistGradientBoostingRegressor":  # of one value
+        model = import_module("sklearn.multioutput").MultiOutputRegressor(model)
     with one_thread_of_blas():
         model.fit(scaled(training), (training.truth - mean) / std)
     half_width = conformal_half_width(calibration.truth - predicted(calibration))

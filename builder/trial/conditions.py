@@ -120,7 +120,7 @@ def _inside(
 ) -> list[FlightCondition]:
     """Return conditions inside the envelope, between the snapshots."""
     listed = where.altitudes == "listed"
-    heights = listed_altitudes_km(vehicle) if listed else drawn_altitudes_km(vehicle)
+    heights = range_of(vehicle.conditions.altitudes_km) if listed else drawn_altitudes_km(vehicle)
     if where.altitudes_km is not None:
         heights = drawn_altitudes_km(vehicle, (where.altitudes_km[0], where.altitudes_km[1]))
     if where.corner is not None:
@@ -275,18 +275,13 @@ def largest_incidence(vehicle: Vehicle) -> float:
     return max(condition.total_incidence for condition in vehicle.flight_conditions())
 
 
-def listed_altitudes_km(vehicle: Vehicle) -> tuple[float, float]:
-    """Return lowest and highest altitude [km] of the flight conditions."""
-    return range_of(vehicle.conditions.altitudes_km)
-
-
 def drawn_altitudes_km(vehicle: Vehicle, wanted_km: tuple[float, float] = ALTITUDES_KM) -> tuple[float, float]:
     """Return lowest and highest altitude [km] of ``wanted_km`` that the map holds at.
 
     They are its own where it holds at none of these; in form "absolute" the altitudes of the flight conditions.
     """
     if not vehicle.map.follows_pressure:
-        return listed_altitudes_km(vehicle)
+        return range_of(vehicle.conditions.altitudes_km)
     low, high = vehicle.map.valid_altitude_km
     bottom, top = max(wanted_km[0], low), min(wanted_km[1], high)
     return (bottom, top) if bottom <= top else (low, high)
@@ -426,7 +421,7 @@ class Motion(Section):
         """Return the flight conditions in time; Mach number, altitude, plane and phase are drawn."""
         listed = vehicle.conditions.mach_number
         mach = float(random.uniform(min(listed), max(listed)))
-        altitude = 1e3 * float(random.uniform(*listed_altitudes_km(vehicle)))
+        altitude = 1e3 * float(random.uniform(*range_of(vehicle.conditions.altitudes_km)))
         plane, phase = random.uniform(0.0, 2.0 * pi, 2).tolist()
         incidence = self._incidence(envelope_incidence(vehicle), phase)
         angles = [wind_angles(abs(angle), plane + (pi if angle < 0.0 else 0.0)) for angle in incidence.tolist()]

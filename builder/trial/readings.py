@@ -280,25 +280,25 @@ OF_SAMPLES = (STRAIN, "known", "truth", "vehicle", "flight", "bound", "quiet")
 def chosen(value: Any, rows: IntArray | slice, count: int) -> Any:
     """Return the samples ``rows`` of a ``value`` of ``count`` samples: an array, one number for all, a mapping or
     pair of such, or None."""
-    if value is None:
-        return None
-    if isinstance(value, Mapping):
-        return {name: chosen(one, rows, count) for name, one in value.items()}
-    if isinstance(value, tuple):
-        return tuple(chosen(one, rows, count) for one in value)
-    return (value if np.ndim(value) > 1 else np.broadcast_to(value, count))[rows]
+    return _of_each([value], lambda one: (one if np.ndim(one) > 1 else np.broadcast_to(one, count))[rows])
 
 
 def stacked(values: Sequence[Any], counts: Sequence[int]) -> Any:
     """Return ``values`` of parts of so many samples, each as :func:`chosen` takes it, one after another."""
+    parts = [chosen(value, slice(None), n) for value, n in zip(values, counts, strict=True)]
+    return _of_each(parts, lambda *arrays: np.concatenate(arrays))
+
+
+def _of_each(values: Sequence[Any], function: Callable[..., FloatArray]) -> Any:
+    """Return ``function`` of the arrays of ``values``, which are alike: mappings and pairs of arrays, or None."""
     first = values[0]
     if first is None:
         return None
     if isinstance(first, Mapping):
-        return {name: stacked([value[name] for value in values], counts) for name in first}
+        return {name: _of_each([value[name] for value in values], function) for name in first}
     if isinstance(first, tuple):
-        return tuple(stacked(each, counts) for each in zip(*values, strict=True))
-    return np.concatenate([chosen(value, slice(None), n) for value, n in zip(values, counts, strict=True)])
+        return tuple(_of_each(each, function) for each in zip(*values, strict=True))
+    return function(*values)
 
 
 def joined(parts: Sequence[Readings]) -> Readings:
@@ -326,7 +326,8 @@ def read_case(
     Draws come from ``random``, first the errors of the vehicle.
     """
     built = world.built(case.built, random, vehicles)
-    exact, gauges, conditions = _is_exact(case), world.gauges, flights.conditions[rows]
+    exact = not (case.built.stated or case.built.set or case.built.middle)
+    gauges, conditions = world.gauges, flights.conditions[rows]
     strain = flights.read(built, rows, None if exact else random)
     n, n_d = len(strain), len(gauges.station)
 
@@ -434,10 +435,6 @@ def read_motion(world: World, case: Case, number: int, random: np.random.Generat
     return replace(read, strain=strain, known=known, truth=truth, flight=flight, time=time, conditions=())
 
 
-def _is_exact(case: Case) -> bool:
-    return not case.built.stated and not case.built.set and not case.built.middle
-
-
 def navigation_at(conditions: Sequence[FlightCondition], each: int = 1) -> dict[str, Any]:
     """Return exact Mach number, p_inf and altitude, ``each`` so many times.
 
@@ -483,19 +480,15 @@ def _given(
 
 def _computed(air: Air, noise: Noise, of: Column, random: np.random.Generator) -> dict[str, Any]:
     """Return M, p_inf or altitude, and q_inf that is computed of them."""
-    altitude = altitude_at(of(AMBIENT_PRESSURE) / air.day) + air.altitude_off
+    height = np.arange(0.0, LAYERS[-1][0], 5.0)
+    standard = -np.log(static_pressure_at(height))
+    altitude = np.interp(-np.log(of(AMBIENT_PRESSURE) / air.day), standard, height) + air.altitude_off
     exact = {MACH_NUMBER: of(MACH_NUMBER) + air.mach_off, STATIC_PRESSURE: static_pressure_at(altitude)}
     known = _with_errors(exact, noise, random)
     if air.source == ALTITUDE:
         known = {MACH_NUMBER: known[MACH_NUMBER], ALTITUDE: altitude}
     static = known.get(STATIC_PRESSURE, exact[STATIC_PRESSURE])
     return {**known, DYNAMIC_PRESSURE: 0.5 * HEAT_CAPACITY_RATIO * known[MACH_NUMBER] ** 2 * static}
-
-
-def altitude_at(pressure: FloatArray) -> FloatArray:
-    """Return the altitude [m] (n,) at which the standard atmosphere has ``pressure`` [Pa]."""
-    height = np.arange(0.0, LAYERS[-1][0], 5.0)
-    return np.interp(-np.log(pressure), -np.log(static_pressure_at(height)), height)
 
 
 def _inertial(vehicle: Vehicle, force: FloatArray, random: np.random.Generator) -> dict[str, Any]:

@@ -155,10 +155,8 @@ def _of_single(world: World, read: Sequence[Readings], name: str) -> tuple[Estim
     """Return the estimates of single samples in the readings, and of the same without noise, None where not
     wanted."""
     estimate = of_map(world.inverse_map, name)
-    quiet = [replace(part, strain=part.quiet) for part in read if part.quiet is not None]
-    return together([estimate(part) for part in read]), together(
-        [estimate(part) for part in quiet]
-    ) if quiet else None
+    quiet = [estimate(replace(part, strain=part.quiet)) for part in read if part.quiet is not None]
+    return together([estimate(part) for part in read]), together(quiet) if quiet else None
 
 
 def _over_single(made: Estimates, single: Estimates, quiet: Estimates | None, read: Readings) -> FloatArray:

@@ -199,21 +199,17 @@ def stress_entries(cases: Sequence[Case], rows: Sequence[Row]) -> list[dict[str,
             kind, _, seconds = row["estimator"].partition(" ")
             entry |= {"estimator": kind, "time_constant_s": float(seconds.removesuffix(" s") or 0.0)}
         else:
-            wrong, is_included = row["wrong_flagged_percent"] + row["undetected_percent"], row["class"] in INCLUDED
+            right_flagged = round(row["right_flagged_percent"], 4)
             entry |= {
-                "wrong_percent": round(wrong, 4),
+                "wrong_percent": round(row["wrong_flagged_percent"] + row["undetected_percent"], 4),
                 "health": health,
                 "conditions": row["flights"],
-                "false_alarms_percent": round(row["right_flagged_percent"], 4) if is_included else None,
+                "false_alarms_percent": right_flagged if entry["class"] == "within" else None,
             }
         columns = COLUMNS | (OF_SAMPLES if case.motion is None else OF_MOTION)
         of_case = loads[row["case"], row["estimator"]]
         entries.append(entry | {key: _rounded(of_case, column) for key, column in columns.items()})
     return entries
-
-
-INCLUDED = ("drawn", "alone")
-"""Classes of errors that sigma includes."""
 
 
 def _rounded(loads: Sequence[Row], column: str) -> dict[str, float | None]:

@@ -23,7 +23,6 @@ import strainfmu
 from builder.calibration.ground_test.load_test_file import read_test_file
 from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.demonstration.flight_scores import score_flight
-from builder.vehicle.file import IC3X
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, SCHEMA, SCHEMA_VERSION, load_inverse_map
 from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
@@ -168,26 +167,14 @@ def time_of_one_call(call: Callable[[], object], repeats: int = 1, calls: int = 
 
 
 @pytest.mark.slow
-def test_every_command_runs_on_the_result(
-    ic3x_demo: Path, tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_bench_runs_on_the_result(ic3x_demo: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It takes seconds, as ``bench`` trains its rivals, if on a few flights alone."""
-
-    def printed_by(*arguments: object) -> str:
-        code, printed, _ = run(*arguments)
-        assert code == 0
-        return printed
-
-    assert "IC3X surrogate" in printed_by("inspect", ic3x_demo / "map.h5")
-    printed_by("export", ic3x_demo / "map.h5", "-o", tmp_path / "again.fmu")
-    assert validate_fmu(str(tmp_path / "again.fmu")) == []
     monkeypatch.setattr("strainfmu.cli.bench.time_per_call", time_of_one_call)
     monkeypatch.setattr("strainfmu.fmu.checks.step_cost.REPEATS", 3)
     monkeypatch.setattr("builder.trial.compared.COST_TRAINING", 60)
-    assert "bare product" in printed_by("bench", ic3x_demo)
-    printed = printed_by("check", IC3X)
-    assert "90 conditions, 85 distinct flows" in printed
-    assert "54 gauges" in printed
+    code, printed, _ = run("bench", ic3x_demo)
+    assert code == 0
+    assert "bare product" in printed
 
 
 def test_a_manoeuvre_outside_the_snapshots_is_said(ogive_demo: Path, tmp_path: Path, run: Run) -> None:

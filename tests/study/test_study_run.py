@@ -149,12 +149,6 @@ def test_a_second_run_reuses_what_is_there(done: tuple[Path, Path]) -> None:
     assert list(dict.fromkeys(row["design"] for row in found.rows)) == [1, 2]
 
 
-@pytest.mark.slow
-def test_workers_give_the_same_rows(done: tuple[Path, Path], tmp_path: Path) -> None:
-    run_study(done[0], tmp_path, workers=2)
-    assert (tmp_path / TABLE).read_bytes() == (done[1] / TABLE).read_bytes()
-
-
 def test_a_design_that_fails_leaves_the_others(
     done: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

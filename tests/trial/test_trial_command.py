@@ -11,13 +11,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
-from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.campaign.campaign_run import CampaignInterrupted
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling
 from builder.pipeline import trials
@@ -141,29 +140,16 @@ def test_two_workers_give_the_same_bytes(vehicle_file: Path, tmp_path: Path, run
 
 
 @pytest.mark.usefixtures("few_knots")
-def test_ended_flows_go_on(vehicle_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Flows that were finished before an interrupt are not solved again."""
-    vehicle, solved = load_vehicle(vehicle_file), []
-    real = EulerEngine.solve
-
-    def solve(engine: EulerEngine, key: FlowKey) -> Flow:
-        if len(solved) == 5 and not resumed:
-            raise KeyboardInterrupt
-        solved.append(key)
-        return real(engine, key)
-
-    resumed = False
-    monkeypatch.setattr(EulerEngine, "solve", solve)
-    with pytest.raises(CampaignInterrupted, match="of 16 flows are kept"), Journal(tmp_path / "flows.h5") as kept:
-        stress_flows(vehicle, Silent(), kept, Scheduling(workers=0))
-    resumed = True
-    with Journal(tmp_path / "flows.h5") as kept:
-        before = len(kept.flows(next(iter(kept._flows))[0]))
-        assert before > 0
-        del solved[:]
-        table = stress_flows(vehicle, Silent(), kept, Scheduling(workers=0))
-    assert len(solved) == 16 - before
+def test_flows_of_a_journal_are_not_solved_again(
+    vehicle_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vehicle, how = load_vehicle(vehicle_file), {"scheduling": Scheduling(workers=0)}
+    with Journal(tmp_path / "flows.h5") as journal:
+        table = stress_flows(vehicle, Silent(), journal, **how)
     assert table.harmonic.shape[:2] == (4, 4)
+    monkeypatch.setattr(EulerEngine, "solve", None)
+    with Journal(tmp_path / "flows.h5") as journal:
+        np.testing.assert_array_equal(stress_flows(vehicle, Silent(), journal, **how).harmonic, table.harmonic)
 
 
 @pytest.mark.fast

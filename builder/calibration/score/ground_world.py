@@ -228,7 +228,12 @@ class GroundWorld(Shared):
         errors = LoadErrors(common=0.01 * self.options.load_cell_percent)
 
         def made() -> ReadingsModel:
-            test = load_test_of(structure, self._cases(entry.pads, noise, errors), errors, noise)
+            none, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, noise)
+            cases = tuple(
+                LoadCase(name=case.name, loads=known_loads(case, errors), reading=none, reading_std=std)
+                for case in self._cases(entry.pads, noise, errors)
+            )
+            test = LoadTest(gauge_names=structure.gauges.names, cases=cases, errors=errors)
             return ReadingsModel(structure, test, prior_of_test(self.vehicle, structure))
 
         return self.once((entry.pads, noise), made)
@@ -277,14 +282,3 @@ def ground_world(
         flights=flights,
         options=options,
     )
-
-
-def load_test_of(
-    structure: AsBuiltStructure, cases: list[PlannedCase], errors: LoadErrors, reading_std: float
-) -> LoadTest:
-    """Return the test of ``cases`` without readings, whose standard deviation will be ``reading_std`` [m/m]."""
-    zero, std = np.zeros(structure.n_gauges), np.full(structure.n_gauges, reading_std)
-    made = [
-        LoadCase(name=case.name, loads=known_loads(case, errors), reading=zero, reading_std=std) for case in cases
-    ]
-    return LoadTest(gauge_names=structure.gauges.names, cases=tuple(made), errors=errors)
