@@ -7,9 +7,9 @@ from strainfmu.cli.inspection.files import inspect as inspect
 from strainfmu.estimator.map.inverse_map import InverseMap as InverseMap
 from strainfmu.estimator.map.inverse_map import load_inverse_map as load_inverse_map
 from strainfmu.estimator.map.inverse_map import save_inverse_map as save_inverse_map
-from strainfmu.estimator.linear_map import LinearMap as LinearMap
-from strainfmu.estimator.linear_map import linear_map as linear_map
-from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition as proper_orthogonal_decomposition
+from strainfmu.linear.linear_map import LinearMap as LinearMap
+from strainfmu.linear.linear_map import linear_map as linear_map
+from strainfmu.linear.pressure_modes import proper_orthogonal_decomposition as proper_orthogonal_decomposition
 
 # Estimate
 from strainfmu.estimator.estimator import Estimator as Estimator

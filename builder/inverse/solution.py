@@ -22,14 +22,14 @@ from builder.vehicle.map.options import MapEntry
 from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.sensors import InertiaMap, ThermalMap
-from strainfmu.estimator.pressure_modes import (
+from strainfmu.linear.pressure_modes import (
     LowRankPrior,
     PressureModes,
     prior_of_snapshots,
     proper_orthogonal_decomposition,
 )
-from strainfmu.estimator.regularisation import Rule, expected_data, select_gamma
-from strainfmu.estimator.state_map import (
+from strainfmu.linear.regularisation import Rule, expected_data, select_gamma
+from strainfmu.linear.state_map import (
     StateMap,
     gaussian_map,
     least_squares_map,

@@ -32,7 +32,7 @@ from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.settings import GAUGE_RANGE
 from strainfmu.estimator.signal_names import TEMPERATURE
-from strainfmu.estimator.state_map import whitened_spectrum
+from strainfmu.linear.state_map import whitened_spectrum
 from strainfmu.version import __version__
 
 LEAST_COLUMN = 1e-7

@@ -32,7 +32,7 @@ from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray, IntArray
 from strainfmu.atmosphere import HEAT_CAPACITY_RATIO, pressure_and_temperature
 from strainfmu.estimator.map.flight_tables import LOG_PRESSURE, MACH, N_STATES, FlightTables, U, W, evaluate
-from strainfmu.estimator.pressure_modes import PressureModes, proper_orthogonal_decomposition
+from strainfmu.linear.pressure_modes import PressureModes, proper_orthogonal_decomposition
 
 Kind = Literal["linear", "nonlinear"]
 

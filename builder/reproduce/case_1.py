@@ -14,9 +14,9 @@ from builder.reproduce.protocol import COEFFICIENT_FLOOR, DRAWS, DRAWS_PER_CONDI
 from builder.reproduce.setups import Pressures, SetUp
 from builder.trial.score import SIGMAS, is_within
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.pressure_modes import PressureModes, proper_orthogonal_decomposition
-from strainfmu.estimator.state_map import LeastSquaresMap, least_squares_map, relative_condition
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.linear.pressure_modes import PressureModes, proper_orthogonal_decomposition
+from strainfmu.linear.state_map import LeastSquaresMap, least_squares_map, relative_condition
 
 PUBLISHED_STRAIN = 1e-4
 """Strain per gauge [m/m] in the source's |d| = 100 sqrt(n_d), taken as um/m."""

@@ -14,8 +14,8 @@ from builder.reproduce.setups import SetUp
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import LowRankPrior
-from strainfmu.estimator.regularisation import (
+from strainfmu.linear.pressure_modes import LowRankPrior
+from strainfmu.linear.regularisation import (
     RULES,
     DataSpectrum,
     Rule,
@@ -23,7 +23,7 @@ from strainfmu.estimator.regularisation import (
     measured_data,
     select_gamma,
 )
-from strainfmu.estimator.state_map import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
+from strainfmu.linear.state_map import GaussianMap, WhitenedSpectrum, gaussian_map, whitened_spectrum
 
 COEFFICIENTS = ("C_A", "C_N", "C_Y", "M_P", "M_Y")
 

@@ -17,8 +17,8 @@ from builder.reproduce.strain_models import StrainModel
 from builder.structure.observability import SYMMETRIES, smooth_response, symmetry_responses
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
-from strainfmu.estimator.pressure_modes import LowRankPrior, PressureModes, prior_of_snapshots
-from strainfmu.estimator.state_map import relative_condition
+from strainfmu.linear.pressure_modes import LowRankPrior, PressureModes, prior_of_snapshots
+from strainfmu.linear.state_map import relative_condition
 
 SMOOTH_DEGREE = 6
 """Degree in x of the pressures that resolve the symmetry classes."""

@@ -52,8 +52,8 @@ from builder.vehicle.conditions.flight_conditions import flow_key
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_snapshots
 from strainfmu.files import write_bytes_atomically
+from strainfmu.linear.pressure_modes import LowRankPrior, prior_of_snapshots
 
 Progress = Callable[[int, int], None]
 

@@ -19,7 +19,7 @@ from builder.inverse.noise.error_list import ERRORS
 from builder.structure.as_built_kinds import AS_BUILT, IN_FLIGHT
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import ENGINE_NAMES, NeededBy
-from strainfmu.estimator.regularisation import RULES
+from strainfmu.linear.regularisation import RULES
 
 UNITS = {
     "um_per_m_per_K": "um/m/K",

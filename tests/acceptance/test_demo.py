@@ -25,8 +25,8 @@ from builder.campaign.snapshots import load_snapshots
 from builder.pipeline.demonstration.flight_scores import score_flight
 from strainfmu.cosim.systems.recording import load_recording
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, SCHEMA, SCHEMA_VERSION, load_inverse_map
-from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
 from strainfmu.files import content_hash_of
+from strainfmu.linear.pressure_modes import proper_orthogonal_decomposition
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -22,10 +22,10 @@ from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
 from strainfmu.estimator.map.inverse_map import InverseMap, load_inverse_map, save_inverse_map
-from strainfmu.estimator.pressure_modes import LowRankPrior
 from strainfmu.estimator.reference.gain import load_covariance
 from strainfmu.estimator.settings import SENSOR_RANGE, default_settings
-from strainfmu.estimator.state_map import gaussian_map
+from strainfmu.linear.pressure_modes import LowRankPrior
+from strainfmu.linear.state_map import gaussian_map
 
 DYNAMIC_PRESSURE = 137970.0
 

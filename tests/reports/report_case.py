@@ -22,7 +22,7 @@ from builder.vehicle.file import Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.map_needs import used_layouts
 from strainfmu.estimator.map.inverse_map import InverseMap, nothing_of
-from strainfmu.estimator.state_map import StateMap, gaussian_map, least_squares_map
+from strainfmu.linear.state_map import StateMap, gaussian_map, least_squares_map
 
 NEWTONIAN = '[aerodynamics]\nengine = "newtonian"\nleeward = "prandtl_meyer"\n'
 

@@ -18,7 +18,7 @@ from builder.structure.fourier.fourier_model import StructuralModel
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.file import Vehicle
 from strainfmu.estimator.reference.gain import load_covariance, load_gain
-from strainfmu.estimator.regularisation import expected_data, select_gamma
+from strainfmu.linear.regularisation import expected_data, select_gamma
 
 pytestmark = pytest.mark.fast
 

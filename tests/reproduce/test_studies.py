@@ -15,7 +15,7 @@ from builder.reproduce.setups import SAME_MESH, Pressures, SetUp, noise_sigma
 from builder.reproduce.strain_models import StrainModel, fourier_model
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid, surface_grid
-from strainfmu.estimator.pressure_modes import prior_of_snapshots
+from strainfmu.linear.pressure_modes import prior_of_snapshots
 
 INSIDE = 5474.9
 

@@ -25,8 +25,8 @@ from builder.vehicle.conditions.flight_conditions import condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle
 from builder.vehicle.map.options import MapEntry
 from builder.vehicle.model_entries import Resolution, Resolutions
-from strainfmu.estimator.pressure_modes import LowRankPrior, prior_of_snapshots, proper_orthogonal_decomposition
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.linear.pressure_modes import LowRankPrior, prior_of_snapshots, proper_orthogonal_decomposition
 
 COARSE = Resolution(
     radial_cells=12,

@@ -15,9 +15,9 @@ from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
-from strainfmu.estimator.pressure_modes import LowRankPrior, PressureModes
-from strainfmu.estimator.state_map import GaussianMap, LeastSquaresMap, gaussian_map, least_squares_map
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.linear.pressure_modes import LowRankPrior, PressureModes
+from strainfmu.linear.state_map import GaussianMap, LeastSquaresMap, gaussian_map, least_squares_map
 
 
 @dataclass(frozen=True, eq=False)

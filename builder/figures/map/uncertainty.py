@@ -15,7 +15,7 @@ from strainfmu.arrays import FloatArray
 from strainfmu.estimator.map.inverse_map import COEFFICIENT_NAMES, InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
 from strainfmu.estimator.reference.gain import load_covariance
-from strainfmu.estimator.regularisation import LCurve
+from strainfmu.linear.regularisation import LCurve
 
 SIGNS = [with_signs(name) for name in COEFFICIENT_NAMES]
 RULE_MARKS = ("*", "o", "s", "^", "D")

@@ -8,7 +8,7 @@ from builder.inverse.noise.model import NoiseModel
 from strainfmu.arrays import FloatArray
 from strainfmu.estimator.reference.gain import nominal, state_model
 from strainfmu.estimator.reference.update import model_of
-from strainfmu.estimator.state_map import StateMap
+from strainfmu.linear.state_map import StateMap
 
 
 def load_covariance_by_terms(

@@ -22,8 +22,8 @@ from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import ComplexArray, FloatArray, IntArray
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import PressureModes, signs
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.linear.pressure_modes import PressureModes, signs
 
 ROLLS = 24
 """Roll angles at least at which strain and coefficients of a rolled ensemble are taken; the angles of the nodes

@@ -16,8 +16,8 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, inverse_root
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import PressureModes
-from strainfmu.estimator.state_map import check_covariance
+from strainfmu.linear.pressure_modes import PressureModes
+from strainfmu.linear.state_map import check_covariance
 
 
 @dataclass(frozen=True, eq=False)

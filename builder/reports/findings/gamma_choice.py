@@ -16,8 +16,8 @@ from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.map.inverse_map import InverseMap
 from strainfmu.estimator.other_loads import FIVE_LOADS
-from strainfmu.estimator.regularisation import RULES, LCurve, expected_data, l_curve, select_gamma
-from strainfmu.estimator.state_map import GaussianMap, gaussian_map
+from strainfmu.linear.regularisation import RULES, LCurve, expected_data, l_curve, select_gamma
+from strainfmu.linear.state_map import GaussianMap, gaussian_map
 
 CURVE_DECADES = (-6.0, 6.0)
 CURVE_POINTS = 241

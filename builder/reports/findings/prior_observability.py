@@ -20,8 +20,8 @@ from builder.reports.findings.symmetry_classes import class_fractions, mirror_op
 from builder.structure.observability import SYMMETRIES
 from builder.vehicle.shape.geometry import SurfaceGrid
 from strainfmu.arrays import BoolArray, FloatArray
-from strainfmu.estimator.pressure_modes import PressureModes
-from strainfmu.estimator.state_map import gaussian_map
+from strainfmu.linear.pressure_modes import PressureModes
+from strainfmu.linear.state_map import gaussian_map
 
 MIN_FRACTION = 1e-6
 """Fraction of the variance below which a class counts as empty."""

@@ -11,7 +11,7 @@ from builder.vehicle.toml.entry_limits import GAMMA, one_line
 from builder.vehicle.toml.toml_sections import Altitude, FileName, Section
 from strainfmu.atmosphere import DEVIATION_OF_AIR
 from strainfmu.estimator.map.inverse_map import FORMS, PER_PRESSURE
-from strainfmu.estimator.regularisation import RULES
+from strainfmu.linear.regularisation import RULES
 
 if TYPE_CHECKING:
     Form = str

@@ -26,8 +26,8 @@ from strainfmu.estimator.map.inverse_map import (
 )
 from strainfmu.estimator.map.sensors import strain_rows
 from strainfmu.estimator.reference.gain import load_covariance, load_gain, residual_precision
-from strainfmu.estimator.state_map import check_covariance
 from strainfmu.files import content_hash_of
+from strainfmu.linear.state_map import check_covariance
 
 pytestmark = pytest.mark.fast
 

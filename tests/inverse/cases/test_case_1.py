@@ -21,8 +21,8 @@ from builder.vehicle.map.options import MapEntry, Noise
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimator import Estimator
 from strainfmu.estimator.health import HealthState
-from strainfmu.estimator.pressure_modes import PressureModes
-from strainfmu.estimator.state_map import LeastSquaresMap, least_squares_map, relative_condition
+from strainfmu.linear.pressure_modes import PressureModes
+from strainfmu.linear.state_map import LeastSquaresMap, least_squares_map, relative_condition
 
 pytestmark = pytest.mark.fast
 

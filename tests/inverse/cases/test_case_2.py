@@ -10,12 +10,12 @@ from state_estimates import precision_of
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import prior_of_modes
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import (
+from strainfmu.linear.pressure_modes import (
     LowRankPrior,
     prior_of_snapshots,
     proper_orthogonal_decomposition,
 )
-from strainfmu.estimator.state_map import GaussianMap, gaussian_map
+from strainfmu.linear.state_map import GaussianMap, gaussian_map
 
 pytestmark = pytest.mark.fast
 

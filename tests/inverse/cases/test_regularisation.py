@@ -11,8 +11,8 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import LowRankPrior
-from strainfmu.estimator.regularisation import (
+from strainfmu.linear.pressure_modes import LowRankPrior
+from strainfmu.linear.regularisation import (
     RULES,
     DataSpectrum,
     Rule,
@@ -22,7 +22,7 @@ from strainfmu.estimator.regularisation import (
     measured_data,
     select_gamma,
 )
-from strainfmu.estimator.state_map import GaussianMap, gaussian_map, whitened_spectrum
+from strainfmu.linear.state_map import GaussianMap, gaussian_map, whitened_spectrum
 
 pytestmark = pytest.mark.fast
 

@@ -14,8 +14,8 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.loads.covariance import load_covariance_by_terms
 from builder.inverse.noise.model import NoiseModel, gauge_noise
 from builder.inverse.solution import prior_of_modes
-from strainfmu.estimator.pressure_modes import LowRankPrior
-from strainfmu.estimator.state_map import gaussian_map, least_squares_map
+from strainfmu.linear.pressure_modes import LowRankPrior
+from strainfmu.linear.state_map import gaussian_map, least_squares_map
 
 N_MODES = 5
 N_DRAWS = 20_000

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from builder.inverse.modes.ensemble import turned_to_gauges
-from strainfmu.estimator.pressure_modes import PressureModes
+from strainfmu.linear.pressure_modes import PressureModes
 
 pytestmark = pytest.mark.fast
 

@@ -10,7 +10,7 @@ from builder.campaign.snapshots import Snapshots
 from builder.inverse.solution import area_weights
 from builder.structure.fourier.fourier_model import StructuralModel
 from strainfmu.errors import InputError
-from strainfmu.estimator.pressure_modes import proper_orthogonal_decomposition
+from strainfmu.linear.pressure_modes import proper_orthogonal_decomposition
 
 pytestmark = pytest.mark.fast
 

@@ -36,7 +36,7 @@ from builder.vehicle.map.options import Noise
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.estimator.reference.gain import load_covariance
-from strainfmu.estimator.state_map import least_squares_map
+from strainfmu.linear.state_map import least_squares_map
 
 pytestmark = pytest.mark.fast
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from builder.vehicle.map.options import HARDWARE_ERRORS, MapEntry, Noise
-from strainfmu.estimator.regularisation import RULES
+from strainfmu.linear.regularisation import RULES
 
 pytestmark = pytest.mark.fast
 

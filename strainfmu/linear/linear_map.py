@@ -1,8 +1,8 @@
 """The inverse map of the paper from arrays: strain per pressure, snapshots, noise in; gains, covariances out.
 
 A gauge reads d = Z (p - p_i) + noise, noise ~ N(0, Gamma) (Pham et al., eq. p2o). What snapshots say of the
-pressure is in :mod:`strainfmu.estimator.pressure_modes`, the map to its states q in
-:mod:`strainfmu.estimator.state_map`.
+pressure is in :mod:`strainfmu.linear.pressure_modes`, the map to its states q in
+:mod:`strainfmu.linear.state_map`.
 
 Case 2, more pressures than gauges: p = p_mean + F q, q ~ N(0, I), F of the snapshots, so that
 
@@ -31,9 +31,10 @@ from strainfmu.arrays import FloatArray, lower_factor
 from strainfmu.errors import InputError
 from strainfmu.estimator.air_inputs import DYNAMIC_PRESSURE
 from strainfmu.estimator.map.inverse_map import InverseMap
-from strainfmu.estimator.pressure_modes import PressureModes, leading_modes, prior_of_snapshots
-from strainfmu.estimator.regularisation import Rule, expected_data, select_gamma
-from strainfmu.estimator.state_map import (
+from strainfmu.files import write_bytes_atomically
+from strainfmu.linear.pressure_modes import PressureModes, leading_modes, prior_of_snapshots
+from strainfmu.linear.regularisation import Rule, expected_data, select_gamma
+from strainfmu.linear.state_map import (
     GaussianMap,
     LeastSquaresMap,
     RelativeCondition,
@@ -43,7 +44,6 @@ from strainfmu.estimator.state_map import (
     relative_condition,
     whitened_spectrum,
 )
-from strainfmu.files import write_bytes_atomically
 from strainfmu.records import brief
 
 N_LOADS = 5
@@ -320,7 +320,7 @@ def linear_map(
         force (starboard), pitching moment (nose up) and yawing moment (nose to starboard).
     modes : number r of POD modes, Case 1; None for Case 2.
     gamma : weight of the prior in Case 2 [1], a positive number, or a rule of
-        :func:`strainfmu.estimator.regularisation.select_gamma` on the data that prior and noise lead to expect;
+        :func:`strainfmu.linear.regularisation.select_gamma` on the data that prior and noise lead to expect;
         None for 1, the Bayesian value.
     weights : (n_p,) node areas [m2], the inner product of the POD, V^T W V = I; None for W = I. Case 1 alone.
     internal_pressure : p_i [Pa], one number or (n_p,).

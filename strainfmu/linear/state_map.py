@@ -27,7 +27,7 @@ import numpy as np
 
 from strainfmu.arrays import FloatArray, inverse_root, is_covariance
 from strainfmu.errors import InputError
-from strainfmu.estimator.regularisation import RULES
+from strainfmu.linear.regularisation import RULES
 from strainfmu.records import brief
 
 MAX_CONDITION_NUMBER = 1e10
