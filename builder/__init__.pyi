@@ -28,7 +28,7 @@ from builder.pipeline.trials import stress as stress
 from builder.pipeline.trials import compare as compare
 from builder.study import run_study as run_study
 from builder.reproduce.reproduction import reproduce_paper as reproduce_paper
-from builder.structure.loads.known_strain import known_strain as known_strain
+from builder.structure.loads.of_vehicle import known_strain as known_strain
 from builder.reports.mesh_study import bench_meshes as bench_meshes
 from builder.structure.solid.growth import bench_structure as bench_structure
 from builder.figures.flight import flight_figures as flight_figures

@@ -4,11 +4,13 @@ One process, this one, writes. A finished flow goes to the journal at once; when
 written whole, flows included, and the journal removed. The result depends on conditions and engine alone: not on
 what was reused, on the order in which flows came, or on who solved them. A flow outside the engine's reach ends
 nothing: its conditions are named in the result, and a campaign started again tries them again.
+
+Campaign of a vehicle file: its engine, conditions and settings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -18,19 +20,24 @@ from typing import Any
 import numpy as np
 
 from builder.aero.engine import Engine, Flow, FlowKey, cap_line
+from builder.aero.engines.registry import own_surface
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.campaign.failures import FailedCondition, failed_conditions, missing_line
+from builder.campaign.failures import FailedCondition, failed_conditions, failure_lines, missing_line
 from builder.campaign.journal import Journal
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import KeptFlows, Snapshots, load_flows, load_snapshots, save_snapshots
 from builder.campaign.worker import FailedFlow
 from builder.reporting import Reporter
+from builder.vehicle.conditions.flight_conditions import ConditionSet
+from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import SurfaceGrid
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.profile_record import profile_record
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import FlowReachError, InputError, StrainfmuError
 from strainfmu.files import fingerprint
 from strainfmu.flight_condition import FlightCondition
+from strainfmu.version import __version__
 
 
 class CampaignInterrupted(StrainfmuError):
@@ -291,3 +298,66 @@ def _equal(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
     return bool(a == b or (a != a and b != b))
+
+
+def vehicle_campaign(
+    vehicle: Vehicle,
+    engine: Engine,
+    sets: Sequence[ConditionSet] = (),
+    options: Mapping[str, Any] | None = None,
+) -> Campaign:
+    """Return the campaign of ``engine`` over ``sets`` one after the other.
+
+    Without sets, over the engine's own conditions if it has only those, else over the vehicle file's.
+
+    A condition of several sets is in the file once for each; its flow is solved once. ``options`` are those by
+    which the user set entries of the vehicle file aside (``set``, ``engine``, ``grid``); the file keeps them.
+    """
+    chosen = list(sets) or [_default_set(vehicle, engine)]
+    conditions = tuple(condition for chosen_set in chosen for condition in chosen_set.conditions)
+    return Campaign(
+        vehicle=vehicle.name,
+        engine=engine,
+        conditions=conditions,
+        internal_pressure=np.array([vehicle.internal_pressure(condition) for condition in conditions]),
+        reference=vehicle.reference_quantities(),
+        grid=own_surface(vehicle, vehicle.resolution.map) if vehicle.is_of_revolution else None,
+        settings={
+            "strainfmu_version": __version__,
+            "sets": [{"name": chosen_set.name, "conditions": len(chosen_set.conditions)} for chosen_set in chosen],
+            "options": dict(options or {}),
+            **({"parameters": list(vehicle.conditions.parameters)} if vehicle.conditions.parameters else {}),
+            **({"profile": profile_record(vehicle.body())} if vehicle.is_of_revolution else {}),
+        },
+    )
+
+
+def _default_set(vehicle: Vehicle, engine: Engine) -> ConditionSet:
+    of_engine = engine.conditions()
+    if of_engine is not None:
+        return ConditionSet(f"{engine.name} engine", tuple(of_engine))
+    return ConditionSet("vehicle file", tuple(vehicle.flight_conditions()))
+
+
+def campaign_notes(result: CampaignResult) -> list[str]:
+    """Return in a few lines what a campaign did and how accurate its flows are."""
+    snapshots, tally = result.snapshots, result.tally
+    conditions, flows = len(snapshots.condition), int(snapshots.solved.sum())
+    notes = [
+        f"{conditions} conditions: {flows} flows, {conditions - flows} rolled from them; "
+        f"{tally.solved} solved now, {tally.reused} reused"
+    ]
+    if np.isfinite(snapshots.momentum_error).any():
+        balance = f"force and momentum agree within {100.0 * np.nanmax(snapshots.momentum_error):.2g} %"
+        if snapshots.mass_error is not None:
+            balance += f", mass is conserved within {100.0 * np.nanmax(snapshots.mass_error):.2g} %"
+        notes.append(balance)
+    repaired = int(np.sum(snapshots.solved & (snapshots.repairs > 0)))
+    if repaired:
+        notes.append(f"{repaired} flows needed states repaired, {snapshots.repairs.max()} at most in one")
+    if tally.solved:
+        notes.append(f"{tally.seconds:.1f} s for the flows, {tally.seconds_per_flow:.2g} s for one on one worker")
+    failed = failed_conditions(snapshots)
+    if failed:
+        notes.append(f"warning: {len(failed)} of {conditions + len(failed)} conditions are not in the result")
+    return notes + failure_lines(failed)

@@ -15,10 +15,9 @@ import numpy as np
 
 from builder.aero.engines.registry import make_engine
 from builder.aero.shapes import outer_surface
-from builder.campaign.campaign_run import Campaign
+from builder.campaign.campaign_run import Campaign, vehicle_campaign
 from builder.campaign.failures import failed_conditions
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.vehicle.shape.profile_record import profile_misfits

@@ -10,8 +10,7 @@ from builder.aero.loads.groups import other_load_operator
 from builder.aero.loads.operator import load_operator_on
 from builder.aero.shapes import outer_surface
 from builder.aero.surface.mesh import mesh_of
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.inverse.noise.flow_models import flow_model_errors
 from builder.inverse.noise.flows_between import BETWEEN, flows_between

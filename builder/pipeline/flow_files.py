@@ -7,11 +7,9 @@ from pathlib import Path
 
 from builder.aero.cfd.formats.surface_export import write_surface
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import CampaignResult, run_campaign
-from builder.campaign.notes import campaign_notes
+from builder.campaign.campaign_run import CampaignResult, campaign_notes, run_campaign, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import replaced_line
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.pipeline.map_files import snapshot_inputs
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.pipeline.used_files import SNAPSHOTS

@@ -51,9 +51,8 @@ from builder.truth.independent_model import ENGINES_IN_WORDS
 from builder.truth.revolution import flow_table as flow_table_file
 from builder.truth.revolution.flow_table import independent_flows, load_flow_table, save_flow_table, truth_inputs
 from builder.truth.revolution.strain import TrueStructure
-from builder.vehicle.doubtful_entries import doubtful_entries
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map_needs import unused_entries, used_layouts
+from builder.vehicle.map_needs import doubtful_entries, unused_entries, used_layouts
 from builder.workspace import Cache
 from strainfmu.estimator.map import inverse_map as inverse_map_file
 from strainfmu.estimator.map.inverse_map import load_inverse_map, save_inverse_map

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from builder.aero.engines.registry import make_engine
 from builder.campaign import snapshots as snapshots_file
-from builder.campaign.campaign_run import run_campaign
+from builder.campaign.campaign_run import run_campaign, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.pipeline.pipeline import Pipeline
 from builder.pipeline.stages import note_campaign
 from builder.vehicle.conditions.flight_conditions import ConditionSet

@@ -15,13 +15,18 @@ from warnings import warn
 
 from builder.aero.engine import FlowKey
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import Campaign, CampaignResult, complete_flows, snapshots_of_flows
+from builder.campaign.campaign_run import (
+    Campaign,
+    CampaignResult,
+    campaign_notes,
+    complete_flows,
+    snapshots_of_flows,
+    vehicle_campaign,
+)
 from builder.campaign.failures import failed_conditions, missing_line
-from builder.campaign.notes import campaign_notes
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshot_fit import as_flown, flow_record, vehicle_misfits
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines
 from builder.inverse.noise.mesh_error import mesh_error_notes

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from builder.aero.engine import Engine
 from builder.aero.engines.registry import make_engine
-from builder.campaign.reach import extreme_conditions, flows_out_of_reach
+from builder.campaign.failures import extreme_conditions, flows_out_of_reach
 from builder.inverse.envelope.bounds import condition_ranges, flight_ranges, parameter_ranges
 from builder.inverse.noise.inertia import inertia_in_words
 from builder.inverse.noise.recorder import reading_in_words
@@ -25,9 +25,8 @@ from builder.structure.as_built.displaced_structure import refuse_untestable
 from builder.structure.gauge_checks import check_gauges, gauges_at_breaks
 from builder.truth.independent_model import other_physics, refuse_without_independent_model
 from builder.truth.revolution.flow_table import truth_engine, truth_keys, truth_knots
-from builder.vehicle.doubtful_entries import doubtful_entries
 from builder.vehicle.file import Vehicle, load_vehicle
-from builder.vehicle.map_needs import check_map_size, unused_entries
+from builder.vehicle.map_needs import check_map_size, doubtful_entries, unused_entries
 from builder.vehicle.named_file import named
 from strainfmu.cosim.models.flight_model import check_envelope
 from strainfmu.cosim.models.trajectory import Trajectory, load_trajectory

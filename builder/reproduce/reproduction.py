@@ -13,11 +13,10 @@ from builder.aero.engines.euler import EulerEngine
 from builder.aero.engines.registry import own_surface
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.campaign.campaign_run import run_campaign
+from builder.campaign.campaign_run import run_campaign, vehicle_campaign
 from builder.campaign.failures import refuse_missing
 from builder.campaign.snapshots import SCHEMA_VERSION as SNAPSHOTS_VERSION
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.pipeline.stages import AnyProgress, reporter_of
 from builder.reporting import Progress, Reporter
 from builder.reproduce.acceptance import Verdict, verdicts

@@ -13,7 +13,7 @@ from builder.inverse.solution import area_weights
 from builder.reproduce.paper_readings import SHIPPED
 from builder.reproduce.protocol import EXAMPLES, HELD_OUT, NOISE_FRACTION, P1, P2
 from builder.reproduce.strain_models import StrainModel
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

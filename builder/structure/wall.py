@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from builder.vehicle.file import Vehicle
-from builder.vehicle.structure.material import MaterialEntry
+from builder.vehicle.structure.section import MaterialEntry
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

@@ -19,19 +19,17 @@ from builder.aero.loads.operator import coefficients_of
 from builder.aero.loads.sections import six_loads
 from builder.aero.mapping.pressure_map import consistent_map
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.campaign_run import complete_flows, snapshots_of_flows
+from builder.campaign.campaign_run import complete_flows, snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Reporter
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts
-from builder.structure.as_built.displaced import DisplacedGauges, refuse_others, ways_of
+from builder.structure.as_built.displaced_structure import DisplacedGauges, refuse_others, ways_of
 from builder.structure.mapped_structure import mapped_operator
-from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import flying_mesh, second_mesh, structure_case
 from builder.structure.solid.gauge_layouts import DISPLACED, displaced_name
 from builder.structure.solid.solid_model import on_other_mesh
-from builder.structure.structure_file import Structure
+from builder.structure.structure_file import MeshCheck, Structure
 from builder.truth.flights import Flights, pressures_at
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle
@@ -53,7 +51,7 @@ class ShapeStructure:
     names : of the n_d gauges.
     position : (n_d, 3) [m].
     operator : (n_w, n_d, n_q) per pressure at the nodes of ``surface``, see
-        :data:`~builder.structure.as_built.displaced.WAYS` [1/Pa, then 1/(Pa m) twice,
+        :data:`~builder.structure.as_built.displaced_structure.WAYS` [1/Pa, then 1/(Pa m) twice,
         1/Pa].
     surface : that carries the pressure.
     """

@@ -16,8 +16,7 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from builder.vehicle.conditions.condition_entries import Conditions
 from builder.vehicle.conditions.flight_conditions import condition_grid
-from builder.vehicle.gauges.gauge_entries import Gauges
-from builder.vehicle.gauges.recorder_entries import Recorder
+from builder.vehicle.gauges.gauge_entries import Gauges, Recorder
 from builder.vehicle.gauges.sensor_entries import Sensors
 from builder.vehicle.map.calibration import Calibration
 from builder.vehicle.map.options import MapEntry, Noise
@@ -42,13 +41,10 @@ from builder.vehicle.notebook_view import (
 )
 from builder.vehicle.shape.geometry import BodyOfRevolution, chain_pieces, is_blunt
 from builder.vehicle.shape.profile_entries import Piece
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from builder.vehicle.shape.sectioned_body import read_sections as read_sections_of_body
-from builder.vehicle.shape.shape_entries import Reference, Shape
-from builder.vehicle.structure.mass import Mass
-from builder.vehicle.structure.material import MaterialEntry
-from builder.vehicle.structure.section import Structure
+from builder.vehicle.shape.shape_entries import Reference, ReferenceQuantities, Shape
+from builder.vehicle.structure.section import Mass, MaterialEntry, Structure
 from builder.vehicle.structure.temperature_entries import Temperature
 from builder.vehicle.toml.entry_faults import Faults
 from builder.vehicle.toml.entry_limits import (

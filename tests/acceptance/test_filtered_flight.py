@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots, load_snapshots
+from builder.campaign.snapshots import Snapshots, load_snapshots, snapshots_on
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.structure.fourier.fourier_model import structural_model, with_mesh_error

@@ -21,10 +21,9 @@ from coarse_vehicle import with_paper_map
 from builder.aero.engines.euler import EulerEngine
 from builder.aero.euler.planes.marching_grid import marching_grid_of
 from builder.aero.loads.operator import load_operator
-from builder.campaign.campaign_run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import load_snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map, snapshot_coefficients
 from builder.structure.as_built.as_built_vehicle import exactly_built
 from builder.structure.fourier.fourier_model import StructuralModel, structural_model

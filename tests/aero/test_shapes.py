@@ -11,9 +11,8 @@ import pytest
 from builder.aero.cfd.formats.stl import write_stl
 from builder.aero.engines.full_body_engine import FullBodyEngine
 from builder.aero.euler.planes.marching_grid import MarchingGrid
-from builder.aero.shapes import sections_mesh, surface_of_file
+from builder.aero.shapes import pierced_places, sections_mesh, surface_of_file
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator, mesh_of_grid
-from builder.aero.surface.self_intersections import pierced_places
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
 from builder.vehicle.shape.sectioned_body import SectionedBody
 from strainfmu.errors import InputError

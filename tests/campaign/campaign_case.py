@@ -12,11 +12,10 @@ from pathlib import Path
 import h5py
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import Campaign, CampaignResult, run_campaign
+from builder.campaign.campaign_run import Campaign, CampaignResult, run_campaign, vehicle_campaign
 from builder.campaign.journal import encode_record, journal_path
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import load_flows
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle

@@ -14,10 +14,14 @@ from ogive import OGIVE
 
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import EulerEngine
-from builder.campaign.campaign_run import Campaign
-from builder.campaign.failures import ConditionsMissing, failed_conditions, failure_lines, refuse_missing
+from builder.campaign.campaign_run import Campaign, campaign_notes
+from builder.campaign.failures import (
+    ConditionsMissing,
+    failed_conditions,
+    failure_lines,
+    refuse_missing,
+)
 from builder.campaign.journal import journal_path
-from builder.campaign.notes import campaign_notes
 from builder.campaign.scheduling import solve_flows
 from builder.campaign.snapshots import load_flows, load_snapshots
 from builder.vehicle.file import Vehicle

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments, surface_grid
 from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition

@@ -12,7 +12,7 @@ from changed_vehicle import change
 from ogive import OGIVE, copied_ogive
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.reach import extreme_conditions, flows_out_of_reach
+from builder.campaign.failures import extreme_conditions, flows_out_of_reach
 from builder.pipeline.demonstration.flown_shape import manoeuvre_warnings
 from builder.reporting import Silent
 from builder.vehicle.conditions.flight_conditions import condition_grid

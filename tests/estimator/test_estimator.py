@@ -14,7 +14,7 @@ from state_estimates import state_gain, state_offset
 
 from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.vehicle.shape.geometry import chain_segments, surface_grid
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.errors import InputError
 from strainfmu.estimator.estimate import Estimate
 from strainfmu.estimator.estimator import Estimator

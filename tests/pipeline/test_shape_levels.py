@@ -10,8 +10,7 @@ from builder.aero.surface.mesh import SurfaceMesh
 from builder.pipeline import measured_levels
 from builder.pipeline.measured_levels import alarm_levels_wanted, level_conditions, with_shape_levels
 from builder.reporting import Silent
-from builder.structure.mesh_check import MeshCheck
-from builder.structure.structure_file import Structure
+from builder.structure.structure_file import MeshCheck, Structure
 from builder.truth.shape import shape_flows
 from builder.vehicle.file import VEHICLES, Vehicle, load_vehicle
 

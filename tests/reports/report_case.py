@@ -9,10 +9,9 @@ import numpy as np
 from ogive import OGIVE
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.noise.model import NoiseModel
 from builder.inverse.problem import inverse_problem
 from builder.inverse.solution import Problem, Solution, solve

@@ -15,8 +15,7 @@ from page_checks import assert_self_contained
 from report_case import CASE_1, ReportCase, case_of
 
 from builder.aero.surface.mesh import mesh_of_grid
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.figures.map.observability_figures import unrolled_pressure
 from builder.inverse.build import build_inverse_map
 from builder.inverse.modes.mode_choice import mode_choice_lines

@@ -15,10 +15,9 @@ from coarse_vehicle import with_paper_map
 from installed_gmsh import gmsh_or_skip
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import run_campaign, snapshots_of_flows
+from builder.campaign.campaign_run import run_campaign, snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots, load_snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.reporting import Silent
 from builder.reports.mesh_study import STUDY_MESHES, StudyMesh, StudyRow, mesh_study, study_csv, study_table
 from builder.structure.solid.linear_solvers import named_back_end

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from builder.aero.engine import Engine
-from builder.campaign.campaign_run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.noise.model import NoiseModel, gauge_noise, truncated_modes
 from builder.vehicle.conditions.flight_conditions import ConditionSet
 from builder.vehicle.file import Vehicle

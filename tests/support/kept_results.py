@@ -19,12 +19,12 @@ from unittest.mock import patch
 
 import numpy as np
 
+from builder.aero import shapes
 from builder.aero.engines import euler
-from builder.aero.surface import self_intersections
 from builder.structure.fourier import strain_operator
 
 SOLVE_FLOW, RESPONSE_OF_ROWS = euler.solve_flow, strain_operator.response_of_rows
-PIERCED_PLACES = self_intersections.pierced_places
+PIERCED_PLACES = shapes.pierced_places
 
 
 def kept(folder: Path, arguments: object, compute: Callable[[], Any]) -> Any:
@@ -80,6 +80,6 @@ def _in_place(solve_flow: Any, response_of_rows: Any, pierced_places: Any) -> It
     with (
         patch.object(euler, "solve_flow", solve_flow),
         patch.object(strain_operator, "response_of_rows", response_of_rows),
-        patch.object(self_intersections, "pierced_places", pierced_places),
+        patch.object(shapes, "pierced_places", pierced_places),
     ):
         yield

@@ -10,10 +10,9 @@ from scipy.spatial import cKDTree
 
 from builder.aero.engines.registry import make_engine
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.campaign.campaign_run import complete_flows, snapshots_of_flows
+from builder.campaign.campaign_run import complete_flows, snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.inverse.build import build_inverse_map
 from builder.manifold.nonlinear_build import with_manifold
 from builder.reporting import Silent

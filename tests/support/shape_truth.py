@@ -8,7 +8,7 @@ import numpy as np
 from shape_case import N_D, flown, shape_structure, shape_vehicle
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.structure.as_built.displaced import WAYS
+from builder.structure.as_built.displaced_structure import WAYS
 from builder.truth.shape import ShapeFlights, ShapeStructure, shape_flights
 from strainfmu.flight_condition import FlightCondition
 

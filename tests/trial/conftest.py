@@ -22,7 +22,7 @@ from builder.truth.revolution.flow_table import FlowTable
 from builder.truth.revolution.strain import TrueStructure, true_structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.gauges.sensor_entries import InertialUnit, Ports, Sensors
-from builder.vehicle.structure.mass import Mass
+from builder.vehicle.structure.section import Mass
 from strainfmu.estimator.map.inverse_map import InverseMap
 
 

@@ -20,7 +20,7 @@ from builder.aero.shapes import sections_mesh
 from builder.campaign.snapshots import Snapshots
 from builder.pipeline.trials import shape_conditions
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, exactly_built
-from builder.structure.as_built.displaced import refuse_others
+from builder.structure.as_built.displaced_structure import refuse_others
 from builder.trial.cases import Plan, cases_for, load_trial, trial_path
 from builder.trial.conditions import FEWER_BEYOND, Where, conditions_in_ranges, edges_of, flown_conditions
 from builder.trial.flows import Flow, Spot

@@ -11,8 +11,8 @@ import pytest
 from changed_vehicle import load_changed, write_changed
 
 from builder.pipeline.demonstration.flown_shape import manoeuvre_warnings
-from builder.vehicle.doubtful_entries import doubtful_entries, is_in_radians
 from builder.vehicle.file import VEHICLES, load_vehicle
+from builder.vehicle.map_needs import doubtful_entries, is_in_radians
 from strainfmu.cosim.models.trajectory import load_trajectory
 
 Run = Callable[..., tuple[int, str, str]]

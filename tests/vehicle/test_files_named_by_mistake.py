@@ -21,7 +21,7 @@ from builder.aero.cfd.formats.point_table import read_point_table
 from builder.aero.cfd.formats.text_numbers import numbers_of, read_file
 from builder.aero.cfd.manifest import load_manifest
 from builder.inverse.noise.gauges import nuisance_terms
-from builder.structure.external.nastran.element_gauges import read_nastran_gauges
+from builder.structure.external.nastran.results import read_nastran_gauges
 from builder.structure.external.strain_table import read_strain_table
 from builder.vehicle.conditions.flight_conditions import read_conditions
 from builder.vehicle.file import load_vehicle

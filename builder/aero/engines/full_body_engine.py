@@ -13,7 +13,7 @@ from scipy.interpolate import Akima1DInterpolator
 from builder.aero.engine import Flow, FlowKey
 from builder.aero.engines.euler import METHOD_VERSION, pieces
 from builder.aero.engines.surface_pressure import pressure_at_stations
-from builder.aero.euler.bodies.full_body import FullFlowSolution, solve_full_flow
+from builder.aero.euler.bodies.solver import FullFlowSolution, solve_full_flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.shapes import node_roll_angles, sections_grid, sections_mesh
 from builder.aero.surface.mesh import SurfaceMesh

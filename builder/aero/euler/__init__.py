@@ -8,7 +8,7 @@ outer boundary, the march); :mod:`~builder.aero.euler.planes` what a cross-plane
 :mod:`~builder.aero.euler.starts` the conical flow over a pointed tip, the flow over a spherical tip and the start
 behind it; :mod:`~builder.aero.euler.bodies` the walls that the march follows, the way round a convex corner and
 that from tip to base: :mod:`~builder.aero.euler.bodies.solver` marches half a body of revolution,
-:mod:`~builder.aero.euler.bodies.full_body` all round a body of any star-shaped section.
+:mod:`~builder.aero.euler.bodies.solver` all round a body of any star-shaped section.
 
 Non-dimensional inside: free-stream density and speed of sound are 1, hence p_inf = 1/gamma, |V| = M.
 """

@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from builder.aero.loads.pieces import Pieces, forces_and_moments, part_below, whole_surface
 from builder.aero.loads.sections import (
+    Pieces,
     bending_fields,
     bending_operator,
+    forces_and_moments,
+    part_below,
     rolling_operator,
     section_operator,
+    whole_surface,
 )
 from builder.aero.surface.mesh import SurfaceMesh, mesh_of
 from builder.vehicle.map.options import MapEntry, Region

@@ -8,7 +8,7 @@ import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh, mesh_load_operator
 from builder.vehicle.shape.geometry import SurfaceGrid
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 from strainfmu.arrays import FloatArray
 from strainfmu.flight_condition import FlightCondition
 

@@ -25,8 +25,7 @@ from builder.calibration.ground_test.simulated import known_loads
 from builder.calibration.ground_test.standard_cases import standard_load_cases
 from builder.calibration.plan.load_plan import PlanParts, load_plan
 from builder.calibration.plan.schedule import run_order
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.modes.ensemble import Ensemble, ensemble_of
 from builder.structure.as_built.as_built_structure import AsBuiltStructure, as_built_structure, with_surface_of
 from builder.structure.as_built.as_built_vehicle import AsBuilt, as_built_std, draw_as_built

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from builder.structure.as_built.as_built_vehicle import AsBuilt, Counts, Key, as_drawn, parameter_derivatives
-from builder.structure.as_built.displaced import KNOWN, DisplacedGauges, ways_of
+from builder.structure.as_built.displaced_structure import KNOWN, DisplacedGauges, ways_of
 from builder.structure.as_built.revolved import SOLVED, RevolvedStructure, revolved_structure
 from builder.structure.as_built.wall_regions import counts_in_flight
 from builder.structure.as_built_kinds import BY_REGION, KINDS

@@ -20,7 +20,7 @@ from builder.structure.loads.applied import STANDARD_GRAVITY
 from builder.structure.wall import Wall, flight_masses, wall_of
 from builder.vehicle.file import Vehicle
 from builder.vehicle.model_entries import Resolution
-from builder.vehicle.structure.mass import Mass
+from builder.vehicle.structure.section import Mass
 from strainfmu.arrays import BoolArray, FloatArray, IntArray
 from strainfmu.estimator.map.sensors import CHANNELS, InertiaMap
 

@@ -12,7 +12,7 @@ import numpy as np
 from builder.inverse.modes.ensemble import Ensemble
 from builder.inverse.noise.hardware_errors import HardwareError
 from builder.inverse.noise.model import NoiseTerm, nuisance_modes
-from builder.vehicle.gauges.recorder_entries import Recorder
+from builder.vehicle.gauges.gauge_entries import Recorder
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError
 

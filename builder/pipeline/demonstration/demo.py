@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import load_snapshots
+from builder.campaign.snapshots import load_snapshots, snapshots_on
 from builder.figures import demonstration as figures
 from builder.figures.comparison.flown_estimators import estimator_errors
 from builder.figures.drawing.canvas import save

@@ -20,8 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from builder.aero.engines.registry import own_surface
-from builder.campaign.snapshot_transfer import snapshots_on
-from builder.campaign.snapshots import Snapshots
+from builder.campaign.snapshots import Snapshots, snapshots_on
 from builder.inverse.problem import AnyStructure
 from builder.manifold.flow_amplitudes import cosine_amplitudes
 from builder.pipeline.stages import map_from

@@ -35,8 +35,8 @@ from builder.trial.score import ROLLING
 from builder.truth.revolution.flow_table import load_flow_table
 from builder.truth.revolution.strain import TrueStructure, flight_model
 from builder.truth.shape import flights_along, flows_along, flying_structure
-from builder.vehicle.doubtful_entries import is_in_radians
 from builder.vehicle.file import Vehicle
+from builder.vehicle.map_needs import is_in_radians
 from strainfmu.cosim.estimators.fmu_step import FmuStep
 from strainfmu.cosim.models import flight_model as flight_model_file
 from strainfmu.cosim.models.flight_model import save_flight_model

@@ -62,7 +62,7 @@ from builder.structure.fourier.fourier_model import (
 from builder.structure.fourier.inner_surface import inner_surface_points
 from builder.structure.fourier.ring_gauges import PlacedGauges
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.strain_operator import pressure_load
 from builder.structure.fourier.wall_layup import TOUCHES, change_stations
 from builder.structure.loads.applied import (
     UNIT_VECTORS,

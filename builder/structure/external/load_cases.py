@@ -1,18 +1,24 @@
-"""Load cases for another structural code: the net surface pressure of every snapshot, and a uniform one."""
+"""Load cases for another structural code: the net surface pressure of every snapshot, and a uniform one.
+
+The columns of gauges in files of another structural code: which layouts they make up.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
 from builder.campaign.snapshots import Snapshots
+from builder.structure.solid.gauge_layouts import is_displaced
 from builder.structure.solid.gauge_rows import Gauges
 from builder.vehicle.file import Vehicle
 from strainfmu.arrays import FloatArray
+from strainfmu.errors import InputError
 from strainfmu.flight_condition import FlightCondition
 
 UNIFORM = "uniform"
@@ -69,3 +75,29 @@ def strain_columns(layouts: Mapping[str, Gauges], in_use: str) -> dict[str, tupl
         layout: gauges.name if layout == in_use else tuple(f"{layout}: {name}" for name in gauges.name)
         for layout, gauges in layouts.items()
     }
+
+
+def columns_found(
+    path: Path, columns: Sequence[str], layouts: Mapping[str, Gauges], in_use: str
+) -> dict[str, tuple[str, ...]]:
+    """Return the columns of each layout that is there; displaced ones may be missing as a whole.
+
+    Raises
+    ------
+    InputError
+        A column is no gauge's, or one is missing; the message begins with ``path``.
+    """
+    wanted = strain_columns(layouts, in_use)
+    known = {name for names in wanted.values() for name in names}
+    for name in columns:
+        if name not in known:
+            raise InputError(f"{path}: expected columns of gauges of {in_use}, got '{name}'")
+    found = {}
+    for layout, names in wanted.items():
+        missing = [name for name in names if name not in columns]
+        if is_displaced(layout) and len(missing) == len(names):
+            continue
+        if missing:
+            raise InputError(f"{path}: expected a column '{missing[0]}', got none ({len(missing)} missing)")
+        found[layout] = names
+    return found

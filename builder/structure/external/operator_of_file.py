@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from builder.aero.surface.mesh import SurfaceMesh
-from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.gauge_rows import Gauges, gauge_fields
-from builder.structure.structure_file import Structure
+from builder.structure.structure_file import MeshCheck, Structure
 from builder.vehicle.file import Vehicle
 from builder.vehicle.shape.profile_record import profile_record
 from strainfmu.arrays import FloatArray

@@ -23,8 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from builder.campaign.snapshots import Snapshots
-from builder.structure.external.gauge_columns import columns_found
-from builder.structure.external.load_cases import LoadCases, load_cases
+from builder.structure.external.load_cases import LoadCases, columns_found, load_cases
 from builder.structure.external.operator_of_file import structure_of_operator
 from builder.structure.external.strain_table import StrainTable, SubcaseStrains, read_strain_table
 from builder.structure.solid.gauge_rows import Gauges

@@ -15,7 +15,6 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.reporting import Progress, Reporter
-from builder.structure.mesh_check import MeshCheck
 from builder.structure.solid.case import SolidCase, wall_elements
 from builder.structure.solid.checks import (
     NO_REFERENCE,
@@ -39,7 +38,7 @@ from builder.structure.solid.nodal_loads import loaded_surface
 from builder.structure.solid.solid_mesh import INTERNAL, SolidMesh
 from builder.structure.solid.strain_solution import StrainSolution, solve_strain
 from builder.structure.solid.swept_mesh import AnyMesh
-from builder.structure.structure_file import Structure, save_structure, structure_to_reuse
+from builder.structure.structure_file import MeshCheck, Structure, save_structure, structure_to_reuse
 from builder.structure.wall import Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from builder.workspace import refuse_misfits

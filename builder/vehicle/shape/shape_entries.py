@@ -1,13 +1,27 @@
-"""Sections [shape] and [reference] of the vehicle file: a profile, sections along x, or any closed surface."""
+"""Sections [shape] and [reference] of the vehicle file: a profile, sections along x, or any closed surface.
+
+Reference area, length and moment point of the coefficients.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from builder.vehicle.shape.profile_entries import Piece
 from builder.vehicle.toml.toml_sections import FileName, Section, Station
+
+
+@dataclass(frozen=True)
+class ReferenceQuantities:
+    """What coefficients are referred to: S [m2], L [m] and the moment point on the axis [m from the tip]."""
+
+    area: float
+    length: float
+    moment_station: float
+
 
 KINDS = ("profile", "sections", "surface")
 

@@ -7,7 +7,7 @@ from math import radians, tan
 import numpy as np
 import pytest
 
-from builder.aero.euler.bodies.full_body import solve_full_flow
+from builder.aero.euler.bodies.solver import solve_full_flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from tests.aero.euler.conical_perturbation import wall_response
 from tests.aero.euler.test_full_body import EllipticCone, assert_balanced

@@ -9,8 +9,7 @@ from math import acos, atan2, cos, pi, radians, sin
 import numpy as np
 import pytest
 
-from builder.aero.euler.bodies.full_body import FullFlowSolution, solve_full_flow
-from builder.aero.euler.bodies.solver import solve_flow
+from builder.aero.euler.bodies.solver import FullFlowSolution, solve_flow, solve_full_flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray

@@ -10,8 +10,7 @@ import pytest
 from cone_theory import GAMMA, taylor_maccoll_pressure
 
 from builder.aero.euler.bodies import body_march
-from builder.aero.euler.bodies.full_body import solve_full_flow
-from builder.aero.euler.bodies.solver import FlowSolution, solve_flow
+from builder.aero.euler.bodies.solver import FlowSolution, solve_flow, solve_full_flow
 from builder.aero.euler.bodies.surface_function import cap_of
 from builder.aero.euler.planes.marching_grid import GRID_LEVELS, MarchingGrid
 from builder.aero.euler.starts import spherical_start

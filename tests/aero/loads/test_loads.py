@@ -10,10 +10,10 @@ import pytest
 
 from builder.aero.loads.operator import coefficient_scale, load_operator
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.strain_operator import pressure_load
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, surface_grid
-from builder.vehicle.shape.reference_quantities import ReferenceQuantities
+from builder.vehicle.shape.shape_entries import ReferenceQuantities
 
 pytestmark = pytest.mark.fast
 

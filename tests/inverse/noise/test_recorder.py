@@ -17,7 +17,7 @@ from builder.inverse.noise.recorder import (
     recorder_terms,
     scan_errors,
 )
-from builder.vehicle.gauges.recorder_entries import Recorder
+from builder.vehicle.gauges.gauge_entries import Recorder
 from strainfmu.errors import InputError
 
 pytestmark = pytest.mark.fast

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from builder.aero.engines.registry import make_engine
-from builder.campaign.campaign_run import snapshots_of_flows
+from builder.campaign.campaign_run import snapshots_of_flows, vehicle_campaign
 from builder.campaign.scheduling import Scheduling, solve_flows
 from builder.campaign.snapshots import Snapshots
-from builder.campaign.vehicle_campaign import vehicle_campaign
 from builder.structure.fourier.fourier_model import structural_model
 from builder.vehicle.conditions.flight_conditions import ConditionSet, condition_grid
 from builder.vehicle.file import IC3X, Vehicle, load_vehicle

@@ -18,8 +18,13 @@ from builder.aero.surface.mesh import mesh_of_grid
 from builder.campaign.snapshots import Snapshots
 from builder.inverse.build import build_inverse_map
 from builder.reporting import Silent
-from builder.structure.external.external_structure import external_structure
-from builder.structure.external.influence import check_equilibrium, lateral_lines, structure_of_influence, thinned
+from builder.structure.external.external_structure import (
+    check_equilibrium,
+    external_structure,
+    lateral_lines,
+    structure_of_influence,
+    thinned,
+)
 from builder.structure.external.influence_export import export_influence
 from builder.structure.external.influence_file import Influence, read_influence, write_influence
 from builder.structure.fourier.fourier_model import StructuralModel

@@ -16,9 +16,13 @@ import pytest
 from nastran_files import PLATE, ROD, op2_of_rods, punch_block, write_gauges
 
 from builder.structure.external.influence_file import read_influence
-from builder.structure.external.nastran.element_gauges import NastranPoint, read_nastran_gauges
 from builder.structure.external.nastran.op2 import read_op2_strains
-from builder.structure.external.nastran.results import NastranStrains, read_nastran_results
+from builder.structure.external.nastran.results import (
+    NastranPoint,
+    NastranStrains,
+    read_nastran_gauges,
+    read_nastran_results,
+)
 from builder.structure.external.strain_table import read_strain_table
 from strainfmu.arrays import FloatArray
 from strainfmu.errors import InputError

@@ -6,8 +6,7 @@ import pytest
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.meridian_mesh import End, MeridianMesh, tube_mesh
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.strain_operator import strain_rows
-from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.strain_operator import pressure_load, strain_rows
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import chain_segments
 

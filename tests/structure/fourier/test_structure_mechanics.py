@@ -15,8 +15,12 @@ from builder.structure.fourier.fourier_elasticity import (
 )
 from builder.structure.fourier.meridian_mesh import End, MeridianMesh, quadratic_shape, tube_mesh
 from builder.structure.fourier.shell_mesh import shell_mesh
-from builder.structure.fourier.strain_operator import HarmonicResponse, harmonic_response, strain_rows
-from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.strain_operator import (
+    HarmonicResponse,
+    harmonic_response,
+    pressure_load,
+    strain_rows,
+)
 from builder.structure.wall import Material, Wall
 from builder.vehicle.shape.geometry import BodyOfRevolution, SurfaceGrid, chain_segments
 from strainfmu.errors import InputError

@@ -8,9 +8,8 @@ import pytest
 import builder
 from builder.structure.loads.applied import Weight
 from builder.structure.loads.gauge_strain import gauge_strain
-from builder.structure.loads.known_strain import squeeze_strain, weight_strain
 from builder.structure.loads.loaded_structure import LoadProperties
-from builder.structure.loads.of_vehicle import fourier_structure_of
+from builder.structure.loads.of_vehicle import fourier_structure_of, squeeze_strain, weight_strain
 from builder.vehicle.file import Vehicle
 from strainfmu.errors import InputError
 

@@ -1,4 +1,9 @@
-"""The flow over a body of revolution with a pointed or spherical tip at incidence, on half the body."""
+"""The flow over a body of revolution with a pointed or spherical tip at incidence, on half the body.
+
+The flow over a body of any star-shaped section, at angle of attack and sideslip, all round the body.
+
+The tip is pointed, or on a body of revolution spherical.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +13,11 @@ from math import cos, degrees, pi, sin
 import numpy as np
 
 from builder.aero.euler.bodies.body_march import march_body
-from builder.aero.euler.bodies.surface_function import body_walls, cap_of
+from builder.aero.euler.bodies.surface_function import SurfaceFunction, body_walls, cap_of, surface_walls
 from builder.aero.euler.planes.flow import Flow
 from builder.aero.euler.planes.marching_grid import MarchingGrid
 from builder.aero.euler.scheme.gas import total_enthalpy
-from builder.aero.euler.scheme.grid import half_body_rays
+from builder.aero.euler.scheme.grid import full_body_rays, half_body_rays
 from builder.aero.euler.scheme.reconstruction import Stream
 from builder.vehicle.shape.geometry import BodyOfRevolution
 from strainfmu.arrays import FloatArray
@@ -101,4 +106,78 @@ def solve_flow(
         n_steps=marched.n_steps,
         n_repairs=marched.n_repairs,
         capped_to=0.0 if marched.capped is None else marched.capped.end,
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FullFlowSolution:
+    """Wall pressure of one flow all round a body, and how well it was computed.
+
+    Attributes
+    ----------
+    mach_number, angle_of_attack, sideslip_angle : M [1], a, b [rad].
+    roll_angle : (n_phi,) cell centres from +z towards +y [rad], 0..2 pi.
+    pieces : per smooth piece of the surface (stations (n,) [m], p/p_inf (n, n_phi)).
+    force : (3,) force of p - p_inf along x, y, z from the wall fluxes, over p_inf [m2].
+    force_from_momentum : (3,) the same from the momentum deficit of the exit plane [m2].
+    mass_defect, conical_change, n_steps, n_repairs : as in
+        :class:`~builder.aero.euler.bodies.solver.FlowSolution`.
+    """
+
+    mach_number: float
+    angle_of_attack: float
+    sideslip_angle: float
+    roll_angle: FloatArray
+    pieces: tuple[tuple[FloatArray, FloatArray], ...]
+    force: FloatArray
+    force_from_momentum: FloatArray
+    mass_defect: float
+    conical_change: float
+    n_steps: int
+    n_repairs: int
+
+
+def solve_full_flow(
+    surface: SurfaceFunction | BodyOfRevolution,
+    mach_number: float,
+    angle_of_attack: float,
+    sideslip_angle: float,
+    grid: MarchingGrid | None = None,
+) -> FullFlowSolution:
+    """Solve the inviscid flow over ``surface`` in a stream along (cos a cos b, -sin b, sin a cos b).
+
+    ``grid`` counts circumferential cells over half a turn, as for half a body: twice as many go all round.
+
+    Raises
+    ------
+    InputError
+        The surface's radius is not positive and finite aft of the tip.
+    FlowReachError
+        The axial Mach number falls to 1, the wall shock detaches, the flow expands to near vacuum or that over the
+        tip does not settle; the message names the station and the condition.
+    """
+    grid = grid or MarchingGrid()
+    stream = free_stream_of(mach_number, angle_of_attack, sideslip_angle)
+    rays = full_body_rays(grid.n_circumferential)
+    if isinstance(surface, BodyOfRevolution):
+        walls, cap = body_walls(surface, rays), cap_of(surface)
+    else:
+        walls, cap = surface_walls(surface, rays), None
+    name = (
+        f"M {mach_number:g}, angle of attack {degrees(angle_of_attack):.4g} deg, "
+        f"sideslip {degrees(sideslip_angle):.4g} deg"
+    )
+    marched = march_body(walls, rays, Flow(float(mach_number), stream, name), grid, cap)
+    return FullFlowSolution(
+        mach_number=float(mach_number),
+        angle_of_attack=float(angle_of_attack),
+        sideslip_angle=float(sideslip_angle),
+        roll_angle=rays.step * (np.arange(rays.cell_sine.size, dtype=np.float64) + 0.5),
+        pieces=marched.pieces,
+        force=marched.force,
+        force_from_momentum=marched.force_from_momentum,
+        mass_defect=marched.mass_defect,
+        conical_change=marched.conical_change,
+        n_steps=marched.n_steps,
+        n_repairs=marched.n_repairs,
     )

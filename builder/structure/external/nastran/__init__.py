@@ -1,7 +1,7 @@
 """Gauge strains out of Nastran's results: element strains of OP2 and punch files, by subcase.
 
 :mod:`~builder.structure.external.nastran.results` reads files into rows of element strain,
-:mod:`~builder.structure.external.nastran.element_gauges` says which element, side and angle each gauge is, and
+:mod:`~builder.structure.external.nastran.results` says which element, side and angle each gauge is, and
 :mod:`~builder.structure.external.nastran.results` fills the tables of the two routes with them.
 :mod:`~builder.structure.external.nastran.bulk_data` writes load cases as cards.
 """

@@ -8,8 +8,7 @@ import pytest
 
 from builder.structure.fourier.fourier_elasticity import assemble_stiffness, factor_harmonic
 from builder.structure.fourier.meridian_mesh import tube_mesh
-from builder.structure.fourier.strain_operator import strain_rows
-from builder.structure.fourier.surface_load import pressure_load
+from builder.structure.fourier.strain_operator import pressure_load, strain_rows
 from builder.structure.solid.checks import (
     LockingWarning,
     WallElements,
